@@ -1,0 +1,29 @@
+"""slapshot: from scene to figure. Rules are in workflow/rules, what they run in pipeline_src."""
+
+from pathlib import Path
+
+from snakemake.exceptions import WorkflowError
+from snakemake.utils import min_version
+
+from slapshot.config import check_config
+from slapshot.errors import InputError
+from slapshot.plan import STAGES, make_plan
+from slapshot.store.folder import Store
+
+min_version("9.0")
+
+
+configfile: "config/default.yaml"
+
+
+# Directive that `snakemake --lint` asks for; it is used only with --software-deployment-method.
+container: "docker://python:3.11-slim"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/scene.smk"
+include: "workflow/rules/trajectories.smk"
+include: "workflow/rules/rollouts.smk"
+include: "workflow/rules/lab.smk"
+include: "workflow/rules/adaptation.smk"
+include: "workflow/rules/figures.smk"

@@ -1,0 +1,1 @@
+"""slapshot: few-shot adaptation of dynamics models, and named causes where simulators and robots disagree."""

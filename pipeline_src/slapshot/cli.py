@@ -1,0 +1,163 @@
+"""The `slapshot` command: what versions there are, why they are what they are, and whether they hold."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from slapshot.config import load_config
+from slapshot.errors import InputError
+from slapshot.plan import Plan, make_plan
+from slapshot.recordings.__main__ import main as check_recording
+from slapshot.store.folder import Store
+from slapshot.store.housekeeping import collect_garbage, find_version, flatten
+from slapshot.store.verify import compare, make_lock
+
+LOCK = Path("data/pipeline.lock")
+console = Console(highlight=False)
+
+
+def main() -> None:
+    """Entry point."""
+    args = _parser().parse_args()
+    try:
+        sys.exit(args.run(args))
+    except InputError as error:
+        print(f"slapshot: {error}", file=sys.stderr)
+        sys.exit(1)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="slapshot", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    versions = commands.add_parser("versions", help="data versions").add_subparsers(
+        required=True, metavar="COMMAND"
+    )
+    for name, run, text in (
+        ("list", _list, "every version in the store"),
+        ("diff", _diff, "what two versions were made from, side by side"),
+        ("why", _why, "why a stage's version is, or is not, there"),
+        ("gc", _gc, "remove versions that no given configuration asks for"),
+        ("lock", _lock, "write data/pipeline.lock from the default configuration"),
+        ("verify", _verify, "hold the store against data/pipeline.lock"),
+    ):
+        command = versions.add_parser(name, help=text, description=text)
+        command.set_defaults(run=run)
+        command.add_argument("--store", type=Path, default=Path("data/store"))
+        if name == "diff":
+            command.add_argument("first", help="id, or the beginning of one")
+            command.add_argument("second")
+        if name == "why":
+            command.add_argument("stage", help="for example rollouts")
+        if name == "gc":
+            command.add_argument("--yes", action="store_true", help="remove, do not only list")
+        if name in {"why", "gc"}:
+            command.add_argument(
+                "--config", type=Path, action="append", help="configuration; may be repeated"
+            )
+    check = commands.add_parser("check", help="check a recording and say what is in it")
+    check.add_argument("recording", help="folder")
+    check.set_defaults(run=lambda args: check_recording([args.recording]))
+    return parser
+
+
+def _list(args: argparse.Namespace) -> int:
+    table = Table("stage", "id", "made at", "took", "from", box=None, pad_edge=False)
+    for _, version in Store(args.store).versions():
+        recipe = version["recipe"]
+        sources = " ".join(f"{stage}/{i[:6]}" for stage, i in recipe["upstream"].values())
+        table.add_row(
+            recipe["stage"],
+            version["id"],
+            version["made_at"],
+            f"{version['seconds']:.0f} s",
+            sources,
+        )
+    console.print(table)
+    return 0
+
+
+def _diff(args: argparse.Namespace) -> int:
+    store = Store(args.store)
+    first, second = find_version(store, args.first), find_version(store, args.second)
+    _print_difference(flatten(first["recipe"]), flatten(second["recipe"]), first["id"], second["id"])
+    return 0
+
+
+def _print_difference(first: dict[str, Any], second: dict[str, Any], a: str, b: str) -> None:
+    table = Table("key", a, b, box=None, pad_edge=False)
+    for key in sorted(set(first) | set(second)):
+        if first.get(key) != second.get(key):
+            table.add_row(key, str(first.get(key, "-")), str(second.get(key, "-")))
+    console.print(table if table.row_count else "no difference")
+
+
+def _why(args: argparse.Namespace) -> int:
+    store, plan = Store(args.store), _plan_of(args.config)
+    wanted = plan.of_stage(args.stage)
+    if not wanted:
+        raise InputError(f"no stage {args.stage!r}; stages: {', '.join(plan.ids())}")
+    for label, recipe in wanted.items():
+        if store.is_whole(recipe.stage, recipe.id):
+            console.print(f"{label}: {recipe.id} is there")
+            continue
+        made = [v for _, v in store.versions() if v["recipe"]["stage"] == args.stage]
+        if not made:
+            console.print(f"{label}: {recipe.id} is to be made; there is no version of it yet")
+            continue
+        ours = flatten(json.loads(recipe.to_json()))
+        nearest = min(made, key=lambda v: _distance(ours, flatten(v["recipe"])))
+        console.print(f"{label}: {recipe.id} is to be made; the nearest version there is differs in")
+        _print_difference(flatten(nearest["recipe"]), ours, nearest["id"], recipe.id)
+    return 0
+
+
+def _distance(first: dict[str, Any], second: dict[str, Any]) -> int:
+    return sum(first.get(key) != second.get(key) for key in set(first) | set(second))
+
+
+def _gc(args: argparse.Namespace) -> int:
+    keep = _plan_of(args.config).ids()
+    removed = collect_garbage(Store(args.store), keep, really=args.yes)
+    for folder, size in removed:
+        console.print(f"{folder}  {size / 1e6:.1f} MB")
+    word = "removed" if args.yes else "would be removed; add --yes to do it"
+    console.print(f"{len(removed)} folders, {sum(s for _, s in removed) / 1e6:.1f} MB {word}")
+    return 0
+
+
+def _lock(args: argparse.Namespace) -> int:
+    plan, store = make_plan(load_config()), Store(args.store)
+    for label, recipe in plan.recipes.items():
+        if not store.is_whole(recipe.stage, recipe.id):
+            raise InputError(f"{label} is not made yet: run `snakemake figures` first")
+    text = json.dumps(make_lock(store, plan.recipes), indent=1, sort_keys=True)
+    LOCK.write_text(text + "\n")
+    console.print(f"{LOCK}: {len(plan.recipes)} versions")
+    return 0
+
+
+def _verify(args: argparse.Namespace) -> int:
+    if not LOCK.is_file():
+        raise InputError(f"{LOCK} is missing: restore it from git")
+    plan = make_plan(load_config())
+    verdicts = compare(Store(args.store), plan.recipes, json.loads(LOCK.read_text()))
+    for label, verdict in verdicts.items():
+        console.print(f"{label}: {verdict}")
+    good = all(v.startswith(("identical", "equal")) for v in verdicts.values())
+    console.print("reproduced" if good else "not reproduced")
+    return 0 if good else 1
+
+
+def _plan_of(configs: list[Path] | None) -> Plan:
+    """Recipes of all the given configurations together, of the default one if none is given."""
+    merged = Plan()
+    for path in configs or [None]:
+        name = str(path or "default")
+        for label, recipe in make_plan(load_config(path)).recipes.items():
+            merged.recipes[label if len(configs or []) < 2 else f"{name}:{label}"] = recipe
+    return merged

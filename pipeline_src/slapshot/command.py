@@ -1,0 +1,111 @@
+"""What every stage's command line has in common.
+
+`python -m slapshot.<stage> --recipe JSON` makes one version in the store; Snakemake calls it so.
+`python -m slapshot.<stage> --config FILE` works the recipe out first; people call it so.
+"""
+
+import argparse
+import logging
+import os
+import sys
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from slapshot.config import load_config
+from slapshot.errors import InputError
+from slapshot.store.folder import Store
+from slapshot.store.recipe import Recipe
+
+log = logging.getLogger("slapshot")
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a stage is given.
+
+    Attributes:
+        config: the values of the recipe.
+        inputs: role -> folder of an upstream version.
+        out: folder to write the payload to.
+        cores: how many to use; the content must not depend on it.
+    """
+
+    config: Mapping[str, Any]
+    inputs: Mapping[str, Path]
+    out: Path
+    cores: int
+
+
+def stage_command(stage: str, produce: Callable[[Run], None], resume: bool = False) -> None:
+    """Parse the command line, make the version unless it is there, and exit.
+
+    Args:
+        stage: the stage's name.
+        produce: writes the payload.
+        resume: `produce` can go on from what an interrupted run left in `out`.
+    """
+    parser = argparse.ArgumentParser(prog=f"python -m slapshot ({stage})")
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--recipe", help="canonical JSON, as the workflow passes it")
+    what.add_argument("--config", type=Path, help="configuration to work the recipes out from")
+    parser.add_argument("--store", type=Path, default=Path("data/store"))
+    parser.add_argument("--cores", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--log", type=Path, help="file that gets a copy of all messages")
+    args = parser.parse_args()
+    set_up_logging(stage, args.log)
+    store = Store(args.store)
+    try:
+        for recipe in _recipes(stage, args.recipe, args.config):
+            make_version(store, recipe, produce, args.cores, resume)
+    except InputError as error:
+        log.error("%s", error)
+        sys.exit(1)
+    except Exception as error:
+        log.debug("%s", traceback.format_exc())
+        where = f"; the traceback is in {args.log}" if args.log else ""
+        log.error("%s: %s%s", type(error).__name__, " ".join(str(error).split()), where)
+        if not args.log:
+            traceback.print_exc()
+        sys.exit(1)
+
+
+def make_version(
+    store: Store, recipe: Recipe, produce: Callable[[Run], None], cores: int, resume: bool = False
+) -> Path:
+    """Make one version unless it is there; return its folder."""
+    if store.is_whole(recipe.stage, recipe.id):
+        log.info("%s is already whole", recipe.id)
+    else:
+        inputs = store.inputs(recipe)
+        with store.new_version(recipe, resume) as out:
+            produce(Run(config=recipe.config, inputs=inputs, out=out, cores=cores))
+        log.info("%s made", recipe.id)
+    store.put_mark(recipe.stage, recipe.id)
+    return store.folder(recipe.stage, recipe.id)
+
+
+def _recipes(stage: str, recipe: str | None, config: Path | None) -> list[Recipe]:
+    if recipe is not None:
+        return [Recipe.from_json(recipe)]
+    # Imported here: the plan is no part of what a stage's result depends on.
+    from importlib import import_module
+
+    make_plan = import_module("slapshot.plan").make_plan
+    return list(make_plan(load_config(config)).of_stage(stage).values())
+
+
+def set_up_logging(stage: str, file: Path | None) -> None:
+    """Messages to the terminal, and with all details to `file`."""
+    log.setLevel(logging.DEBUG)
+    console = logging.StreamHandler()
+    console.setLevel(logging.INFO)
+    console.setFormatter(logging.Formatter(f"[{stage}] %(message)s"))
+    log.addHandler(console)
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        copy = logging.FileHandler(file, mode="w")
+        copy.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+        log.addHandler(copy)

@@ -1,0 +1,52 @@
+"""Error against samples seen: the curves that most figures are made of."""
+
+import pandas as pd
+from matplotlib.axes import Axes
+
+from slapshot.figures.drawing import method_colour, method_name
+
+
+def summarise(errors: pd.DataFrame, by: list[str]) -> pd.DataFrame:
+    """Mean and spread of error_m (m) by `by` and samples.
+
+    sd_m is the standard deviation over models and tasks (what the paper shades); mean_low_m and
+    mean_high_m are a 95 % interval of the mean over models, from their spread and Student's t.
+    """
+    keys = [*by, "samples"]
+    grouped = errors.groupby(keys, observed=True)["error_m"]
+    table = pd.DataFrame({"error_m": grouped.mean(), "sd_m": grouped.std(ddof=0), "n": grouped.size()})
+    per_model = errors.groupby([*keys, "model"], observed=True)["error_m"].mean().groupby(keys, observed=True)
+    count = per_model.size()
+    half = _student(count) * per_model.std(ddof=1) / count**0.5
+    table["mean_low_m"], table["mean_high_m"] = table["error_m"] - half, table["error_m"] + half
+    return table.reset_index()
+
+
+def _student(count: pd.Series) -> pd.Series:
+    """97.5 % quantile of Student's t for `count` values; infinite for one."""
+    from scipy.stats import t
+
+    return count.map(lambda n: float(t.ppf(0.975, n - 1)) if n > 1 else float("inf"))
+
+
+def draw_curves(
+    axes: Axes, summary: pd.DataFrame, last: int | None = None, shade: bool = True, label: bool = True
+) -> None:
+    """One line a method, in cm, with a band of one standard deviation."""
+    for method, rows in summary.groupby("method", sort=False):
+        shown = rows if last is None else rows[rows["samples"] <= last]
+        colour = method_colour(str(method))
+        name = method_name(str(method)) if label else None
+        axes.plot(shown["samples"], 100 * shown["error_m"], color=colour, label=name)
+        if shade:
+            low, high = shown["error_m"] - shown["sd_m"], shown["error_m"] + shown["sd_m"]
+            axes.fill_between(
+                shown["samples"], 100 * low.clip(lower=0), 100 * high, color=colour, alpha=0.15, lw=0
+            )
+    axes.set_xlim(0, summary["samples"].max() if last is None else last)
+    axes.set_ylim(bottom=0)
+
+
+def panel_title(axes: Axes, letter: str, text: str) -> None:
+    """A left-aligned title with its letter."""
+    axes.set_title(f"({letter}) {text}", loc="left")

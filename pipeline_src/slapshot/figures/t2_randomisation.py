@@ -1,0 +1,50 @@
+"""T2: what was randomised, from the configuration that ran (paper, table II)."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import pandas as pd
+
+from slapshot.figures.drawing import Drawing
+
+_SYMBOLS = {"friction_x": r"\mu_x", "friction_y": r"\mu_y"}
+
+
+def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+    """A table of parameters, distributions and units."""
+    rows = []
+    for name, spec in config["randomisation"].items():
+        kind = "uniform" if "uniform" in spec else "normal"
+        first, second = spec[kind]
+        rows.append(
+            {
+                "parameter": name,
+                "label": spec["label"],
+                "distribution": kind,
+                "low_or_mean": first,
+                "high_or_sd": second,
+                "times": spec.get("times", ""),
+                "unit": spec["unit"],
+            }
+        )
+    table = pd.DataFrame(rows)
+    figure, axes = plt.subplots(figsize=(5.6, 0.32 * (len(rows) + 1) + 0.2))
+    axes.axis("off")
+    cells = [[r.label, _formula(r), "" if r.unit == "1" else r.unit] for r in table.itertuples()]
+    drawn = axes.table(
+        cells, colLabels=["Parameter", "Distribution", "Unit"], cellLoc="left", colWidths=[0.5, 0.38, 0.12],
+        bbox=[0, 0, 1, 1], edges="horizontal",
+    )  # fmt: skip
+    drawn.auto_set_font_size(False)
+    drawn.set_fontsize(9)
+    for column in range(3):
+        drawn[0, column].set_text_props(weight="bold")
+    return Drawing(f"T2-{config['domain']}-randomisation", figure, table)
+
+
+def _formula(row: Any) -> str:
+    letter = "U" if row.distribution == "uniform" else "N"
+    times = rf"\,\cdot\,{_SYMBOLS.get(row.times, row.times)}" if row.times else ""
+    return rf"$\mathcal{{{letter}}}({row.low_or_mean:g},\ {row.high_or_sd:g}){times}$"

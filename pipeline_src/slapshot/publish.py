@@ -1,0 +1,89 @@
+"""Publish figures: check every version they stand on, copy them out, leave nothing stale behind."""
+
+import argparse
+import json
+import logging
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from slapshot.command import set_up_logging
+from slapshot.errors import InputError
+from slapshot.store.folder import Store
+from slapshot.store.verify import damaged_files
+
+log = logging.getLogger("slapshot")
+
+MANIFEST = "versions.json"
+_PUBLISHED = re.compile(r"^[FT]\d+-")
+
+
+def publish(store: Store, versions: list[str], target: Path) -> None:
+    """Copy the files of all figure versions to `target`.
+
+    Args:
+        store: where the versions are.
+        versions: `<stage>/<id>` of everything that the configuration asks for.
+        target: folder; files there that look like a figure and are not among these are removed.
+
+    Raises:
+        InputError: a version is missing or its content is not what was written.
+    """
+    for version in versions:
+        stage, version_id = version.split("/")
+        if not store.is_whole(stage, version_id):
+            raise InputError(f"{store.root / version} is missing: run `snakemake figures`")
+        damaged = damaged_files(store.folder(stage, version_id))
+        if damaged:
+            raise InputError(
+                f"{store.root / version / damaged[0]} is not what was written there; "
+                f"remove the folder {store.root / version} and run `snakemake figures` again"
+            )
+    target.mkdir(parents=True, exist_ok=True)
+    manifest: dict[str, str] = {}
+    for version in versions:
+        if version.startswith("figure/"):
+            for file in sorted((store.root / version).iterdir()):
+                if _PUBLISHED.match(file.name):
+                    _copy(file, target / file.name)
+                    manifest[file.name] = version
+    for file in target.iterdir():
+        if _PUBLISHED.match(file.name) and file.name not in manifest:
+            file.unlink()
+            log.info("removed %s: it belongs to an earlier configuration", file)
+    text = json.dumps(manifest, indent=2, sort_keys=True) + "\n"
+    aside = target / f".{MANIFEST}"
+    aside.write_text(text)
+    aside.rename(target / MANIFEST)
+    log.info("%d files in %s", len(manifest), target)
+
+
+def _copy(file: Path, target: Path) -> None:
+    """Unchanged files keep their time; a file is never seen half-written."""
+    if target.is_file() and target.read_bytes() == file.read_bytes():
+        return
+    aside = target.with_name(f".{target.name}")
+    shutil.copyfile(file, aside)
+    aside.rename(target)
+
+
+def main() -> None:
+    """Command line, as the workflow calls it."""
+    parser = argparse.ArgumentParser(prog="python -m slapshot.publish")
+    parser.add_argument("versions", nargs="+", help="<stage>/<id>")
+    parser.add_argument("--name", required=True, help="of the configuration")
+    parser.add_argument("--store", type=Path, default=Path("data/store"))
+    parser.add_argument("--log", type=Path)
+    args = parser.parse_args()
+    set_up_logging("figures", args.log)
+    target = Path("figures") if args.name == "default" else Path("figures") / args.name
+    try:
+        publish(Store(args.store), args.versions, target)
+    except InputError as error:
+        log.error("%s", error)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,219 @@
+"""The recording format, version 1: one folder, SI units, radians, seconds from the hit's start.
+
+| file             | one row is                 | columns                                      |
+|------------------|----------------------------|----------------------------------------------|
+| recording.json   |                            | see RECORDING_SCHEMA                         |
+| hits.parquet     | one hit                    | see HITS_SCHEMA                              |
+| tracks.parquet   | one camera frame of a hit  | see TRACKS_SCHEMA; a missing frame is no row |
+| commands.parquet | one joint command of a hit | see joint_schema                             |
+| joints.parquet   | one joint reading of a hit | see joint_schema                             |
+
+Only recording.json and hits.parquet are always there. The world frame is right-handed with z up.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import pandas as pd
+import pyarrow as pa
+
+FORMAT_VERSION = 1
+
+HEADER_FILE = "recording.json"
+HITS_FILE = "hits.parquet"
+TRACKS_FILE = "tracks.parquet"
+COMMANDS_FILE = "commands.parquet"
+JOINTS_FILE = "joints.parquet"
+
+Kind = Literal["full", "tracks only", "rest points only"]
+
+
+@dataclass(frozen=True)
+class ObjectInfo:
+    """An object that was hit.
+
+    Attributes:
+        shape: Word for the shape, such as "cylinder" or "box".
+        size_m: Full extents in m: diameter and height of a cylinder, three edges of a box.
+        mass_kg: Measured mass in kg.
+        mass_sd_kg: Standard deviation of that measurement in kg; 0 where nobody knows it.
+    """
+
+    shape: str
+    size_m: tuple[float, ...]
+    mass_kg: float
+    mass_sd_kg: float
+
+
+# No generated equality: comparing two DataFrames with == gives a table, not an answer.
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Hits of a rig that somebody recorded.
+
+    The tables have the columns and units of the schemas below, optional ones included (null where
+    nothing was recorded). Rows of one hit are in order of time, but hits may be interleaved: group
+    by `hit`. Nullable integers are pandas' Int64, nullable floats NaN, and `latent` holds one
+    float array of shape (n_latent,) a hit, or None for all hits.
+
+    Attributes:
+        rig: Name of the physical set-up.
+        objects: What was hit, by object_id.
+        camera_rate_hz: Frames a second of the camera behind `tracks`.
+        frame_note: Where the world frame lies on the rig, in words.
+        stand_in: True for a simulated stand-in, False for a real robot.
+        trajectory_model: Version of the model that decodes `hits.latent`; None without latents.
+        note: Free text.
+        sealed_truth_sha256: Digest of the file that holds a stand-in's concealed physics.
+        hits: One row a hit.
+        tracks: The object as the camera saw it, or None.
+        commands: Joint position commands, or None.
+        joints: Measured joint positions, or None.
+    """
+
+    rig: str
+    objects: dict[str, ObjectInfo]
+    camera_rate_hz: float
+    frame_note: str
+    stand_in: bool
+    trajectory_model: str | None
+    note: str
+    sealed_truth_sha256: str | None
+    hits: pd.DataFrame
+    tracks: pd.DataFrame | None
+    commands: pd.DataFrame | None
+    joints: pd.DataFrame | None
+
+    @property
+    def kind(self) -> Kind:
+        """What can be learnt from the recording, told from the files that it has."""
+        if self.tracks is None:
+            return "rest points only"
+        return "tracks only" if self.commands is None else "full"
+
+
+def _column(name: str, type_: pa.DataType, unit: str, description: str, nullable: bool = False) -> pa.Field:
+    """One column with its unit ("1": a number without one; "": not a quantity)."""
+    metadata = {b"unit": unit.encode(), b"description": description.encode()}
+    return pa.field(name, type_, nullable=nullable, metadata=metadata)
+
+
+HITS_SCHEMA = pa.schema(
+    [
+        _column("hit", pa.int64(), "", "number of the hit, unique"),
+        _column("object_id", pa.string(), "", "which object of recording.json was hit"),
+        _column("order", pa.int64(), "1", "place of the hit in the order of execution"),
+        _column("recorded_at", pa.timestamp("us", "UTC"), "", "when the hit was executed", True),
+        _column("command_id", pa.int64(), "", "equal for repeats of one command", True),
+        _column("start_x", pa.float64(), "m", "object before the hit"),
+        _column("start_y", pa.float64(), "m", "object before the hit"),
+        _column("rest_x", pa.float64(), "m", "object at rest; null if not seen", True),
+        _column("rest_y", pa.float64(), "m", "object at rest; null if not seen", True),
+        _column("latent", pa.list_(pa.float64()), "1", "latent of the trajectory model", True),
+    ]
+)
+
+TRACKS_SCHEMA = pa.schema(
+    [
+        _column("hit", pa.int64(), "", "number of the hit"),
+        _column("t", pa.float64(), "s", "time from the hit's start"),
+        _column("x", pa.float64(), "m", "object as the camera saw it"),
+        _column("y", pa.float64(), "m", "object as the camera saw it"),
+        _column("yaw", pa.float64(), "rad", "turn about z; null where not measured", True),
+    ]
+)
+
+# A file may leave these out; reading then fills them with nulls.
+OPTIONAL_COLUMNS = frozenset({"latent", "yaw"})
+
+
+def joint_schema(n_joints: int) -> pa.Schema:
+    """Schema of commands.parquet and joints.parquet for an arm with `n_joints` joints."""
+    return pa.schema(
+        [
+            _column("hit", pa.int64(), "", "number of the hit"),
+            _column("t", pa.float64(), "s", "time from the hit's start"),
+            *(_column(f"q{j}", pa.float64(), "rad", f"position of joint {j}") for j in range(n_joints)),
+        ]
+    )
+
+
+def joint_columns(table: pd.DataFrame) -> list[str]:
+    """Names q0, q1, ... of the joint columns of a table that has been checked, in order."""
+    return [f"q{j}" for j in range(len(table.columns) - 2)]
+
+
+# A bound far beyond any rig: it keeps infinity (1e999 is valid JSON) and typing accidents out.
+_HUGE = 1e6
+
+_OBJECT_SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["shape", "size_m", "mass_kg", "mass_sd_kg"],
+    "properties": {
+        "shape": {"type": "string", "minLength": 1, "description": "such as cylinder or box"},
+        "size_m": {
+            "type": "array",
+            "minItems": 1,
+            "items": {"type": "number", "exclusiveMinimum": 0, "maximum": _HUGE},
+            "description": "list of full extents in m, such as diameter and height",
+        },
+        "mass_kg": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "maximum": _HUGE,
+            "description": "measured mass in kg",
+        },
+        "mass_sd_kg": {
+            "type": "number",
+            "minimum": 0,
+            "maximum": _HUGE,
+            "description": "standard deviation of the measured mass in kg, 0 if not known",
+        },
+    },
+}
+
+RECORDING_SCHEMA: dict[str, Any] = {
+    "$schema": "https://json-schema.org/draft/2020-12/schema",
+    "type": "object",
+    "additionalProperties": False,
+    "required": [
+        "format_version",
+        "rig",
+        "objects",
+        "camera_rate_hz",
+        "frame_note",
+        "stand_in",
+    ],
+    "properties": {
+        "format_version": {"type": "integer", "description": f"now {FORMAT_VERSION}"},
+        "rig": {"type": "string", "minLength": 1, "description": "name of the set-up"},
+        "objects": {
+            "type": "object",
+            "minProperties": 1,
+            "additionalProperties": _OBJECT_SCHEMA,
+            "description": "object_id -> shape, size_m, mass_kg, mass_sd_kg",
+        },
+        "camera_rate_hz": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "maximum": _HUGE,
+            "description": "frames a second",
+        },
+        "frame_note": {"type": "string", "description": "where the world frame lies on the rig"},
+        "stand_in": {
+            "type": "boolean",
+            "description": "true for a simulated stand-in, false for a real robot",
+        },
+        "trajectory_model": {
+            "type": ["string", "null"],
+            "minLength": 1,
+            "description": "version of the trajectory model, if latents are given",
+        },
+        "note": {"type": "string", "description": "free text"},
+        "sealed_truth_sha256": {
+            "type": ["string", "null"],
+            "pattern": "^[0-9a-f]{64}$",
+            "description": "SHA-256 of the sealed truth, 64 hex digits",
+        },
+    },
+}

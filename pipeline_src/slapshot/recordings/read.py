@@ -1,0 +1,84 @@
+"""Read a recording from its folder and check all of it."""
+
+from pathlib import Path
+
+import pandas as pd
+import pyarrow as pa
+
+from slapshot.errors import InputError
+from slapshot.recordings.checks import check_recording
+from slapshot.recordings.format import (
+    COMMANDS_FILE,
+    HEADER_FILE,
+    HITS_FILE,
+    HITS_SCHEMA,
+    JOINTS_FILE,
+    TRACKS_FILE,
+    TRACKS_SCHEMA,
+    Recording,
+)
+from slapshot.recordings.header import objects_of, read_header
+from slapshot.recordings.tables import conform, frame_from_table, joint_schema_for, read_parquet
+
+
+def read_recording(folder: Path) -> Recording:
+    """Read and check a recording.
+
+    Args:
+        folder: Folder in the format of `slapshot.recordings.format`; other files are ignored.
+
+    Returns:
+        The recording; its tables have every column of the schemas, in their order.
+
+    Raises:
+        InputError: If anything is missing, damaged or implausible; one line for a person.
+    """
+    folder = Path(folder)
+    try:
+        _check_folder(folder)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be read ({error.strerror}): check the path and its permissions"
+        ) from error
+    header = read_header(folder / HEADER_FILE)
+    hits = _read_table(folder / HITS_FILE, HITS_SCHEMA)
+    if hits is None:
+        raise InputError(f"{folder / HITS_FILE}: is missing: add the table of hits")
+    recording = Recording(
+        rig=header["rig"],
+        objects=objects_of(header),
+        camera_rate_hz=float(header["camera_rate_hz"]),
+        frame_note=header["frame_note"],
+        stand_in=header["stand_in"],
+        trajectory_model=header.get("trajectory_model"),
+        note=header.get("note", ""),
+        sealed_truth_sha256=header.get("sealed_truth_sha256"),
+        hits=hits,
+        tracks=_read_table(folder / TRACKS_FILE, TRACKS_SCHEMA),
+        commands=_read_table(folder / COMMANDS_FILE, None),
+        joints=_read_table(folder / JOINTS_FILE, None),
+    )
+    check_recording(recording, folder)
+    return recording
+
+
+def _check_folder(folder: Path) -> None:
+    if not folder.exists():
+        raise InputError(f"{folder}: folder is missing: check the path")
+    if not folder.is_dir():
+        raise InputError(f"{folder}: is not a folder: name the folder that holds {HEADER_FILE}")
+    if not any(folder.iterdir()):
+        raise InputError(f"{folder}: folder is empty: put a recording there, {HEADER_FILE} first")
+    if not (folder / HEADER_FILE).exists():
+        raise InputError(f"{folder / HEADER_FILE}: is missing: add it, or name the folder that holds it")
+
+
+def _read_table(file: Path, schema: pa.Schema | None) -> pd.DataFrame | None:
+    """Table in the types of `schema` (None: that of the joints it has); None without a file."""
+    # A link to nowhere is a table that was lost, not one that was never recorded.
+    if not file.exists() and not file.is_symlink():
+        return None
+    table = read_parquet(file)
+    if schema is None:
+        schema = joint_schema_for(table.column_names, file)
+    return frame_from_table(conform(table, schema, file))

@@ -1,0 +1,1 @@
+"""Rollouts: hits under randomised conditions, fast, to a Parquet dataset."""

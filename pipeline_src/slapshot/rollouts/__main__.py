@@ -1,0 +1,90 @@
+"""Stage `rollouts`: conditions x hits to Parquet; goes on where an interrupted run stopped."""
+
+import logging
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from slapshot.command import Run, stage_command
+from slapshot.progress import progress
+from slapshot.rollouts.collector import Collector
+from slapshot.rollouts.dataset import (
+    TRACKS_SCHEMA,
+    concatenate,
+    hits_schema,
+    hits_table,
+    tracks_table,
+    write_atomically,
+)
+from slapshot.rollouts.plan import RolloutPlan, Shard
+from slapshot.scenes.scene import Scene
+from slapshot.trajectories.swings import SPLITS, Swings
+
+log = logging.getLogger("slapshot")
+
+
+def produce(run: Run) -> None:
+    """Write hits-<split>.parquet, conditions.parquet and tracks.parquet.
+
+    Shards are written to parts/ as they are simulated, so that a killed run loses at most one.
+    """
+    scene = Scene.load(run.inputs["scene"])
+    swings = Swings.load(run.inputs["swings"])
+    plan = RolloutPlan(run.config, swings)
+    shards = plan.shards()
+    parts, joined = run.out / "parts", run.out / ".joined"
+    if not joined.exists():
+        parts.mkdir(exist_ok=True)
+        waiting = [s for s in shards if not _part(parts, s, "tracks").exists()]
+        if len(waiting) < len(shards):
+            log.info("%d of %d shards are there already", len(shards) - len(waiting), len(shards))
+        collector = Collector(scene, swings, run.cores)
+        done = len(shards) - len(waiting)
+        for shard in progress(waiting, len(shards), "rollout shards", done):
+            _simulate(shard, plan, collector, scene, swings, run.config["track_period_s"], parts)
+        _join(plan, shards, swings, parts, run.out)
+        parts.rename(joined)
+    shutil.rmtree(joined)
+
+
+def _part(parts: Path, shard: Shard, kind: str) -> Path:
+    return parts / f"{kind}-{shard.name}.parquet"
+
+
+def _simulate(
+    shard: Shard,
+    plan: RolloutPlan,
+    collector: Collector,
+    scene: Scene,
+    swings: Swings,
+    period: float,
+    parts: Path,
+) -> None:
+    """Simulate one shard and write its two parts, the tracks last: they mark it as done."""
+    hits, tracked = plan.hits_of(shard)
+    outcomes = collector.collect(hits)
+    table = hits_table(hits, outcomes, swings, scene.info.start, shard.conditions)
+    write_atomically(table, _part(parts, shard, "hits"))
+    rows = np.flatnonzero(tracked)
+    tracks = []
+    if len(rows):
+        tracks = collector.collect_with_tracks(hits.rows(rows), period)[1]
+    keys = pd.DataFrame({name: table[name].to_numpy()[rows] for name in ("condition", "hit")})
+    write_atomically(tracks_table(shard.split, keys, tracks), _part(parts, shard, "tracks"))
+
+
+def _join(plan: RolloutPlan, shards: list[Shard], swings: Swings, parts: Path, out: Path) -> None:
+    schema = hits_schema(swings.latents.shape[1])
+    for split in SPLITS:
+        files = [_part(parts, s, "hits") for s in shards if s.split == split]
+        concatenate(files, out / f"hits-{split}.parquet", schema)
+    concatenate([_part(parts, s, "tracks") for s in shards], out / "tracks.parquet", TRACKS_SCHEMA)
+    table = pa.Table.from_pandas(plan.conditions(), preserve_index=False)
+    write_atomically(table, out / "conditions.parquet")
+
+
+if __name__ == "__main__":
+    stage_command("rollouts", produce, resume=True)

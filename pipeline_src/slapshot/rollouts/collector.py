@@ -1,0 +1,83 @@
+"""Fast hits: cached swing, contact phase with the whole arm, planar slide to rest."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.rollouts.contact import ContactSimulator, Hits, Launches
+from slapshot.rollouts.slide import slide
+from slapshot.scenes.scene import Scene
+from slapshot.trajectories.swings import Swings
+
+Array = NDArray[np.float64]
+
+# Hits simulated together: enough to keep threads busy, small enough that memory stays flat.
+BATCH = 512
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """What n hits did.
+
+    Attributes:
+        launch_times: (n,) s since the swing's start at which the object is free.
+        launches: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s) then.
+        rests: (n, 3) x, y (m), yaw (rad) at rest.
+        durations: (n,) s from the launch to rest.
+    """
+
+    launch_times: Array
+    launches: Array
+    rests: Array
+    durations: Array
+
+
+class Collector:
+    """Simulates hits of one scene with one pool of swings."""
+
+    def __init__(self, scene: Scene, swings: Swings, threads: int, size: int = BATCH) -> None:
+        self._scene = scene
+        self._size = size
+        self._contact = ContactSimulator(scene, swings, size, threads)
+
+    def collect(self, hits: Hits) -> Outcomes:
+        """Simulate any number of hits; the outcome of a hit does not depend on the others."""
+        return self._all(hits, None)[0]
+
+    def collect_with_tracks(self, hits: Hits, period: float) -> tuple[Outcomes, list[Array]]:
+        """The same, and for each hit a track (rows, 4): t, x, y, yaw every `period` s to rest."""
+        return self._all(hits, period)
+
+    def _all(self, hits: Hits, period: float | None) -> tuple[Outcomes, list[Array]]:
+        outcomes: list[Outcomes] = []
+        tracks: list[Array] = []
+        for begin in range(0, len(hits.swings), self._size):
+            part = hits.rows(slice(begin, begin + self._size))
+            launches = self._contact.launches(part)
+            friction = np.stack([part.conditions[f"friction_{k}"] for k in ("x", "y", "torsional")], axis=1)
+            radius = self._scene.info.object_radius
+            rests, _ = slide(launches.states, friction, radius)
+            outcomes.append(Outcomes(launches.times, launches.states, rests[:, :3], rests[:, 3]))
+            if period is not None:
+                tracks += self._tracks(launches, friction, rests, period)
+        return Outcomes(
+            *(np.concatenate([getattr(part, name) for part in outcomes]) for name in vars(outcomes[0]))
+        ), tracks
+
+    def _tracks(self, launches: Launches, friction: Array, rests: Array, period: float) -> list[Array]:
+        control = self._scene.info.control_period
+        fine = slide(
+            launches.states, friction, self._scene.info.object_radius,
+            control, int(rests[:, 3].max() / control) + 2,
+        )[1]  # fmt: skip
+        tracks = []
+        for i in range(len(rests)):
+            contact = launches.tracks[i][~np.isnan(launches.tracks[i][:, 0])]
+            waiting = np.repeat(contact[:1], launches.begin[i], axis=0)
+            sliding = fine[i][: int(np.ceil(rests[i, 3] / control)) + 1]
+            poses = np.concatenate([waiting, contact, sliding])
+            times = np.arange(0, len(poses) * control, period)
+            rows = np.minimum(np.round(times / control).astype(int), len(poses) - 1)
+            tracks.append(np.column_stack([times, poses[rows]]))
+        return tracks

@@ -1,0 +1,75 @@
+"""Slow and plain: the whole arm and the object stepped from the first command to rest.
+
+The collector is held against this, and so is its speed.
+"""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+from dm_control import mujoco as dm_mujoco
+from numpy.typing import NDArray
+
+from slapshot.rollouts.contact import Hits
+from slapshot.scenes.scene import Scene, set_condition
+from slapshot.trajectories.swings import Swings
+
+Array = NDArray[np.float64]
+
+AT_REST = 2e-3  # m/s and, times the radius, rad/s
+LONGEST = 10.0  # s
+
+
+def reference_rests(scene: Scene, swings: Swings, hits: Hits, timestep: float) -> Array:
+    """(n, 2) rest points in m, by mj_step at `timestep` s."""
+    rests = np.empty((len(hits.swings), 2))
+    for i in range(len(rests)):
+        model = scene.compile(timestep)
+        set_condition(model, scene.layout, {k: float(v[i]) for k, v in hits.conditions.items()})
+        data = mujoco.MjData(model)
+        substeps = round(scene.info.control_period / timestep)
+
+        def step(model: mujoco.MjModel = model, data: mujoco.MjData = data) -> None:
+            mujoco.mj_step(model, data, substeps)
+
+        rests[i] = _run(scene, swings, hits, i, data, step)
+    return rests
+
+
+def dm_control_rests(scene: Scene, swings: Swings, hits: Hits) -> Array:
+    """(n, 2) rest points in m, by a plain loop over dm_control's physics.step at the scene's step."""
+    rests = np.empty((len(hits.swings), 2))
+    physics = dm_mujoco.Physics.from_xml_string(scene.xml)
+    substeps = round(scene.info.control_period / physics.timestep())
+    for i in range(len(rests)):
+        condition = {k: float(v[i]) for k, v in hits.conditions.items()}
+        set_condition(physics.model.ptr, scene.layout, condition)
+        physics.reset()
+        rests[i] = _run(scene, swings, hits, i, physics.data.ptr, lambda: physics.step(nstep=substeps))
+    return rests
+
+
+def _run(
+    scene: Scene,
+    swings: Swings,
+    hits: Hits,
+    i: int,
+    data: mujoco.MjData,
+    step: Callable[[], None],
+) -> Array:
+    """Execute one swing and wait for rest; returns the rest point (2,) in m."""
+    layout, info = scene.layout, scene.info
+    swing = hits.swings[i]
+    targets = swings.targets[swing]
+    start = np.array(info.start)
+    # A swing begins at rest, where its servo target is its position.
+    data.qpos[layout.arm_q] = targets[0]
+    data.qpos[layout.object_q[:2]] = hits.start_errors[i]
+    for tick in range(round(LONGEST / info.control_period)):
+        data.ctrl[: targets.shape[1]] = targets[min(tick, len(targets) - 1)]
+        step()
+        if tick > len(targets):
+            vx, vy, _, spin = data.qvel[layout.object_v]
+            if max(abs(vx), abs(vy), abs(spin) * info.object_radius) < AT_REST:
+                break
+    return data.qpos[layout.object_q[:2]] + start

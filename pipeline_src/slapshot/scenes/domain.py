@@ -1,0 +1,47 @@
+"""What a domain must provide: a scene folder with this face is all that a new domain needs."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.errors import InputError
+from slapshot.scenes.scene import Scene
+from slapshot.store.closure import find_source
+
+
+class Domain(Protocol):
+    """A module with these functions, for example slapshot.scenes.hockey."""
+
+    def build_scene(self, settings: Mapping[str, Any]) -> Scene:
+        """The scene that the `scene` block of a domain's configuration describes."""
+
+    def draw_task(self, settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
+        """Parameters of one scripted demonstration, from the `demonstrations` block."""
+
+    def demonstrate(
+        self, scene: Scene, settings: Mapping[str, Any], tasks: list[dict[str, float]]
+    ) -> list[NDArray[np.float64] | None]:
+        """Waypoints (waypoints, joints) in rad for each task, None where it cannot be reached."""
+
+
+def domain_module(name: str) -> str:
+    """Dotted name of a domain's module: built in, or one's own when it has a dot in it."""
+    return name if "." in name else f"slapshot.scenes.{name}"
+
+
+def load_domain(name: str) -> Domain:
+    """Import a domain.
+
+    Raises:
+        InputError: there is no such module.
+    """
+    module = domain_module(name)
+    if find_source(module) is None:
+        raise InputError(
+            f"scene.domain: no domain {name!r}; use a folder of slapshot.scenes, or the dotted name "
+            "of a module of your own that can be imported"
+        )
+    return import_module(module)  # type: ignore[return-value]

@@ -1,0 +1,103 @@
+"""Scripted hits in joint space: headings, strengths and contact points, by inverse kinematics.
+
+The wrist moves along the heading at constant height while axis 6 swings the stick like a pendulum, so
+that the blade is vertical, at its lowest and at full speed where it meets the puck.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+from dm_control import mujoco as dm_mujoco
+from dm_control.utils import inverse_kinematics
+from numpy.typing import NDArray
+
+from slapshot.scenes.hockey.model import BLADE_HALF_SIZE, STICK_LENGTH, WRIST_TO_FLANGE
+from slapshot.scenes.scene import Scene
+
+Array = NDArray[np.float64]
+
+# A pose over the puck with the elbow up, from which inverse kinematics stays on one branch.
+SEED_POSE = (0.0, -0.34, 0.0, 1.51, 0.0, -1.31, 0.0)
+# Part of the blade's speed that the swinging stick gives, the wrist's travel giving the rest:
+# straight ahead, more would exceed axis 6's speed limit at 2 m/s, less those of axes 2 and 4.
+PENDULUM_SHARE = 0.75
+BLADE_CLEARANCE = 0.010  # m, between blade and board at contact
+CONTACT_AT = 0.75  # of the duration, the rest being follow-through, short so that blade and puck part
+IK_TOLERANCE = 1e-6
+
+
+def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
+    """A heading (rad), a blade speed at contact (m/s) and a contact point along the blade (m)."""
+    return {
+        "heading": rng.uniform(-settings["heading_rad"], settings["heading_rad"]),
+        "speed": rng.uniform(*settings["speed_m_s"]),
+        "contact_offset": rng.uniform(-1, 1) * settings["contact_offset_m"],
+    }
+
+
+def demonstrate(
+    scene: Scene, settings: Mapping[str, Any], tasks: list[dict[str, float]]
+) -> list[Array | None]:
+    """Waypoints (waypoints, 7) in rad at equal times over the duration, None where out of reach."""
+    physics = dm_mujoco.Physics.from_xml_string(scene.xml)
+    travel = blade_travel(settings["waypoints"], settings["duration_s"])
+    return [_solve(physics, scene, task, travel) for task in tasks]
+
+
+def blade_travel(waypoints: int, duration: float) -> Array:
+    """(waypoints,) distance in m to the point of contact, for a blade speed of 1 m/s there.
+
+    Speed follows a smooth step (10 u^3 - 15 u^4 + 6 u^5) up to contact and back to rest, so position
+    has a continuous third derivative.
+    """
+    fine = np.linspace(0, 1, 100 * (waypoints - 1) + 1)
+    rising = fine <= CONTACT_AT
+    u = np.where(rising, fine / CONTACT_AT, (1 - fine) / (1 - CONTACT_AT))
+    speed = u**3 * (10 - 15 * u + 6 * u**2)
+    travelled = np.concatenate([[0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(fine))])
+    travelled *= duration
+    return (travelled - np.interp(CONTACT_AT, fine, travelled))[::100]
+
+
+def _solve(physics: dm_mujoco.Physics, scene: Scene, task: dict[str, float], travel: Array) -> Array | None:
+    physics.data.qpos[:] = 0
+    seed = np.array(SEED_POSE)
+    seed[0] = task["heading"]
+    physics.data.qpos[: len(seed)] = seed
+    waypoints = np.empty((len(travel), len(seed)))
+    for i, distance in enumerate(travel * task["speed"]):
+        position, quaternion = _blade_pose(scene, task, distance)
+        result = inverse_kinematics.qpos_from_site_pose(
+            physics,
+            scene.info.striker_site,
+            position,
+            quaternion,
+            joint_names=list(scene.info.joints),
+            tol=IK_TOLERANCE,
+            inplace=True,
+        )
+        if not result.success:
+            return None
+        waypoints[i] = result.qpos[: len(seed)]
+    return waypoints
+
+
+def _blade_pose(scene: Scene, task: dict[str, float], distance: float) -> tuple[Array, Array]:
+    """Position (3,) and quaternion (4,) of the blade site, `distance` m past the point of contact."""
+    info = scene.info
+    up = np.array([0.0, 0.0, 1.0])
+    ahead = np.array([np.cos(task["heading"]), np.sin(task["heading"]), 0.0])
+    aside = np.cross(up, ahead)
+    lever = WRIST_TO_FLANGE + STICK_LENGTH - BLADE_HALF_SIZE[2]
+    tilt = PENDULUM_SHARE * distance / lever
+    contact = np.array([*info.start, BLADE_CLEARANCE + BLADE_HALF_SIZE[2]])
+    contact -= ahead * (info.object_radius + info.striker_half_thickness)
+    position = contact + ahead * distance + up * lever * (1 - np.cos(tilt)) + aside * task["contact_offset"]
+    normal = np.cos(tilt) * ahead + np.sin(tilt) * up
+    along_stick = np.sin(tilt) * ahead - np.cos(tilt) * up
+    rotation = np.stack([normal, np.cross(along_stick, normal), along_stick], axis=1)
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+    return position, quaternion

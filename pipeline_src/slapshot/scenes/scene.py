@@ -1,0 +1,135 @@
+"""A scene as the later stages see it: a compiled model and the names that matter, no domain."""
+
+import json
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SceneInfo:
+    """Names and sizes in a scene where an arm strikes an object that slides on a plane z = 0.
+
+    Attributes:
+        joints: the arm's joints, in the order of commands q0, q1, ...
+        object_body: body that is struck; its joints are object_joints: x, y, z (m) and yaw (rad).
+        object_joints: names of those joints.
+        object_radius: m, of the flat cylinder.
+        object_height: m.
+        object_pair: contact pair of plane and object; its friction is (y, x, torsional, rolling x 2).
+        striker_pair: contact pair of striker and object.
+        striker_site: site in the middle of the striker, x axis normal to its striking face.
+        striker_half_thickness: m, from the site to the face.
+        clearance_geoms: geoms that must stay above the plane.
+        start: x and y in m of the object before a hit.
+        servo_time: s; a servo is sent q + servo_time * dq/dt, which makes it track without lag.
+        torque_limits: N m.
+        speed_limits: rad/s.
+        control_period: s, between commands.
+    """
+
+    joints: tuple[str, ...]
+    object_body: str
+    object_joints: tuple[str, str, str, str]
+    object_radius: float
+    object_height: float
+    object_pair: str
+    striker_pair: str
+    striker_site: str
+    striker_half_thickness: float
+    clearance_geoms: tuple[str, ...]
+    start: tuple[float, float]
+    servo_time: float
+    torque_limits: tuple[float, ...]
+    speed_limits: tuple[float, ...]
+    control_period: float
+
+
+@dataclass(frozen=True)
+class Scene:
+    """MJCF text and the names that matter in it."""
+
+    xml: str
+    info: SceneInfo
+
+    def compile(self, timestep: float | None = None) -> mujoco.MjModel:
+        """A new model; with another step of integration (s) if one is given."""
+        model = mujoco.MjModel.from_xml_string(self.xml)
+        if timestep is not None:
+            model.opt.timestep = timestep
+        return model
+
+    @cached_property
+    def layout(self) -> "Layout":
+        """Addresses in qpos, qvel and the model's arrays."""
+        model = self.compile()
+        info = self.info
+        return Layout(
+            arm_q=np.array([model.joint(j).qposadr[0] for j in info.joints]),
+            arm_v=np.array([model.joint(j).dofadr[0] for j in info.joints]),
+            object_q=np.array([model.joint(j).qposadr[0] for j in info.object_joints]),
+            object_v=np.array([model.joint(j).dofadr[0] for j in info.object_joints]),
+            object_body=model.body(info.object_body).id,
+            object_pair=model.pair(info.object_pair).id,
+            striker_site=model.site(info.striker_site).id,
+            joint_low=np.array([model.joint(j).range[0] for j in info.joints]),
+            joint_high=np.array([model.joint(j).range[1] for j in info.joints]),
+        )
+
+    def save(self, folder: Path) -> None:
+        """Write scene.xml and scene.json."""
+        (folder / "scene.xml").write_text(self.xml)
+        (folder / "scene.json").write_text(json.dumps(asdict(self.info), indent=2) + "\n")
+
+    @classmethod
+    def load(cls, folder: Path) -> "Scene":
+        """Read what `save` wrote."""
+        raw = json.loads((folder / "scene.json").read_text())
+        info = SceneInfo(**{k: tuple(v) if isinstance(v, list) else v for k, v in raw.items()})
+        return cls(xml=(folder / "scene.xml").read_text(), info=info)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where a scene's arm and object are in MuJoCo's arrays; joint ranges in rad."""
+
+    arm_q: NDArray[np.int64]
+    arm_v: NDArray[np.int64]
+    object_q: NDArray[np.int64]
+    object_v: NDArray[np.int64]
+    object_body: int
+    object_pair: int
+    striker_site: int
+    joint_low: Array
+    joint_high: Array
+
+
+def set_condition(model: mujoco.MjModel, layout: Layout, condition: dict[str, float]) -> None:
+    """Give one model the mass (kg) and friction of a condition.
+
+    mj_setConst must follow: gravity acts on masses that it sums up beforehand.
+    """
+    body = layout.object_body
+    scale = condition["mass"] / model.body_mass[body]
+    model.body_mass[body] *= scale
+    model.body_inertia[body] *= scale
+    model.pair_friction[layout.object_pair] = pair_friction(condition)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def pair_friction(condition: dict[str, float]) -> list[float]:
+    """MuJoCo's five numbers: tangent 1 of a horizontal contact is world y."""
+    rolling = condition["friction_rolling"]
+    return [
+        condition["friction_y"],
+        condition["friction_x"],
+        condition["friction_torsional"],
+        rolling,
+        rolling,
+    ]

@@ -1,0 +1,136 @@
+"""Version folders: written aside, renamed when complete, so that a folder that exists is whole.
+
+Layout under the store's root: `<stage>/<id>/` holds the payload and version.json;
+`<stage>/.partial-<id>/` is work in progress; `<stage>/<id>.ok` is a mark for Snakemake, which would
+delete and half-create the folders themselves.
+"""
+
+import fcntl
+import json
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from slapshot.errors import InputError
+from slapshot.store.content import content_digest
+from slapshot.store.recipe import Recipe, canonical_json
+
+VERSION_FILE = "version.json"
+
+
+@dataclass(frozen=True)
+class Store:
+    """A folder of versions.
+
+    Attributes:
+        root: usually data/store.
+    """
+
+    root: Path
+
+    def folder(self, stage: str, version_id: str) -> Path:
+        """Where that version is, or would be."""
+        return self.root / stage / version_id
+
+    def mark(self, stage: str, version_id: str) -> Path:
+        """The file whose existence tells Snakemake that the version is there."""
+        return self.root / stage / f"{version_id}.ok"
+
+    def is_whole(self, stage: str, version_id: str) -> bool:
+        """True if the version is there: by construction, folders are whole or absent."""
+        return (self.folder(stage, version_id) / VERSION_FILE).is_file()
+
+    def put_mark(self, stage: str, version_id: str) -> None:
+        """Tell Snakemake that the version is there."""
+        self.mark(stage, version_id).write_text(f"{version_id}\n")
+
+    def drop_stale_marks(self, versions: dict[str, set[str]]) -> None:
+        """Remove marks of versions whose folder is gone, so that they are made again."""
+        for stage, ids in versions.items():
+            for version_id in ids:
+                if not self.is_whole(stage, version_id):
+                    self.mark(stage, version_id).unlink(missing_ok=True)
+
+    def inputs(self, recipe: Recipe) -> dict[str, Path]:
+        """Role -> folder of the versions that a recipe reads.
+
+        Raises:
+            InputError: one of them has not been made.
+        """
+        folders = {}
+        for role, (stage, version_id) in recipe.upstream.items():
+            if not self.is_whole(stage, version_id):
+                raise InputError(
+                    f"{recipe.stage} needs {stage}/{version_id}, which is not in {self.root}: "
+                    f"run `snakemake {stage}` first"
+                )
+            folders[role] = self.folder(stage, version_id)
+        return folders
+
+    def versions(self) -> Iterator[tuple[Path, dict]]:
+        """Every whole version: its folder and its version.json."""
+        for path in sorted(self.root.glob(f"*/*/{VERSION_FILE}")):
+            if not path.parent.name.startswith("."):
+                yield path.parent, json.loads(path.read_text())
+
+    @contextmanager
+    def new_version(self, recipe: Recipe, resume: bool = False) -> Iterator[Path]:
+        """A folder to write the payload to; when the block ends without error it becomes the version.
+
+        Args:
+            recipe: what the version is made from.
+            resume: keep what an interrupted run left there.
+
+        Raises:
+            InputError: another process is making this version right now.
+        """
+        final = self.folder(recipe.stage, recipe.id)
+        partial = final.with_name(f".partial-{recipe.id}")
+        final.parent.mkdir(parents=True, exist_ok=True)
+        with _locked(final.with_name(f".lock-{recipe.id}")):
+            if not resume:
+                shutil.rmtree(partial, ignore_errors=True)
+            partial.mkdir(exist_ok=True)
+            started = time.time()
+            yield partial
+            version = {
+                "id": recipe.id,
+                "recipe": json.loads(recipe.to_json()),
+                "content": {
+                    path.relative_to(partial).as_posix(): content_digest(path)
+                    for path in sorted(partial.rglob("*"))
+                    if path.is_file()
+                },
+                "seconds": round(time.time() - started, 1),
+                "made_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            }
+            (partial / VERSION_FILE).write_text(canonical_json(version) + "\n")
+            _sync(partial)
+            partial.rename(final)
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Hold an exclusive lock that the system releases however the process ends."""
+    with path.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError(
+                f"{path.parent.name}/{path.name.removeprefix('.lock-')} is being made by another "
+                "process: wait for it, or end it"
+            ) from None
+        yield
+        path.unlink(missing_ok=True)
+
+
+def _sync(folder: Path) -> None:
+    """Push a folder's files to disk before its name says that they are whole."""
+    for path in folder.rglob("*"):
+        if path.is_file():
+            with path.open("rb") as file:
+                os.fsync(file.fileno())

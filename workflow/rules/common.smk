@@ -1,0 +1,45 @@
+# The plan turns the configuration into recipes; a rule's only wildcard is the id of a version.
+
+shell.prefix("set -euo pipefail; ")
+
+# Only the rules that draw pictures of a scene need a GL library.
+os.environ.setdefault("MUJOCO_GL", "disable")
+
+store = Store(Path("data/store"))
+
+try:
+    check_config(config, "configuration")
+    plan = make_plan(config)
+except InputError as error:
+    raise WorkflowError(str(error)) from None
+
+store.drop_stale_marks(plan.ids())
+
+
+def marks(*stages):
+    """Marks of all versions of some stages."""
+    return [
+        str(store.mark(recipe.stage, recipe.id))
+        for stage in stages
+        for recipe in plan.of_stage(stage).values()
+    ]
+
+
+def version(stage):
+    """Pattern of the mark of a stage's versions."""
+    return str(store.mark(stage, "{id}"))
+
+
+def upstream(stage):
+    """Input function: marks of the versions that a version reads."""
+
+    def find(wildcards):
+        recipe = plan.by_id(stage, wildcards.id)
+        return [str(store.mark(*pair)) for pair in recipe.upstream.values()]
+
+    return find
+
+
+def recipe(stage):
+    """Params function: the recipe, in one canonical string."""
+    return lambda wildcards: plan.by_id(stage, wildcards.id).to_json()

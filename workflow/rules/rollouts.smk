@@ -1,0 +1,20 @@
+rule rollouts:
+    """Conditions x hits to Parquet."""
+    input:
+        marks("rollouts"),
+
+
+rule rollouts_version:
+    input:
+        ancient(upstream("rollouts")),
+    output:
+        version("rollouts"),
+    log:
+        "logs/rollouts/{id}.log",
+    benchmark:
+        "logs/rollouts/{id}.tsv"
+    threads: workflow.cores
+    params:
+        recipe=recipe("rollouts"),
+    shell:
+        "python -m slapshot.rollouts --recipe {params.recipe:q} --cores {threads} --log {log}"
