@@ -156,7 +156,8 @@ def _verify(args: argparse.Namespace) -> int:
 def _plan_of(configs: list[Path] | None) -> Plan:
     """Recipes of all the given configurations together, of the default one if none is given."""
     merged = Plan()
-    for path in configs or [None]:
+    paths: list[Path | None] = [*configs] if configs else [None]
+    for path in paths:
         name = str(path or "default")
         for label, recipe in make_plan(load_config(path)).recipes.items():
             merged.recipes[label if len(configs or []) < 2 else f"{name}:{label}"] = recipe

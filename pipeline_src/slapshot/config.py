@@ -54,8 +54,9 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     merged = dict(base)
     for key, value in over.items():
         old = merged.get(key)
-        both = isinstance(old, Mapping) and isinstance(value, Mapping)
-        merged[key] = merge(old, value) if both else value
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            value = merge(old, value)
+        merged[key] = value
     return merged
 
 
@@ -75,19 +76,22 @@ def check_config(config: Mapping[str, Any], source: str, schema: Path = SCHEMA) 
 
 def _explain(error: jsonschema.ValidationError) -> str:
     key = ".".join(str(part) for part in error.absolute_path) or "top level"
-    kind, value = error.validator, error.validator_value
+    kind: Any = error.validator
+    value: Any = error.validator_value
+    schema: Any = error.schema
+    instance: Any = error.instance
     if kind == "additionalProperties":
-        known = sorted(error.schema.get("properties", {}))
-        unknown = sorted(set(error.instance) - set(known))
+        known = sorted(schema.get("properties", {}))
+        unknown = sorted(set(instance) - set(known))
         return f"{key}: unknown key {unknown[0]!r}; remove it, or use one of: {', '.join(known)}"
     if kind == "required":
-        missing = next(k for k in value if k not in error.instance)
+        missing = next(k for k in value if k not in instance)
         return f"{key}: key {missing!r} is missing; add it"
     if kind == "type":
         return f"{key}: {error.instance!r} is not of type {value}; write a {value}"
     if kind in {"minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum"}:
         word = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
-        return f"{key}: {error.instance!r} is out of range; it must be {word[str(kind)]} {value}"
+        return f"{key}: {error.instance!r} is out of range; it must be {word[kind]} {value}"
     if kind == "enum":
         return f"{key}: {error.instance!r} is not one of {', '.join(map(str, value))}"
     return f"{key}: {error.message}; see {SCHEMA}"

@@ -19,13 +19,15 @@ MANIFEST = "versions.json"
 _PUBLISHED = re.compile(r"^[FT]\d+-")
 
 
-def publish(store: Store, versions: list[str], target: Path) -> None:
+def publish(store: Store, versions: list[str], target: Path, available: bool = False) -> None:
     """Copy the files of all figure versions to `target`.
 
     Args:
         store: where the versions are.
         versions: `<stage>/<id>` of everything that the configuration asks for.
         target: folder; files there that look like a figure and are not among these are removed.
+        available: publish what there is although something is missing; what was published before
+            stays only if it is of the version that is missing now.
 
     Raises:
         InputError: a version is missing or its content is not what was written.
@@ -33,6 +35,8 @@ def publish(store: Store, versions: list[str], target: Path) -> None:
     for version in versions:
         stage, version_id = version.split("/")
         if not store.is_whole(stage, version_id):
+            if available:
+                continue
             raise InputError(f"{store.root / version} is missing: run `snakemake figures`")
         damaged = damaged_files(store.folder(stage, version_id))
         if damaged:
@@ -43,7 +47,10 @@ def publish(store: Store, versions: list[str], target: Path) -> None:
     target.mkdir(parents=True, exist_ok=True)
     manifest: dict[str, str] = {}
     for version in versions:
-        if version.startswith("figure/"):
+        if version.startswith("figure/") and not store.is_whole(*version.split("/")):
+            before = _published_before(target)
+            manifest |= {name: v for name, v in before.items() if v == version}
+        elif version.startswith("figure/"):
             for file in sorted((store.root / version).iterdir()):
                 if _PUBLISHED.match(file.name):
                     _copy(file, target / file.name)
@@ -57,6 +64,11 @@ def publish(store: Store, versions: list[str], target: Path) -> None:
     aside.write_text(text)
     aside.rename(target / MANIFEST)
     log.info("%d files in %s", len(manifest), target)
+
+
+def _published_before(target: Path) -> dict[str, str]:
+    path = target / MANIFEST
+    return json.loads(path.read_text()) if path.is_file() else {}
 
 
 def _copy(file: Path, target: Path) -> None:
@@ -73,13 +85,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m slapshot.publish")
     parser.add_argument("versions", nargs="+", help="<stage>/<id>")
     parser.add_argument("--name", required=True, help="of the configuration")
+    parser.add_argument("--available", action="store_true", help="although something is missing")
     parser.add_argument("--store", type=Path, default=Path("data/store"))
     parser.add_argument("--log", type=Path)
     args = parser.parse_args()
     set_up_logging("figures", args.log)
     target = Path("figures") if args.name == "default" else Path("figures") / args.name
     try:
-        publish(Store(args.store), args.versions, target)
+        publish(Store(args.store), args.versions, target, args.available)
     except InputError as error:
         log.error("%s", error)
         sys.exit(1)

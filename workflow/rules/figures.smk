@@ -1,3 +1,13 @@
+all_versions = [f"{r.stage}/{r.id}" for r in plan.recipes.values()]
+
+
+# What could be made is published even when something could not, and nothing stale stays behind.
+onerror:
+    shell(
+        "python -m slapshot.publish --available --name {config[name]:q} --log logs/publish.log {all_versions:q}"
+    )
+
+
 rule figures:
     """Every figure, published to figures/ with the table behind it; checks the data it stands on."""
     default_target: True
@@ -8,7 +18,7 @@ rule figures:
     localrule: True
     params:
         name=config["name"],
-        versions=[f"{r.stage}/{r.id}" for r in plan.recipes.values()],
+        versions=all_versions,
     shell:
         "python -m slapshot.publish --name {params.name:q} --log {log} {params.versions:q}"
 

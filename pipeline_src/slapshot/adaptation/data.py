@@ -100,7 +100,9 @@ class SequenceSampler:
         in units of the standardised outcome.
 
         Args:
-            models, tasks, length: M, B, N.
+            models: M.
+            tasks: B.
+            length: N.
             noise_variance_max: largest variance.
             generator: on the CPU, so that a seed means the same on every device.
         """

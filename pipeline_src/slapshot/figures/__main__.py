@@ -9,7 +9,7 @@ from slapshot.figures.drawing import FigureModule, save, use_style
 def produce(run: Run) -> None:
     """Write <name>.png, <name>.pdf and <name>.csv."""
     use_style()
-    module: FigureModule = import_module(run.config["module"])  # type: ignore[assignment]
+    module: FigureModule = import_module(run.config["module"])
     save(module.draw(run.inputs, run.config), run.out)
 
 

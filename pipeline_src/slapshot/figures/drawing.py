@@ -17,7 +17,7 @@ METHOD_NAMES = {"kalman": "Kalman", "lstm": "LSTM", "maml": "MAML", "policy": "p
 OTHER_COLOURS = ("#E69F00", "#56B4E9", "#000000", "#F0E442")
 STAND_IN = "stand-in rig (simulated), not a real robot"
 
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "figure.dpi": 100,
     "savefig.dpi": 200,
     "figure.constrained_layout.use": True,

@@ -107,14 +107,14 @@ def _project(model: mujoco.MjModel, points: NDArray[np.float64]) -> NDArray[np.f
 def _puck_model() -> mujoco.MjModel:
     """Both pucks side by side on a white board."""
     geoms = "".join(
-        f'<geom type="cylinder" size="{p.radius} {p.height / 2}" pos="{0.055 * (2 * i - 1)} 0 {p.height / 2}" '
-        f'rgba="{" ".join(map(str, p.rgba))}"/>'
+        f'<geom type="cylinder" size="{p.radius} {p.height / 2}" rgba="{" ".join(map(str, p.rgba))}" '
+        f'pos="{0.055 * (2 * i - 1)} 0 {p.height / 2}"/>'
         for i, p in enumerate(PUCKS.values())
     )
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><visual><headlight ambient=".5 .5 .5" diffuse=".5 .5 .5"/></visual><worldbody>
         <light pos="0.1 -0.3 0.5" dir="-0.2 0.5 -1" diffuse=".5 .5 .5"/>
         <geom type="plane" size="2 2 .1" rgba=".94 .95 .97 1"/>{geoms}
-        <camera name="close" pos="0 -0.26 0.20" xyaxes="1 0 0 0 0.61 0.79" fovy="38"/>
+        <camera name="close" pos="0 -0.38 0.27" xyaxes="1 0 0 0 0.58 0.81" fovy="34"/>
         </worldbody></mujoco>"""
     )

@@ -6,6 +6,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
+from matplotlib.figure import SubFigure
 
 from slapshot.figures.curves import draw_curves, panel_title, summarise
 from slapshot.figures.drawing import Drawing
@@ -23,31 +24,25 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     noise = summarise(drawn, ["method", "noise_variance", "noise_sd_m"])
 
     figure = plt.figure(figsize=(9.6, 6.2))
-    grid = figure.add_gridspec(2, 12)
-    first = figure.add_subplot(grid[0, :5])
-    draw_curves(first, overall)
-    panel_title(first, "a", "all test conditions and noise levels")
-    first.legend(loc="upper right")
-    top = 100 * (friction["error_m"] + friction["sd_m"]).max()
+    rows = figure.subfigures(2, 1, squeeze=False)[:, 0]
+    left, right = rows[0].subfigures(1, 2, width_ratios=[1, 1.35], squeeze=False)[0]
+    axes = left.subplots()
+    draw_curves(axes, overall)
+    panel_title(axes, "a", "all test conditions and noise levels")
+    axes.legend(loc="upper right")
     shown = [name for name in FRICTIONS if (friction["name"] == name).any()]
-    for i, name in enumerate(shown):
-        axes = figure.add_subplot(grid[0, 6 + 2 * i : 8 + 2 * i])
-        draw_curves(axes, friction[friction["name"] == name], LOW_SAMPLES, label=False)
-        axes.set_ylim(0, top)
-        axes.set_title(("(b) " if i == 0 else "") + name.removesuffix(" friction"), loc="left")
-        if i:
-            axes.tick_params(labelleft=False)
-        else:
-            axes.text(0, 1.12, "by isotropic friction, few samples", transform=axes.transAxes)
+    _row(right, "b", friction, [(name, friction["name"] == name) for name in shown], LOW_SAMPLES)
     levels = noise[["noise_variance", "noise_sd_m"]].drop_duplicates().sort_values("noise_variance")
-    top = 100 * (noise["error_m"] + noise["sd_m"]).max()
-    width = 12 // len(levels)
-    for i, level in enumerate(levels.itertuples()):
-        axes = figure.add_subplot(grid[1, width * i : width * (i + 1)])
-        draw_curves(axes, noise[noise["noise_variance"] == level.noise_variance], label=False)
-        axes.set_ylim(0, top)
-        text = f"noise variance {level.noise_variance:g} (sd {100 * level.noise_sd_m:.0f} cm)"
-        axes.set_title(("(c) " if i == 0 else "") + text, loc="left")
+    _row(
+        rows[1],
+        "c",
+        noise,
+        [
+            (f"noise variance {v:g} (sd {100 * sd:.0f} cm)", noise["noise_variance"] == v)
+            for v, sd in levels.itertuples(index=False)
+        ],
+        None,
+    )
     figure.supxlabel("samples seen")
     figure.supylabel("distance between predicted and true rest point (cm)")
     table = pd.concat(
@@ -61,3 +56,19 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     first_columns = ["panel", "method", "condition", "noise_variance", "noise_sd_m", "samples"]
     table = table[[*first_columns, *(c for c in table if c not in first_columns)]]
     return Drawing(f"F7-{config['domain']}-simulated", figure, table)
+
+
+def _row(
+    figure: SubFigure,
+    letter: str,
+    summary: pd.DataFrame,
+    cases: list[tuple[str, pd.Series]],
+    last: int | None,
+) -> None:
+    """Panels with one scale, a case each: its title and which rows of the summary it shows."""
+    top = 100 * (summary["error_m"] + summary["sd_m"]).max()
+    panels = figure.subplots(1, len(cases), sharey=True, squeeze=False)[0]
+    for i, (axes, (title, rows)) in enumerate(zip(panels, cases, strict=True)):
+        draw_curves(axes, summary[rows], last, label=False)
+        axes.set_ylim(0, top)
+        axes.set_title(f"({letter}) {title}" if i == 0 else title, loc="left")

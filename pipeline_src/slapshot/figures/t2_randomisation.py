@@ -6,8 +6,10 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
+from matplotlib.transforms import Bbox
 
 from slapshot.figures.drawing import Drawing
+from slapshot.scenes.randomisation import CONDITION_PARAMETERS, START_ERROR
 
 _SYMBOLS = {"friction_x": r"\mu_x", "friction_y": r"\mu_y"}
 
@@ -15,7 +17,8 @@ _SYMBOLS = {"friction_x": r"\mu_x", "friction_y": r"\mu_y"}
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """A table of parameters, distributions and units."""
     rows = []
-    for name, spec in config["randomisation"].items():
+    for name in (*CONDITION_PARAMETERS, START_ERROR):
+        spec = config["randomisation"][name]
         kind = "uniform" if "uniform" in spec else "normal"
         first, second = spec[kind]
         rows.append(
@@ -32,15 +35,15 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     table = pd.DataFrame(rows)
     figure, axes = plt.subplots(figsize=(5.6, 0.32 * (len(rows) + 1) + 0.2))
     axes.axis("off")
-    cells = [[r.label, _formula(r), "" if r.unit == "1" else r.unit] for r in table.itertuples()]
+    cells = [[str(r.label), _formula(r), "" if r.unit == "1" else str(r.unit)] for r in table.itertuples()]
     drawn = axes.table(
         cells, colLabels=["Parameter", "Distribution", "Unit"], cellLoc="left", colWidths=[0.5, 0.38, 0.12],
-        bbox=[0, 0, 1, 1], edges="horizontal",
+        bbox=Bbox.unit(), edges="horizontal",
     )  # fmt: skip
     drawn.auto_set_font_size(False)
     drawn.set_fontsize(9)
     for column in range(3):
-        drawn[0, column].set_text_props(weight="bold")
+        drawn[0, column].set_text_props(weight="bold", ha="left")
     return Drawing(f"T2-{config['domain']}-randomisation", figure, table)
 
 

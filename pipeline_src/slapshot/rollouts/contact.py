@@ -80,7 +80,7 @@ class ContactSimulator:
         """Simulate at most `size` hits."""
         count = len(hits.swings)
         begin = self._place(hits)
-        info, layout = self._scene.info, self._scene.layout
+        info = self._scene.info
         ticks = self._swings.targets.shape[1]
         ids = np.arange(count)
         targets = self._swings.targets[hits.swings]
@@ -113,7 +113,7 @@ class ContactSimulator:
             self._model.body_inertia[body] * (mass / self._model.body_mass[body])[:, None]
         )
         self._mass[:count, body] = mass
-        self._friction[:count, layout.object_pair] = np.stack(pair_friction(hits.conditions), axis=1)  # type: ignore[arg-type]
+        self._friction[:count, layout.object_pair] = np.stack(pair_friction(hits.conditions), axis=1)
         ids = np.arange(count)
         self._batch.set_const(ids=ids)
         self._batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)

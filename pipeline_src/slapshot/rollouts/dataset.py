@@ -155,8 +155,8 @@ def read_sequences(folder: Path, split: str) -> Sequences:
     arrays = {}
     for name in table.column_names:
         column = table[name].combine_chunks()
-        values = column.values.to_numpy().reshape(len(conditions), -1, column.type.list_size)
-        arrays[name] = values
+        flat = column.flatten().to_numpy().copy()
+        arrays[name] = flat.reshape(len(conditions), -1, column.type.list_size)
     return Sequences(**arrays, conditions=conditions)
 
 

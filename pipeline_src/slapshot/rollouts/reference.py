@@ -4,6 +4,7 @@ The collector is held against this, and so is its speed.
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -29,10 +30,7 @@ def reference_rests(scene: Scene, swings: Swings, hits: Hits, timestep: float) -
         data = mujoco.MjData(model)
         substeps = round(scene.info.control_period / timestep)
 
-        def step(model: mujoco.MjModel = model, data: mujoco.MjData = data) -> None:
-            mujoco.mj_step(model, data, substeps)
-
-        rests[i] = _run(scene, swings, hits, i, data, step)
+        rests[i] = _run(scene, swings, hits, i, data, partial(mujoco.mj_step, model, data, substeps))
     return rests
 
 
@@ -45,7 +43,7 @@ def dm_control_rests(scene: Scene, swings: Swings, hits: Hits) -> Array:
         condition = {k: float(v[i]) for k, v in hits.conditions.items()}
         set_condition(physics.model.ptr, scene.layout, condition)
         physics.reset()
-        rests[i] = _run(scene, swings, hits, i, physics.data.ptr, lambda: physics.step(nstep=substeps))
+        rests[i] = _run(scene, swings, hits, i, physics.data.ptr, partial(physics.step, substeps))
     return rests
 
 

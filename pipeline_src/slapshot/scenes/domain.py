@@ -44,4 +44,4 @@ def load_domain(name: str) -> Domain:
             f"scene.domain: no domain {name!r}; use a folder of slapshot.scenes, or the dotted name "
             "of a module of your own that can be imported"
         )
-    return import_module(module)  # type: ignore[return-value]
+    return import_module(module)

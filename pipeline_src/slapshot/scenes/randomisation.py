@@ -58,6 +58,7 @@ def middle_condition(randomisation: Mapping[str, Mapping[str, Any]]) -> dict[str
 
 
 def _draw(spec: Mapping[str, Any], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    if "uniform" in spec:
-        return rng.uniform(*spec["uniform"], size=count)
-    return rng.normal(*spec["normal"], size=count)
+    draw, (first, second) = (
+        (rng.uniform, spec["uniform"]) if "uniform" in spec else (rng.normal, spec["normal"])
+    )
+    return draw(first, second, count)

@@ -1,15 +1,18 @@
 """A scene as the later stages see it: a compiled model and the names that matter, no domain."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any, TypeVar
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+T = TypeVar("T", float, NDArray[np.float64])
 
 
 @dataclass(frozen=True)
@@ -91,8 +94,8 @@ class Scene:
     def load(cls, folder: Path) -> "Scene":
         """Read what `save` wrote."""
         raw = json.loads((folder / "scene.json").read_text())
-        info = SceneInfo(**{k: tuple(v) if isinstance(v, list) else v for k, v in raw.items()})
-        return cls(xml=(folder / "scene.xml").read_text(), info=info)
+        fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in raw.items()}
+        return cls(xml=(folder / "scene.xml").read_text(), info=SceneInfo(**fields))
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,7 @@ class Layout:
     joint_high: Array
 
 
-def set_condition(model: mujoco.MjModel, layout: Layout, condition: dict[str, float]) -> None:
+def set_condition(model: mujoco.MjModel, layout: Layout, condition: Mapping[str, float]) -> None:
     """Give one model the mass (kg) and friction of a condition.
 
     mj_setConst must follow: gravity acts on masses that it sums up beforehand.
@@ -123,8 +126,8 @@ def set_condition(model: mujoco.MjModel, layout: Layout, condition: dict[str, fl
     mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
-def pair_friction(condition: dict[str, float]) -> list[float]:
-    """MuJoCo's five numbers: tangent 1 of a horizontal contact is world y."""
+def pair_friction(condition: Mapping[str, T]) -> list[T]:
+    """MuJoCo's five numbers, or arrays of them: tangent 1 of a horizontal contact is world y."""
     rolling = condition["friction_rolling"]
     return [
         condition["friction_y"],

@@ -2,6 +2,8 @@
 
 import logging
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -42,7 +44,7 @@ def produce(run: Run) -> None:
         log.info("%s %s: %.4g", row.measure, row.dimension, row.value)
 
 
-def train(flat: torch.Tensor, sizes: VaeSizes, settings: dict) -> TrajectoryVae:
+def train(flat: torch.Tensor, sizes: VaeSizes, settings: Mapping[str, Any]) -> TrajectoryVae:
     """Fit a VAE to flat waypoints (count, waypoints * joints) in rad."""
     generator = torch.Generator().manual_seed(settings["seed"])
     with torch.random.fork_rng():

@@ -148,7 +148,7 @@ def execute(
     mj_model = scene.compile()
     substeps = round(info.control_period / mj_model.opt.timestep)
     ticks = round((model.sizes.duration + SETTLE) / info.control_period)
-    times = np.arange(ticks) * info.control_period
+    times = np.arange(ticks, dtype=np.float64) * info.control_period
     motions = [model.motion(latent) for latent in latents]
     targets = np.stack([motion.servo_targets(times, info.servo_time) for motion in motions])
     count, joints = len(latents), len(info.joints)

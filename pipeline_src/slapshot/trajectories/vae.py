@@ -5,6 +5,7 @@ Loss per trajectory: |x - decode(z)|^2 / (2 noise^2) + KL(q(z|x) || N(0, I)), z 
 
 import json
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -116,7 +117,7 @@ class TrajectoryVae(nn.Module):
 
 def _mlp(widths: list[int]) -> nn.Sequential:
     layers: list[nn.Module] = []
-    for i, (fan_in, fan_out) in enumerate(zip(widths[:-1], widths[1:], strict=True)):
+    for i, (fan_in, fan_out) in enumerate(pairwise(widths)):
         layers += [nn.SiLU()] if i else []
         layers.append(nn.Linear(fan_in, fan_out))
     return nn.Sequential(*layers)

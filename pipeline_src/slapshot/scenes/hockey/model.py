@@ -235,9 +235,9 @@ def _add_pictures(root: mjcf.RootElement, settings: Mapping[str, Any]) -> None:
     root.worldbody.add(
         "camera",
         name="overview",
-        pos=(1.9, -2.2, 1.5),
+        pos=(1.85, -1.75, 1.15),
         xyaxes=(0.83, 0.56, 0, -0.24, 0.36, 0.90),
-        fovy=38,
+        fovy=36,
     )
     root.worldbody.add(
         "light",
@@ -246,6 +246,8 @@ def _add_pictures(root: mjcf.RootElement, settings: Mapping[str, Any]) -> None:
         castshadow="true",
         diffuse=(0.7, 0.7, 0.7),
     )
+    sky = {"rgb1": (1, 1, 1), "rgb2": (0.86, 0.89, 0.93), "width": 64, "height": 64}
+    root.asset.add("texture", type="skybox", builtin="gradient", **sky)
     root.worldbody.add(
         "geom",
         name="whiteboard",

@@ -1,0 +1,360 @@
+"""The Kalman method: its filter against exact inference, its order in time, its independence."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from slapshot.adaptation.kalman import (
+    LARGEST_FACTOR,
+    Kalman,
+    KalmanSettings,
+    filter_means,
+    kalman_step,
+)
+from slapshot.adaptation.method import AdaptationMethod, Sizes
+from torch import Tensor
+
+SIZES = Sizes(state=2, action=3, outcome=2)
+SETTINGS = KalmanSettings(latent=4, hidden=(16, 16), drift=1e-3)
+
+
+def generator(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def draw_covariances(*lead: int, size: int, g: torch.Generator) -> Tensor:
+    factor = torch.randn(*lead, size, size, generator=g, dtype=torch.float64)
+    return factor @ factor.mT + 0.1 * torch.eye(size, dtype=torch.float64)
+
+
+def draw_data(
+    models: int, tasks: int, samples: int, dtype: torch.dtype = torch.float64, seed: int = 1
+) -> tuple[Tensor, Tensor, Tensor]:
+    g = generator(seed)
+    state, action, observed = (
+        torch.randn(models, tasks, samples, d, generator=g, dtype=dtype)
+        for d in (SIZES.state, SIZES.action, SIZES.outcome)
+    )
+    return state, action, observed
+
+
+def whiten(z: Tensor, noise: Tensor, C: Tensor) -> tuple[Tensor, Tensor]:
+    """y = L' z and H = L' C with L L' = noise^-1, for z (M, B, N, k), C (M, k, h)."""
+    L = torch.linalg.cholesky(noise.inverse())
+    return (L.mT @ z[..., None])[..., 0], L.mT @ C[:, None, None]
+
+
+def run_filter(mean, covariance, y, H, drift) -> tuple[Tensor, Tensor]:
+    """Means (M, B, N + 1, h) and covariances (M, B, N + 1, h, h) by single steps."""
+    means, covariances = [mean], [covariance]
+    for i in range(y.shape[2]):
+        step = kalman_step(means[-1], covariances[-1], y[:, :, i], H[:, :, i], drift)
+        means.append(step.mean)
+        covariances.append(step.covariance)
+    return torch.stack(means, 2), torch.stack(covariances, 2)
+
+
+# --- the filter against exact inference ---------------------------------------------------------
+
+
+@pytest.mark.parametrize("k", [2, 3, 4])
+def test_filter_conditions_the_joint_gaussian(k):
+    """Against the joint of the chain phi_0, ..., phi_N and all measurements, inverted at once."""
+    M, B, N, h, drift = 2, 2, 6, 3, 0.2
+    g = generator()
+    mean = torch.randn(M, B, h, generator=g, dtype=torch.float64)
+    covariance = draw_covariances(M, B, size=h, g=g)
+    z = torch.randn(M, B, N, k, generator=g, dtype=torch.float64)
+    noise = draw_covariances(M, B, N, size=k, g=g)
+    C = torch.randn(M, k, h, generator=g, dtype=torch.float64)
+    y, H = whiten(z, noise, C)
+    means, covariances = run_filter(mean, covariance, y, H, drift)
+    fast = filter_means(mean, covariance, y, H, drift)
+    for m, b in np.ndindex(M, B):
+        P, c = covariance[m, b].numpy(), C[m].numpy()
+        for n in range(1, N + 1):
+            # phi_i = phi_0 + drift steps, so Cov(phi_i, phi_j) = P + min(i, j) drift I.
+            steps = np.arange(1, n + 1)
+            shared = np.minimum.outer(steps, steps)
+            prior = np.kron(np.ones((n, n)), P) + drift * np.kron(shared, np.eye(h))
+            observe = np.kron(np.eye(n), c)
+            S = observe @ prior @ observe.T
+            for i in range(n):
+                S[i * k : (i + 1) * k, i * k : (i + 1) * k] += noise[m, b, i].numpy()
+            gain = np.linalg.solve(S, observe @ prior[:, -h:]).T
+            residual = (z[m, b, :n] - C[m] @ mean[m, b]).numpy().ravel()
+            exact_mean = mean[m, b].numpy() + gain @ residual
+            exact_covariance = prior[-h:, -h:] - gain @ observe @ prior[:, -h:]
+            # S has eigenvalues within about 0.1 to 100: float64 leaves some 1e-13.
+            np.testing.assert_allclose(means[m, b, n], exact_mean, rtol=0, atol=1e-10)
+            np.testing.assert_allclose(fast[m, b, n], exact_mean, rtol=0, atol=1e-10)
+            np.testing.assert_allclose(covariances[m, b, n], exact_covariance, rtol=0, atol=1e-10)
+
+
+def test_without_drift_it_is_bayesian_linear_regression():
+    """y = x'w + noise, where sample i measures w through C = x_i'."""
+    N, h, variance = 12, 4, 0.3
+    g = generator(2)
+    mean = torch.randn(1, 1, h, generator=g, dtype=torch.float64)
+    covariance = draw_covariances(1, 1, size=h, g=g)
+    X = torch.randn(N, h, generator=g, dtype=torch.float64)
+    y = torch.randn(N, generator=g, dtype=torch.float64)
+    sd = math.sqrt(variance)
+    means, covariances = run_filter(
+        mean, covariance, (y / sd)[None, None, :, None], (X / sd)[None, None, :, None], 0.0
+    )
+    precision = covariance[0, 0].inverse() + X.mT @ X / variance
+    right = covariance[0, 0].inverse() @ mean[0, 0] + X.mT @ y / variance
+    # Condition numbers below 1e3: float64 leaves some 1e-13.
+    exact = torch.linalg.solve(precision, right)
+    torch.testing.assert_close(means[0, 0, -1], exact, rtol=0, atol=1e-10)
+    torch.testing.assert_close(covariances[0, 0, -1], precision.inverse(), rtol=0, atol=1e-10)
+
+
+def test_adjoint_equals_the_differentiated_loop():
+    method = Kalman(SIZES, SETTINGS, 2, generator()).double()
+    state, action, observed = draw_data(2, 3, 6)
+    gradients = []
+    for predict in (method.sequence_predictions, super(Kalman, method).sequence_predictions):
+        method.zero_grad()
+        method.sequence_loss(predict(state, action, observed), observed).backward()
+        gradients.append({name: p.grad.clone() for name, p in method.named_parameters()})
+    for name, plain in gradients[1].items():
+        assert plain.abs().max() > 0, name
+        # Float64 rounding in sums of some 1e3 terms, relative to the largest entry.
+        scale = plain.abs().max().item()
+        torch.testing.assert_close(gradients[0][name], plain, rtol=0, atol=1e-12 * scale, msg=name)
+
+
+# --- long runs in float32 -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("drift", [0.0, 1e-4, 1.0])
+def test_covariance_stays_positive_definite(drift):
+    """10,000 updates, each with standard deviations from the smallest possible, 1e-2, to 1e4."""
+    B, h, bank = 4, 16, 100
+    g = generator(3)
+    rotation = torch.linalg.qr(torch.randn(bank, B, h, h, generator=g)).Q
+    L = rotation * LARGEST_FACTOR * 1e-6 ** torch.rand(bank, B, 1, h, generator=g)
+    C = torch.eye(h) + 0.1 * torch.randn(h, h, generator=g)
+    H = (L.mT @ C)[None]
+    mean, covariance = torch.zeros(1, B, h), torch.eye(h).expand(1, B, h, h)
+    # Sigma = (P^-1 + H'H)^-1 with P >= drift I: its eigenvalues are at least
+    # 1 / (1 / drift + max |H|^2). Float32 may take a part of that, not half.
+    information = torch.linalg.matrix_norm(H, ord=2).max().item() ** 2
+    smallest = 0.5 / (1 / drift + information) if drift else 0.0
+    for i in range(10_000):
+        y = torch.randn(1, B, h, generator=g)
+        step = kalman_step(mean, covariance, y, H[:, i % bank], drift)
+        mean, covariance = step.mean, step.covariance
+        if i < 100 or i % 100 == 99:
+            assert torch.equal(covariance, covariance.mT)
+            assert torch.linalg.eigvalsh(covariance.double()).min() > smallest
+    assert torch.isfinite(mean).all()
+
+
+# --- order in time ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("owner", [Kalman, AdaptationMethod])
+def test_prediction_uses_earlier_observations_only(owner):
+    method = Kalman(SIZES, SETTINGS, 2, generator())
+    state, action, observed = draw_data(2, 3, 6, torch.float32)
+    with torch.no_grad():
+        before = owner.sequence_predictions(method, state, action, observed)
+        for i in range(6):
+            changed = observed.clone()
+            changed[:, :, i] += 1.0
+            after = owner.sequence_predictions(method, state, action, changed)
+            # The same operations on the same numbers: equal to the last bit.
+            assert torch.equal(after[:, :, : i + 1], before[:, :, : i + 1])
+            # And not by ignoring the data: every later prediction moves.
+            assert (after[:, :, i + 1 :] != before[:, :, i + 1 :]).any(-1).all()
+
+
+def test_first_prediction_is_the_priors():
+    method = Kalman(SIZES, SETTINGS, 2, generator())
+    state, action, observed = draw_data(2, 3, 1, torch.float32)
+    with torch.no_grad():
+        first = method.sequence_predictions(state, action, observed)
+        torch.testing.assert_close(first, method.predict(method.prior(3), state, action))
+        assert first.shape == (2, 3, 1, 2)
+
+
+def test_order_of_samples_matters_only_with_drift():
+    for drift, matters in ((0.0, False), (0.1, True)):
+        settings = KalmanSettings(latent=4, hidden=(16,), drift=drift)
+        method = Kalman(SIZES, settings, 2, generator()).double()
+        data = draw_data(2, 3, 8)
+        order = torch.randperm(8, generator=generator(4))
+        with torch.no_grad():
+            one = method.adapt(*data)[-1]
+            other = method.adapt(*(x[:, :, order] for x in data))[-1]
+        # Float64 rounding of eight well-conditioned updates against an effect of order drift.
+        assert torch.allclose(one.mean, other.mean, rtol=0, atol=1e-11) is not matters
+        assert torch.allclose(one.covariance, other.covariance, rtol=0, atol=1e-11) is not matters
+
+
+# --- the networks -------------------------------------------------------------------------------
+
+
+def test_measurement_factor_is_full_bounded_and_depends_on_the_sample():
+    method = Kalman(SIZES, SETTINGS, 2, generator())
+    mean, L = method.measure(*draw_data(2, 3, 5, torch.float32))
+    assert mean.shape == (2, 3, 5, 4)
+    assert L.shape == (2, 3, 5, 4, 4)
+    below = torch.ones(4, 4, dtype=torch.bool).tril()
+    assert (L[..., ~below] == 0).all()
+    assert (L.diagonal(dim1=-2, dim2=-1) > 0).all()
+    assert (L.std(dim=2)[..., below] > 0).all()  # heteroscedastic in every entry
+    (mean.sum() + L.sum()).backward()
+    gradient = method.measurement_net.biases[-1].grad
+    assert gradient is not None
+    assert gradient.shape[-1] == 4 + 10
+    assert (gradient != 0).all()  # every output of the network is used
+    # Absurd inputs cannot make a measurement more precise than float32 carries.
+    _, L = method.measure(*(1e6 * x for x in draw_data(2, 3, 5, torch.float32)))
+    assert L.abs().max() == LARGEST_FACTOR
+
+
+def test_whitened_measurement_is_the_measurement():
+    method = Kalman(SIZES, SETTINGS, 2, generator()).double()
+    mean, L = method.measure(*draw_data(2, 3, 5))
+    y, H = method.whiten(mean, L)
+    for m, b, i in np.ndindex(2, 3, 5):
+        # Products of 4 numbers of order 1 in float64.
+        torch.testing.assert_close(y[m, b, i], L[m, b, i].mT @ mean[m, b, i], rtol=0, atol=1e-14)
+        torch.testing.assert_close(H[m, b, i], L[m, b, i].mT @ method.C[m], rtol=0, atol=1e-14)
+
+
+def test_queries_broadcast_over_sampled_parameters():
+    method = Kalman(SIZES, SETTINGS, 2, generator())
+    state, action, _ = draw_data(2, 3, 5, torch.float32)
+    phi = method.sample_phi(method.prior(3), 7, generator(5))
+    outcomes = method.outcome(phi[:, :, :, None], state[:, :, None], action[:, :, None])
+    assert outcomes.shape == (2, 3, 7, 5, 2)
+    torch.testing.assert_close(
+        outcomes[:, :, 4, 1], method.outcome(phi[:, :, 4], state[:, :, 1], action[:, :, 1])
+    )
+
+
+def test_sampled_parameters_have_the_beliefs_moments():
+    method = Kalman(SIZES, SETTINGS, 2, generator()).double()
+    with torch.no_grad():
+        belief = method.adapt(*draw_data(2, 3, 4))[-1]
+        n = 20_000
+        phi = method.sample_phi(belief, n, generator(6))
+    error = phi.mean(2) - belief.mean
+    variance = belief.covariance.diagonal(dim1=-2, dim2=-1)
+    assert (error.abs() < 6 * (variance / n).sqrt()).all()
+    centred = phi - belief.mean[:, :, None]
+    error = centred.mT @ centred / n - belief.covariance
+    # Var(x_i x_j) = S_ii S_jj + S_ij^2 for a Gaussian with covariance S.
+    spread = variance[..., :, None] * variance[..., None, :] + belief.covariance.square()
+    assert (error.abs() < 6 * (spread / n).sqrt()).all()
+
+
+# --- the ensemble -------------------------------------------------------------------------------
+
+
+def test_gradients_of_the_models_do_not_mix():
+    method = Kalman(SIZES, SETTINGS, 2, generator())
+    data = draw_data(2, 3, 5, torch.float32)
+    losses = method.model_losses(method.sequence_predictions(*data), data[2])
+    losses[0].backward()
+    for name, parameter in method.named_parameters():
+        assert parameter.grad is not None
+        assert (parameter.grad[0] != 0).any(), name
+        assert (parameter.grad[1] == 0).all(), name
+
+
+def train(method: Kalman, data: tuple[Tensor, Tensor, Tensor]) -> None:
+    optimiser = torch.optim.SGD(method.parameters(), lr=0.1)
+    for _ in range(10):
+        optimiser.zero_grad()
+        method.sequence_loss(method.sequence_predictions(*data), data[2]).backward()
+        optimiser.step()
+
+
+def test_training_together_equals_training_alone():
+    together = Kalman(SIZES, SETTINGS, 3, generator()).double()
+    start = {name: p.detach().clone() for name, p in together.named_parameters()}
+    data = draw_data(3, 4, 6)
+    train(together, data)
+    for m in range(3):
+        alone = Kalman(SIZES, SETTINGS, 1, generator(9)).double()
+        alone.load_state_dict({name: p[m : m + 1] for name, p in start.items()})
+        train(alone, tuple(x[m : m + 1] for x in data))
+        for name, parameter in alone.named_parameters():
+            trained = dict(together.named_parameters())[name]
+            assert not torch.equal(parameter[0], start[name][m]), name
+            # Ten smooth steps in float64: rounding of 1e-16 grows to at most some 1e-13.
+            torch.testing.assert_close(parameter[0], trained[m], rtol=0, atol=1e-11)
+
+
+def test_parameters_depend_on_the_generator_only():
+    def parameters(seed: int) -> dict[str, Tensor]:
+        return Kalman(SIZES, SETTINGS, 2, generator(seed)).state_dict()
+
+    before = torch.get_rng_state()
+    first = parameters(1)
+    assert torch.equal(before, torch.get_rng_state())
+    torch.rand(3)
+    assert all(torch.equal(value, parameters(1)[name]) for name, value in first.items())
+    assert not torch.equal(first["C"], parameters(2)["C"])
+
+
+def test_parameter_count():
+    method = Kalman(SIZES, SETTINGS, 3, generator())
+    h, w = 4, 16
+    measurement = (7 + 1) * w + (w + 1) * w + (w + 1) * (h + h * (h + 1) // 2)
+    prediction = (5 + h + 1) * w + (w + 1) * w + (w + 1) * 2
+    # C, prior mean and the prior's factor; the factor's upper triangle stays unused.
+    assert method.parameter_count() == measurement + prediction + h * h + h + h * h
+
+
+# --- a problem with a known answer --------------------------------------------------------------
+
+
+def line_tasks(models: int, tasks: int, samples: int, g: torch.Generator) -> dict[str, Tensor]:
+    """y = w x with w, x ~ N(0, 1), observed with standard deviation 0.5."""
+    w = torch.randn(models, tasks, 1, 1, generator=g)
+    x = torch.randn(models, tasks, samples, 1, generator=g)
+    noise = 0.5 * torch.randn(models, tasks, samples, 1, generator=g)
+    return {"x": x, "none": x[..., :0], "observed": w * x + noise, "y": w * x}
+
+
+def test_learns_a_linear_gaussian_task():
+    g = generator(11)
+    method = Kalman(Sizes(1, 0, 1), KalmanSettings(2, (32, 32), 1e-6), 2, g)
+    optimiser = torch.optim.Adam(method.parameters(), lr=5e-3)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 1e-2, total_steps=400)
+    for _ in range(400):
+        data = line_tasks(2, 32, 11, g)
+        predicted = method.sequence_predictions(data["x"], data["none"], data["observed"])
+        optimiser.zero_grad()
+        method.sequence_loss(predicted, data["y"]).backward()
+        optimiser.step()
+        schedule.step()
+
+    tasks = 2000
+    data = line_tasks(2, tasks, 11, g)
+    with torch.no_grad():
+        predicted = method.sequence_predictions(data["x"], data["none"], data["observed"])
+    # Exact posterior: precision 1 + sum x^2 / 0.25, mean = (sum x y / 0.25) / precision, from the
+    # samples before i.
+    precision = 1 + (data["x"].square().cumsum(2) - data["x"].square()) / 0.25
+    moment = data["x"] * data["observed"]
+    best = data["x"] * (moment.cumsum(2) - moment) / 0.25 / precision
+    error = (predicted - data["y"]).square()[..., 0]
+    exact = (best - data["y"]).square()[..., 0]
+    # E[error - exact] = E[(predicted - best)^2] >= 0 for any predictor that sees only the samples
+    # before i; the mean over independent tasks may miss that by some standard errors.
+    excess = error - exact
+    standard_error = excess.std(dim=1) / math.sqrt(tasks)
+    assert (excess.mean(1) > -6 * standard_error).all()
+    # The exact posterior goes from 1 to about 0.03: a model that adapts well comes near it.
+    start, end = error.mean(1)[:, 0], error.mean(1)[:, 10]
+    assert (end < 0.1 * start).all()
+    assert (end < 4 * exact.mean(1)[:, 10]).all()
