@@ -18,7 +18,9 @@ from slapshot.store.housekeeping import collect_garbage, find_version, flatten
 from slapshot.store.verify import compare, make_lock
 
 LOCK = Path("data/pipeline.lock")
-console = Console(highlight=False)
+# Labels and values may hold brackets, which are no markup; lines of text are not folded at 80 columns.
+_WIDTH = None if sys.stdout.isatty() else 200
+console = Console(highlight=False, markup=False, soft_wrap=True, width=_WIDTH)
 
 
 def main() -> None:
@@ -65,8 +67,15 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _table(*columns: str) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for name in columns:
+        table.add_column(name, overflow="fold")
+    return table
+
+
 def _list(args: argparse.Namespace) -> int:
-    table = Table("stage", "id", "made at", "took", "from", box=None, pad_edge=False)
+    table = _table("stage", "id", "made at", "took", "from")
     for _, version in Store(args.store).versions():
         recipe = version["recipe"]
         sources = " ".join(f"{stage}/{i[:6]}" for stage, i in recipe["upstream"].values())
@@ -89,7 +98,7 @@ def _diff(args: argparse.Namespace) -> int:
 
 
 def _print_difference(first: dict[str, Any], second: dict[str, Any], a: str, b: str) -> None:
-    table = Table("key", a, b, box=None, pad_edge=False)
+    table = _table("key", a, b)
     for key in sorted(set(first) | set(second)):
         if first.get(key) != second.get(key):
             table.add_row(key, str(first.get(key, "-")), str(second.get(key, "-")))
@@ -136,6 +145,7 @@ def _lock(args: argparse.Namespace) -> int:
         if not store.is_whole(recipe.stage, recipe.id):
             raise InputError(f"{label} is not made yet: run `snakemake figures` first")
     text = json.dumps(make_lock(store, plan.recipes), indent=1, sort_keys=True)
+    LOCK.parent.mkdir(parents=True, exist_ok=True)
     LOCK.write_text(text + "\n")
     console.print(f"{LOCK}: {len(plan.recipes)} versions")
     return 0
@@ -144,8 +154,12 @@ def _lock(args: argparse.Namespace) -> int:
 def _verify(args: argparse.Namespace) -> int:
     if not LOCK.is_file():
         raise InputError(f"{LOCK} is missing: restore it from git")
+    try:
+        lock = json.loads(LOCK.read_text())
+    except ValueError as error:
+        raise InputError(f"{LOCK} is damaged ({error}): restore it from git") from None
     plan = make_plan(load_config())
-    verdicts = compare(Store(args.store), plan.recipes, json.loads(LOCK.read_text()))
+    verdicts = compare(Store(args.store), plan.recipes, lock)
     for label, verdict in verdicts.items():
         console.print(f"{label}: {verdict}")
     good = all(v.startswith(("identical", "equal")) for v in verdicts.values())

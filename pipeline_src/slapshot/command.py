@@ -11,10 +11,10 @@ import sys
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from slapshot.config import load_config
 from slapshot.errors import InputError
 from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe
@@ -90,9 +90,8 @@ def make_version(
 def _recipes(stage: str, recipe: str | None, config: Path | None) -> list[Recipe]:
     if recipe is not None:
         return [Recipe.from_json(recipe)]
-    # Imported here: the plan is no part of what a stage's result depends on.
-    from importlib import import_module
-
+    # By name: a stage's result does not depend on how configurations are checked and planned.
+    load_config = import_module("slapshot.config").load_config
     make_plan = import_module("slapshot.plan").make_plan
     return list(make_plan(load_config(config)).of_stage(stage).values())
 

@@ -1,6 +1,9 @@
 """Configuration: default.yaml, a file that changes parts of it, and the check of both together."""
 
-from collections.abc import Mapping
+import difflib
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +11,22 @@ import jsonschema
 import yaml
 
 from slapshot.errors import InputError
+from slapshot.scenes.randomisation import CONDITION_PARAMETERS
 
 DEFAULT_CONFIG = Path("config/default.yaml")
 SCHEMA = Path("workflow/schemas/config.schema.yaml")
+
+_NAME = re.compile(r"[A-Za-z0-9_-]+")  # of a domain or recording: it becomes part of file names
+_SAFE_SPREADS = 5  # a normal draw is taken to stay within so many standard deviations
+_CONTROL_PERIOD = 0.001  # s; commands are sent at whole steps of integration
+
+# JSON's integers include 4.0, which range() refuses.
+_Validator = jsonschema.validators.extend(
+    jsonschema.Draft202012Validator,
+    type_checker=jsonschema.Draft202012Validator.TYPE_CHECKER.redefine(
+        "integer", lambda _, value: isinstance(value, int) and not isinstance(value, bool)
+    ),
+)
 
 
 def load_config(path: Path | None = None, schema: Path = SCHEMA) -> dict[str, Any]:
@@ -23,6 +39,8 @@ def load_config(path: Path | None = None, schema: Path = SCHEMA) -> dict[str, An
     Raises:
         InputError: a file is missing or not YAML, or a value is not allowed.
     """
+    if not DEFAULT_CONFIG.is_file():
+        raise InputError(f"{DEFAULT_CONFIG}: no such file; run this in the top folder of the repository")
     config = read_yaml(DEFAULT_CONFIG)
     if path is not None and path.resolve() != DEFAULT_CONFIG.resolve():
         config = merge(config, read_yaml(path))
@@ -38,12 +56,13 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise InputError(
             f"{path}: no such file; give the path of a configuration, for example config/tiny.yaml"
         ) from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a file") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         where = getattr(error, "problem_mark", None)
-        line = f" line {where.line + 1}:" if where is not None else ""
-        raise InputError(
-            f"{path}:{line} not valid YAML ({getattr(error, 'problem', error)}); mend that line"
-        ) from None
+        line, place = (f" line {where.line + 1}:", "that line") if where is not None else ("", "it")
+        problem = " ".join(str(getattr(error, "problem", None) or error).split())
+        raise InputError(f"{path}:{line} not valid YAML ({problem}); mend {place}") from None
     if not isinstance(value, dict):
         raise InputError(f"{path}: holds no keys; a configuration is a mapping of keys to values")
     return value
@@ -66,65 +85,166 @@ def check_config(config: Mapping[str, Any], source: str, schema: Path = SCHEMA) 
     Raises:
         InputError: naming the key, what is wrong with it and what would be right.
     """
-    validator = jsonschema.Draft202012Validator(read_yaml(schema))
-    errors = sorted(validator.iter_errors(config), key=lambda e: (-len(e.path), str(e.path)))
+    errors = sorted(
+        _Validator(read_yaml(schema)).iter_errors(_checked_values(config, source)),
+        key=lambda e: (-len(e.absolute_path), [str(part) for part in e.absolute_path]),
+    )
     if errors:
         raise InputError(f"{source}: {_explain(errors[0])}")
     for name, domain in config["domains"].items():
-        _check_domain(domain, f"{source}: domains.{name}")
+        for key, problem in _impossible(name, domain):
+            raise InputError(f"{source}: domains.{name}{key and '.'}{key}: {problem}")
+
+
+def _checked_values(value: Any, source: str, path: tuple[str, ...] = ()) -> Any:
+    """The value itself, once it holds nothing but what JSON can say."""
+    where = f"{source}: {'.'.join(path) or 'top level'}"
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            if not isinstance(key, str):
+                raise InputError(f"{where}: key {key!r} is not a text; write it in quotes")
+            _checked_values(item, source, (*path, _one_line(key)))
+    elif isinstance(value, list):
+        for i, item in enumerate(value):
+            _checked_values(item, source, (*path, str(i)))
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise InputError(f"{where}: {value} is not a finite number; write one")
+    elif value is not None and not isinstance(value, str | int | float):
+        raise InputError(f"{where}: {_short(value)} is a {type(value).__name__}; write it in quotes")
+    return value
+
+
+_TYPES = {"object": "mapping", "array": "list", "string": "text", "integer": "whole number"}
+_BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
 
 
 def _explain(error: jsonschema.ValidationError) -> str:
-    key = ".".join(str(part) for part in error.absolute_path) or "top level"
+    key = ".".join(_one_line(str(part)) for part in error.absolute_path) or "top level"
+    return f"{key}: {_problem(error)}"
+
+
+def _problem(error: jsonschema.ValidationError) -> str:
+    """What is wrong with a value and what would be right, in one line."""
     kind: Any = error.validator
     value: Any = error.validator_value
     schema: Any = error.schema
     instance: Any = error.instance
+    shown = _short(instance)
     if kind == "additionalProperties":
         known = sorted(schema.get("properties", {}))
-        unknown = sorted(set(instance) - set(known))
-        return f"{key}: unknown key {unknown[0]!r}; remove it, or use one of: {', '.join(known)}"
+        unknown = min(set(instance) - set(known))
+        close = difflib.get_close_matches(unknown, known, n=1)
+        meant = f"write {close[0]!r}" if close else "remove it"
+        return f"unknown key {unknown!r}; {meant}, or use one of: {', '.join(known)}"
     if kind == "required":
         missing = next(k for k in value if k not in instance)
-        return f"{key}: key {missing!r} is missing; add it"
+        return f"key {missing!r} is missing; add it"
     if kind == "type":
-        return f"{key}: {error.instance!r} is not of type {value}; write a {value}"
-    if kind in {"minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum"}:
-        word = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
-        return f"{key}: {error.instance!r} is out of range; it must be {word[kind]} {value}"
+        wanted = _TYPES.get(value, value)
+        hint = f" such as {float(instance)!r}" if _is_number(instance) and value == "number" else ""
+        return f"{shown} is not a {wanted}; write a {wanted}{hint}"
+    if kind in _BOUNDS:
+        return f"{shown} is out of range; it must be {_BOUNDS[kind]} {value}"
     if kind == "enum":
-        return f"{key}: {error.instance!r} is not one of {', '.join(map(str, value))}"
-    return f"{key}: {error.message}; see {SCHEMA}"
+        return f"{shown} is not allowed; use one of: {', '.join(map(str, value))}"
+    if kind == "oneOf" and all(set(case) == {"required"} for case in value):
+        names = [name for case in value for name in case["required"]]
+        found = [name for name in names if name in instance]
+        return f"has {' and '.join(found) or 'none'} of {', '.join(names)}; give exactly one of them"
+    if kind in {"minItems", "maxItems"}:
+        limit = f"at {'least' if kind == 'minItems' else 'most'} {value}"
+        return f"{shown} has {len(instance)} values; write {limit}"
+    if kind == "minProperties":
+        return f"is empty; add at least {value}"
+    if kind == "uniqueItems":
+        return f"{shown} names something twice; name it once"
+    if kind == "pattern":
+        return f"{shown} has a character that is not allowed; it must match {value}"
+    return f"{_one_line(error.message)}; see {SCHEMA}"
 
 
-def _check_domain(domain: Mapping[str, Any], source: str) -> None:
-    """Ranges that are impossible although each value alone is allowed."""
-    for name, spec in domain["randomisation"].items():
-        if "uniform" in spec and spec["uniform"][0] > spec["uniform"][1]:
-            raise InputError(
-                f"{source}.randomisation.{name}.uniform: {spec['uniform']} runs "
-                "backwards; write [low, high] with low <= high"
-            )
-        if spec.get("times") is not None and spec["times"] not in domain["randomisation"]:
-            raise InputError(
-                f"{source}.randomisation.{name}.times: no parameter {spec['times']!r}; "
-                f"use one of: {', '.join(domain['randomisation'])}"
-            )
-    for name, values in domain["rollouts"]["named_conditions"].items():
-        unknown = sorted(set(values) - set(domain["randomisation"]))
-        if unknown:
-            raise InputError(
-                f"{source}.rollouts.named_conditions.{name}: unknown parameter "
-                f"{unknown[0]!r}; use one of: {', '.join(domain['randomisation'])}"
+def _is_number(value: Any) -> bool:
+    """True for what YAML takes for a text although a person reads a number, such as 1e-3."""
+    try:
+        return isinstance(value, str) and math.isfinite(float(value))
+    except ValueError:
+        return False
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _short(value: Any) -> str:
+    text = _one_line(repr(value))
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _impossible(name: str, domain: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Key and problem of values that are impossible although the schema allows each alone."""
+    for key, names in (("", [name]), ("recordings", domain["recordings"])):
+        for bad in (n for n in names if not _NAME.fullmatch(n)):
+            yield key, f"{bad!r} is no good name; use letters, digits, _ and -"
+    period = _CONTROL_PERIOD / domain["scene"]["timestep_s"]
+    if not math.isclose(period, round(period), rel_tol=1e-6):
+        yield (
+            "scene.timestep_s",
+            (
+                f"{domain['scene']['timestep_s']} does not divide {_CONTROL_PERIOD} s; "
+                "use 0.001, 0.0005, 0.00025 or another whole part"
+            ),
+        )
+    for parameter, spec in domain["randomisation"].items():
+        for key, problem in _impossible_distribution(parameter, spec):
+            yield f"randomisation.{parameter}.{key}", problem
+    low, high = domain["demonstrations"]["speed_m_s"]
+    if not 0 < low <= high:
+        yield "demonstrations.speed_m_s", f"[{low}, {high}] is no range of speeds; write 0 < low <= high"
+    hits = domain["rollouts"]["hits"]
+    for condition, values in domain["rollouts"]["named_conditions"].items():
+        for unknown in sorted(set(values) - set(CONDITION_PARAMETERS)):
+            yield (
+                f"rollouts.named_conditions.{_one_line(condition)}",
+                (f"unknown parameter {unknown!r}; use one of: {', '.join(CONDITION_PARAMETERS)}"),
             )
     needed = domain["evaluation"]["samples"] + domain["evaluation"]["queries"]
-    if needed > domain["rollouts"]["hits"]:
-        raise InputError(
-            f"{source}.evaluation: samples + queries = {needed} hits of a condition, but "
-            f"rollouts.hits is {domain['rollouts']['hits']}; lower the first or raise the second"
+    if needed > hits:
+        yield (
+            "evaluation",
+            (
+                f"samples + queries = {needed} hits of a condition, but rollouts.hits is {hits}; "
+                "lower the first or raise the second"
+            ),
         )
-    if domain["training"]["sequence"] > domain["rollouts"]["hits"]:
-        raise InputError(
-            f"{source}.training.sequence: {domain['training']['sequence']} is more than "
-            f"rollouts.hits = {domain['rollouts']['hits']}; lower it"
+    if domain["training"]["sequence"] > hits:
+        yield (
+            "training.sequence",
+            (
+                f"{domain['training']['sequence']} is more than rollouts.hits = {hits}; "
+                "lower the first or raise the second"
+            ),
         )
+
+
+def _impossible_distribution(parameter: str, spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    if "uniform" in spec and spec["uniform"][0] > spec["uniform"][1]:
+        yield "uniform", f"{spec['uniform']} runs backwards; write [low, high] with low <= high"
+    if "normal" in spec:
+        mean, spread = spec["normal"]
+        if spread < 0:
+            yield "normal", f"standard deviation {spread} is negative; write [mean, sd] with sd >= 0"
+        if parameter in CONDITION_PARAMETERS and mean - _SAFE_SPREADS * spread <= 0:
+            yield (
+                "normal",
+                (
+                    f"{spec['normal']} draws values below 0, which {parameter} cannot have; "
+                    f"write a mean above {_SAFE_SPREADS} standard deviations, or use uniform"
+                ),
+            )
+    if "times" in spec:
+        earlier: Collection[str] = ()
+        if parameter in CONDITION_PARAMETERS:
+            earlier = CONDITION_PARAMETERS[: CONDITION_PARAMETERS.index(parameter)]
+        if spec["times"] not in earlier:
+            advice = f"use one of: {', '.join(earlier)}" if earlier else "leave `times` out"
+            yield "times", f"no parameter {spec['times']!r} is drawn before {parameter}; {advice}"

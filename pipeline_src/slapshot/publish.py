@@ -56,7 +56,7 @@ def publish(store: Store, versions: list[str], target: Path, available: bool = F
                     _copy(file, target / file.name)
                     manifest[file.name] = version
     for file in target.iterdir():
-        if _PUBLISHED.match(file.name) and file.name not in manifest:
+        if _PUBLISHED.match(file.name) and file.is_file() and file.name not in manifest:
             file.unlink()
             log.info("removed %s: it belongs to an earlier configuration", file)
     text = json.dumps(manifest, indent=2, sort_keys=True) + "\n"

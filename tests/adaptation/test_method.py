@@ -1,10 +1,10 @@
 """The shared face of the methods: its loops, its loss, and how a method is found and configured."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import pytest
 import torch
-from slapshot.adaptation.kalman import Kalman, KalmanSettings
+from slapshot.adaptation.kalman import Kalman
 from slapshot.adaptation.method import AdaptationMethod, Sizes, build_settings, load_method
 from slapshot.errors import InputError
 from torch import Tensor, nn
@@ -45,6 +45,15 @@ class RunningSum(AdaptationMethod[SumBelief]):
 
     def hidden(self, belief):
         return belief.total
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Tensors this small only wait for a second thread, very long where another process has it."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
 
 
 @pytest.fixture
@@ -134,21 +143,118 @@ def test_load_method_names_what_exists(name):
     assert "layers" not in str(caught.value).split("there are:")[1]
 
 
-def test_fast_methods_agree_with_the_plain_loops():
-    """Contract of the overridable loops, on the method that overrides them."""
-    generator = torch.Generator().manual_seed(2)
-    kalman = Kalman(SIZES, KalmanSettings(3, (8,), 0.01), 2, generator).double()
-    data = tuple(
-        torch.randn(2, 4, 6, d, generator=generator, dtype=torch.float64)
+# --- the contract of every method -----------------------------------------------------------------
+
+CONFIGURATIONS = {"kalman": {"latent": 4, "hidden": [16, 16], "drift": 1e-3}}
+every_method = pytest.mark.parametrize("name", CONFIGURATIONS)
+
+
+def build(name: str, models: int = 2, seed: int = 0) -> AdaptationMethod:
+    generator = torch.Generator().manual_seed(seed)
+    return load_method(name).from_configuration(SIZES, CONFIGURATIONS[name], models, generator)
+
+
+def draw(models: int, tasks: int, samples: int, dtype=torch.float64) -> tuple[Tensor, ...]:
+    generator = torch.Generator().manual_seed(1)
+    return tuple(
+        torch.randn(models, tasks, samples, d, generator=generator, dtype=dtype)
         for d in (SIZES.state, SIZES.action, SIZES.outcome)
     )
-    # Well-conditioned 3 x 3 algebra, 6 steps: float64 rounding is far below 1e-12.
-    torch.testing.assert_close(
-        kalman.sequence_predictions(*data),
-        AdaptationMethod.sequence_predictions(kalman, *data),
-        rtol=0,
-        atol=1e-12,
-    )
-    for fast, plain in zip(kalman.adapt(*data), AdaptationMethod.adapt(kalman, *data), strict=True):
-        torch.testing.assert_close(fast.mean, plain.mean, rtol=0, atol=1e-12)
-        torch.testing.assert_close(fast.covariance, plain.covariance, rtol=0, atol=1e-12)
+
+
+def train(method: AdaptationMethod, data: tuple[Tensor, ...]) -> None:
+    optimiser = torch.optim.SGD(method.parameters(), lr=0.1)
+    for _ in range(10):
+        optimiser.zero_grad()
+        method.sequence_loss(method.sequence_predictions(*data), data[2]).backward()
+        optimiser.step()
+
+
+@every_method
+def test_parameters_depend_on_the_generator_only(name):
+    before = torch.get_rng_state()
+    first = build(name, seed=1).state_dict()
+    assert torch.equal(before, torch.get_rng_state())
+    torch.rand(3)
+    again, other = build(name, seed=1).state_dict(), build(name, seed=2).state_dict()
+    assert all(torch.equal(value, again[key]) for key, value in first.items())
+    assert any(not torch.equal(value, other[key]) for key, value in first.items())
+
+
+@every_method
+def test_shapes(name):
+    method = build(name)
+    state, action, observed = draw(2, 3, 6, torch.float32)
+    beliefs = method.adapt(state, action, observed)
+    assert len(beliefs) == 7
+    hidden = torch.stack([method.hidden(belief) for belief in beliefs])
+    assert hidden.shape[:3] == (7, 2, 3)
+    assert torch.isfinite(hidden).all()
+    assert method.predict(beliefs[3], state[:, :, :5], action[:, :, :5]).shape == (2, 3, 5, 2)
+    assert method.sequence_predictions(state, action, observed).shape == (2, 3, 6, 2)
+    assert all(p.shape[0] == 2 for p in method.parameters())
+
+
+@every_method
+def test_fast_loops_agree_with_the_plain_ones(name):
+    method, data = build(name).double(), draw(2, 3, 6)
+    plain = AdaptationMethod.sequence_predictions(method, *data)
+    # The same numbers in another order: float64 rounding of six well-conditioned steps.
+    torch.testing.assert_close(method.sequence_predictions(*data), plain, rtol=0, atol=1e-12)
+    beliefs = zip(method.adapt(*data), AdaptationMethod.adapt(method, *data), strict=True)
+    for fast, slow in beliefs:
+        for field in fields(fast):
+            a, b = getattr(fast, field.name), getattr(slow, field.name)
+            torch.testing.assert_close(a, b, rtol=0, atol=1e-12)
+
+
+@every_method
+@pytest.mark.parametrize("plain", [False, True])
+def test_prediction_uses_earlier_observations_only(name, plain):
+    method = build(name)
+    owner = AdaptationMethod if plain else type(method)
+    state, action, observed = draw(2, 3, 6, torch.float32)
+    before = owner.sequence_predictions(method, state, action, observed)
+    for i in range(6):
+        changed = observed.clone()
+        changed[:, :, i] += 1.0
+        after = owner.sequence_predictions(method, state, action, changed)
+        # The same operations on the same numbers: equal to the last bit.
+        assert torch.equal(after[:, :, : i + 1], before[:, :, : i + 1])
+        # And not by ignoring the data: every later prediction moves.
+        assert (after[:, :, i + 1 :] != before[:, :, i + 1 :]).any(-1).all()
+
+
+@every_method
+def test_first_prediction_is_the_priors(name):
+    method = build(name)
+    state, action, observed = draw(2, 3, 1, torch.float32)
+    first = method.sequence_predictions(state, action, observed)
+    torch.testing.assert_close(first, method.predict(method.prior(3), state, action))
+
+
+@every_method
+def test_gradients_of_the_models_do_not_mix(name):
+    method, data = build(name), draw(2, 3, 5, torch.float32)
+    method.model_losses(method.sequence_predictions(*data), data[2])[0].backward()
+    for key, parameter in method.named_parameters():
+        assert parameter.grad is not None
+        assert (parameter.grad[0] != 0).any(), key
+        assert (parameter.grad[1] == 0).all(), key
+
+
+@every_method
+def test_training_together_equals_training_alone(name):
+    together = build(name, models=3).double()
+    start = {key: p.detach().clone() for key, p in together.named_parameters()}
+    data = draw(3, 4, 6)
+    train(together, data)
+    trained = dict(together.named_parameters())
+    for m in range(3):
+        alone = build(name, models=1, seed=9).double()
+        alone.load_state_dict({key: p[m : m + 1] for key, p in start.items()})
+        train(alone, tuple(x[m : m + 1] for x in data))
+        for key, parameter in alone.named_parameters():
+            assert not torch.equal(parameter[0], start[key][m]), key
+            # Ten smooth steps in float64: rounding of 1e-16 grows to at most some 1e-13.
+            torch.testing.assert_close(parameter[0], trained[key][m], rtol=0, atol=1e-11)

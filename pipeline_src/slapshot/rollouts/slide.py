@@ -6,7 +6,9 @@ dissipation in the elliptic cone (fx/mu_x)^2 + (fy/mu_y)^2 + (m/mu_t)^2 <= N^2:
 
     f_j = -N mu_j^2 v_j / sqrt(mu_x^2 vx^2 + mu_y^2 vy^2 + mu_t^2 w^2)
 
-Rolling friction does not appear: an object that stays flat does not roll.
+Rolling friction does not appear: an object that stays flat does not roll. This is the textbook law that
+MuJoCo's elliptic cones approximate: its soft contacts make a sliding object hop by micrometres, so that
+spin dies sooner and anisotropy bends paths less, which moves rest points by up to 2.5 % of the slide.
 """
 
 import numpy as np

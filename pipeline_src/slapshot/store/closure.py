@@ -9,6 +9,8 @@ import importlib.util
 from functools import cache
 from pathlib import Path
 
+from slapshot.errors import InputError
+
 
 def code_digest(*modules: str) -> str:
     """Digest of the modules and of all they import from their own packages, as syntax trees.
@@ -24,6 +26,7 @@ def code_digest(*modules: str) -> str:
 
     Raises:
         ModuleNotFoundError: if one of the modules does not exist.
+        InputError: one of the files is not valid Python.
     """
     digest = hashlib.sha256()
     for name, path in sorted(module_closure(*modules).items()):
@@ -56,6 +59,8 @@ def module_closure(*modules: str) -> dict[str, Path]:
 
 def find_source(name: str) -> Path | None:
     """File of a module, without importing it; None if there is no such Python source."""
+    if not all(part.isidentifier() for part in name.split(".")):
+        return None
     top, _, rest = name.partition(".")
     root = _package_root(top)
     if root is None:
@@ -63,7 +68,7 @@ def find_source(name: str) -> Path | None:
     if not rest:
         return root if root.suffix == ".py" else root / "__init__.py"
     path = root.joinpath(*rest.split("."))
-    for candidate in (path.with_suffix(".py"), path / "__init__.py"):
+    for candidate in (path / "__init__.py", path.with_suffix(".py")):
         if candidate.is_file():
             return candidate
     return None
@@ -95,7 +100,7 @@ def _absolute(name: str, importer: str, path: Path) -> str:
 def _imports(path: Path, _mtime: int) -> tuple[str, ...]:
     """Names that may be modules: `from a.b import c` gives both a.b and a.b.c."""
     names: list[str] = []
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in ast.walk(_parse(path)):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -107,15 +112,27 @@ def _imports(path: Path, _mtime: int) -> tuple[str, ...]:
 
 @cache
 def _source_digest(path: Path, _mtime: int) -> str:
-    tree = ast.parse(path.read_text("utf-8"))
+    tree = _parse(path)
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             body = node.body
             if body and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
-                body[0].value.value = ""
+                node.body = body[1:] or ([] if isinstance(node, ast.Module) else [ast.Pass()])
     # Unparsed source, because ast.dump differs between Python versions and this mostly does not.
     return hashlib.sha256(ast.unparse(tree).encode()).hexdigest()
 
 
+def _parse(path: Path) -> ast.Module:
+    try:
+        return ast.parse(path.read_text("utf-8"))
+    except SyntaxError as error:
+        raise InputError(f"{path}:{error.lineno}: not valid Python ({error.msg}); mend that line") from None
+
+
 def _data_files(folder: Path) -> list[Path]:
-    return [p for p in folder.iterdir() if p.is_file() and p.suffix not in {".py", ".pyc"}]
+    """Files beside the modules; what editors and file managers leave there (.name, name~) does not count."""
+    return [
+        p
+        for p in folder.iterdir()
+        if p.is_file() and p.suffix not in {".py", ".pyc"} and p.name[0] != "." and p.name[-1] != "~"
+    ]

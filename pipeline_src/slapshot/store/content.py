@@ -52,7 +52,14 @@ def _rebatched(file: pq.ParquetFile) -> Iterator[pa.Table]:
 
 
 def _canonical(table: pa.Table) -> pa.Table:
-    """One chunk, no offset, no metadata: slices keep their parents' buffers otherwise."""
+    """One chunk, no offset, no metadata: slices keep their parents' buffers otherwise.
+
+    Dictionary columns are decoded: the order of a dictionary depends on how the file was written.
+    """
     table = table.replace_schema_metadata(None)
+    for i, field in enumerate(table.schema):
+        if pa.types.is_dictionary(field.type):
+            plain = field.type.value_type
+            table = table.set_column(i, field.with_type(plain), table.column(i).cast(plain))
     indices = pa.array(range(table.num_rows), pa.int64())
     return table.take(indices).combine_chunks()

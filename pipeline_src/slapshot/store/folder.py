@@ -40,9 +40,33 @@ class Store:
         """The file whose existence tells Snakemake that the version is there."""
         return self.root / stage / f"{version_id}.ok"
 
+    def lock(self, stage: str, version_id: str) -> Path:
+        """The file that a process holds a lock on while it makes the version."""
+        return self.root / stage / f".lock-{version_id}"
+
+    def is_being_made(self, stage: str, version_id: str) -> bool:
+        """True while a process makes the version."""
+        path = self.lock(stage, version_id)
+        if not path.is_file():
+            return False
+        with path.open("r") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except OSError:
+                return True
+        return False
+
     def is_whole(self, stage: str, version_id: str) -> bool:
-        """True if the version is there: by construction, folders are whole or absent."""
-        return (self.folder(stage, version_id) / VERSION_FILE).is_file()
+        """True if the version is there with all its files.
+
+        By construction folders are whole or absent; this sees what somebody removed by hand.
+        """
+        folder = self.folder(stage, version_id)
+        try:
+            content = json.loads((folder / VERSION_FILE).read_text())["content"]
+        except (OSError, ValueError):
+            return False
+        return all((folder / name).is_file() for name in content)
 
     def put_mark(self, stage: str, version_id: str) -> None:
         """Tell Snakemake that the version is there."""
@@ -83,7 +107,7 @@ class Store:
 
         Args:
             recipe: what the version is made from.
-            resume: keep what an interrupted run left there.
+            resume: keep what an interrupted run left there, and what this one leaves if it fails.
 
         Raises:
             InputError: another process is making this version right now.
@@ -91,25 +115,34 @@ class Store:
         final = self.folder(recipe.stage, recipe.id)
         partial = final.with_name(f".partial-{recipe.id}")
         final.parent.mkdir(parents=True, exist_ok=True)
-        with _locked(final.with_name(f".lock-{recipe.id}")):
+        with _locked(self.lock(recipe.stage, recipe.id)):
             if not resume:
                 shutil.rmtree(partial, ignore_errors=True)
             partial.mkdir(exist_ok=True)
+            (partial / VERSION_FILE).unlink(missing_ok=True)  # of a run that ended just before the rename
             started = time.time()
-            yield partial
-            version = {
-                "id": recipe.id,
-                "recipe": json.loads(recipe.to_json()),
-                "content": {
-                    path.relative_to(partial).as_posix(): content_digest(path)
-                    for path in sorted(partial.rglob("*"))
-                    if path.is_file()
-                },
-                "seconds": round(time.time() - started, 1),
-                "made_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            }
+            try:
+                yield partial
+                version = {
+                    "id": recipe.id,
+                    "recipe": json.loads(recipe.to_json()),
+                    "content": {
+                        path.relative_to(partial).as_posix(): content_digest(path)
+                        for path in sorted(partial.rglob("*"))
+                        if path.is_file()
+                    },
+                    "seconds": round(time.time() - started, 1),
+                    "made_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+                }
+            except BaseException as error:
+                # Bad input leaves nothing to go on from; a crash or Ctrl-C does, if the stage can.
+                if not resume or isinstance(error, InputError):
+                    shutil.rmtree(partial, ignore_errors=True)
+                raise
             (partial / VERSION_FILE).write_text(canonical_json(version) + "\n")
             _sync(partial)
+            if final.exists():  # but not whole: somebody removed files from it
+                shutil.rmtree(final)
             partial.rename(final)
 
 
@@ -124,8 +157,10 @@ def _locked(path: Path) -> Iterator[None]:
                 f"{path.parent.name}/{path.name.removeprefix('.lock-')} is being made by another "
                 "process: wait for it, or end it"
             ) from None
-        yield
-        path.unlink(missing_ok=True)
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
 
 
 def _sync(folder: Path) -> None:

@@ -38,6 +38,8 @@ def flatten(value: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 def collect_garbage(store: Store, keep: Mapping[str, set[str]], really: bool) -> list[tuple[Path, int]]:
     """Versions and leftovers of interrupted runs that `keep` (stage -> ids) does not name.
 
+    What a process is making right now stays.
+
     Returns:
         Folder and size in bytes of each; they are removed only if `really`.
     """
@@ -45,13 +47,14 @@ def collect_garbage(store: Store, keep: Mapping[str, set[str]], really: bool) ->
     for folder in sorted(store.root.glob("*/*")):
         if not folder.is_dir():
             continue
-        version_id = folder.name.removeprefix(".partial-")
-        if version_id in keep.get(folder.parent.name, set()):
+        stage, version_id = folder.parent.name, folder.name.removeprefix(".partial-")
+        if version_id in keep.get(stage, set()) or store.is_being_made(stage, version_id):
             continue
         size = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
         removed.append((folder, size))
         if really:
             # The mark goes first: a mark without its version would hide that it is gone.
-            store.mark(folder.parent.name, version_id).unlink(missing_ok=True)
+            store.mark(stage, version_id).unlink(missing_ok=True)
             shutil.rmtree(folder)
+            store.lock(stage, version_id).unlink(missing_ok=True)
     return removed

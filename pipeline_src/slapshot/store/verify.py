@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from slapshot.store.content import content_digest
 from slapshot.store.folder import VERSION_FILE, Store
@@ -35,7 +36,7 @@ def damaged_files(folder: Path) -> list[str]:
 def _digest_or_none(path: Path) -> str | None:
     try:
         return content_digest(path)
-    except (OSError, ValueError):  # a damaged Parquet file raises one or the other
+    except (OSError, ValueError, pa.ArrowException):  # a damaged Parquet file raises any of them
         return None
 
 
@@ -55,7 +56,7 @@ def make_lock(store: Store, recipes: dict[str, Recipe]) -> dict[str, Any]:
 
 
 def compare(store: Store, recipes: dict[str, Recipe], lock: dict[str, Any]) -> dict[str, str]:
-    """Label -> identical, equal within tolerance, or what differs."""
+    """Label -> identical, equal within tolerance, or what differs or is damaged."""
     verdicts = {}
     for label in sorted(set(recipes) | set(lock)):
         if label not in lock:
@@ -71,11 +72,16 @@ def compare(store: Store, recipes: dict[str, Recipe], lock: dict[str, Any]) -> d
 
 
 def _compare_one(folder: Path, recipe: Recipe, locked: dict[str, Any]) -> str:
+    damaged = damaged_files(folder)
+    if damaged:
+        return f"damaged: {', '.join(damaged)} not as written; remove {folder} and run `snakemake figures`"
     found = json.loads((folder / VERSION_FILE).read_text())["content"]
     if found == locked["content"]:
         return "identical" if recipe.id == locked["id"] else "identical content, other recipe"
     if set(found) != set(locked["content"]):
         return f"other files: {', '.join(sorted(set(found) ^ set(locked['content'])))}"
+    if not locked["numbers"]:
+        return f"differs: {', '.join(name for name in found if found[name] != locked['content'][name])}"
     worst, where = 0.0, ""
     for name, columns in locked["numbers"].items():
         here = column_statistics(folder / name)
@@ -97,8 +103,9 @@ def column_statistics(path: Path) -> dict[str, list[float]]:
     statistics = {}
     for name, column in table.items():
         values = column.to_numpy()
-        if len(values) and isinstance(values[0], np.ndarray | list):
-            values = np.concatenate(values)
+        if values.dtype == object:
+            lists = [v for v in values if isinstance(v, np.ndarray)]  # a missing one is None
+            values = np.concatenate(lists) if lists else values
         if np.issubdtype(values.dtype, np.number) and len(values):
             finite = values[np.isfinite(values.astype(float))].astype(float)
             if len(finite):

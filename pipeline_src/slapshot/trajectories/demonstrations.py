@@ -1,6 +1,10 @@
 """Stage `demonstrations`: scripted task trajectories that are within every limit (S5)."""
 
 import logging
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,39 +20,85 @@ from slapshot.trajectories.safety import SafetyCheck
 
 log = logging.getLogger("slapshot")
 
-_BLOCK = 64
+_BLOCK = 64  # tasks drawn at a time, so that the first n demonstrations do not depend on their count
+_ROWS_PER_GROUP = 8192
 
 
 def produce(run: Run) -> None:
-    """Write demonstrations.parquet: one row a safe demonstration, its task and its waypoints."""
-    settings, count = run.config, run.config["count"]
+    """Write demonstrations.parquet: a row each safe demonstration, its task and its waypoints (rad)."""
+    settings = run.config
     scene = Scene.load(run.inputs["scene"])
+    blocks = -(-settings["count"] // _BLOCK)
+    refused: Counter[str] = Counter()
+    accepted = 0
+    with _Writer(
+        run.out / "demonstrations.parquet", settings["waypoints"] * len(scene.info.joints)
+    ) as writer:
+        for found, reasons in progress(_blocks(scene, settings, blocks), blocks, "demonstrations"):
+            writer.add(found)
+            accepted += len(found)
+            refused.update(reasons)
+    for reason, times in sorted(refused.items()):
+        log.info("%d of %d tasks refused: %s", times, blocks * _BLOCK, reason)
+    if accepted < blocks * _BLOCK / 2:
+        raise InputError(
+            f"demonstrations: only {accepted} of {blocks * _BLOCK} tasks can be executed safely; "
+            "narrow heading_rad, speed_m_s or contact_offset_m"
+        )
+
+
+def _blocks(
+    scene: Scene, settings: Mapping[str, Any], blocks: int
+) -> Iterator[tuple[list[dict[str, Any]], list[str]]]:
+    """Safe demonstrations, and why the other tasks were refused, block by block."""
     domain = load_domain(settings["domain"])
     check = SafetyCheck(scene)
     rng = np.random.default_rng(settings["seed"])
-    rows: list[dict] = []
-    refused: dict[str, int] = {}
-    blocks = -(-count // _BLOCK)
-    for _ in progress(range(blocks), blocks, "demonstrations"):
+    for _ in range(blocks):
         tasks = [domain.draw_task(settings, rng) for _ in range(_BLOCK)]
-        found = domain.demonstrate(scene, settings, tasks)
-        for task, waypoints in zip(tasks, found, strict=True):
-            reason = "out of reach"
-            if waypoints is not None:
-                motion = Motion.through(waypoints, settings["duration_s"])
-                reason = check.report(motion).reason
-            if waypoints is None or reason:
-                refused[reason] = refused.get(reason, 0) + 1
+        found, reasons = [], []
+        for task, waypoints in zip(tasks, domain.demonstrate(scene, settings, tasks), strict=True):
+            if waypoints is None:
+                reasons.append("out of reach")
+                continue
+            report = check.report(Motion.through(waypoints, settings["duration_s"]))
+            if report.safe:
+                found.append({**task, "waypoints": waypoints.ravel()})
             else:
-                rows.append({**task, "waypoints": waypoints.ravel()})
-    for reason, times in sorted(refused.items()):
-        log.info("%d of %d tasks refused: %s", times, blocks * _BLOCK, reason)
-    if len(rows) < blocks * _BLOCK / 2:
-        raise InputError(
-            f"demonstrations: only {len(rows)} of {blocks * _BLOCK} tasks can be executed safely; "
-            "narrow heading_rad, speed_m_s or contact_offset_m"
-        )
-    pq.write_table(pa.Table.from_pylist(rows), run.out / "demonstrations.parquet", compression="zstd")
+                reasons.append(report.reason)
+        yield found, reasons
+
+
+class _Writer:
+    """A Parquet file written in row groups, so that memory does not grow with the demonstrations."""
+
+    def __init__(self, path: Path, size: int) -> None:
+        self._path, self._size = path, size
+        self._rows: list[dict[str, Any]] = []
+        self._writer: pq.ParquetWriter | None = None
+
+    def __enter__(self) -> "_Writer":
+        return self
+
+    def add(self, rows: list[dict[str, Any]]) -> None:
+        self._rows += rows
+        if len(self._rows) >= _ROWS_PER_GROUP:
+            self._flush()
+
+    def __exit__(self, *_: object) -> None:
+        if self._rows:
+            self._flush()
+        if self._writer is not None:
+            self._writer.close()
+
+    def _flush(self) -> None:
+        table = pa.Table.from_pylist(self._rows)
+        kind = pa.list_(pa.float32(), self._size)
+        waypoints = table["waypoints"].cast(pa.list_(pa.float32())).cast(kind)
+        table = table.set_column(table.schema.get_field_index("waypoints"), "waypoints", waypoints)
+        self._writer = self._writer or pq.ParquetWriter(self._path, table.schema, compression="zstd")
+        self._writer.write_table(table)
+        self._rows = []
 
 
 if __name__ == "__main__":

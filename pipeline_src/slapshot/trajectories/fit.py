@@ -5,7 +5,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import torch
@@ -26,7 +25,8 @@ def produce(run: Run) -> None:
     torch.set_num_threads(1)  # layers this small only lose time between threads
     scene = Scene.load(run.inputs["scene"])
     column = pq.read_table(run.inputs["demonstrations"] / "demonstrations.parquet")["waypoints"]
-    flat = torch.as_tensor(np.stack(column.to_numpy()), dtype=torch.float32)
+    size = column.type.list_size
+    flat = torch.from_numpy(column.combine_chunks().flatten().to_numpy().reshape(-1, size).copy())
     joints = len(scene.info.joints)
     sizes = VaeSizes(
         waypoints=flat.shape[1] // joints,
@@ -67,6 +67,7 @@ def train(flat: torch.Tensor, sizes: VaeSizes, settings: Mapping[str, Any]) -> T
         ((reconstruction + divergence) * noise**2).backward()
         optimiser.step()
         schedule.step()
+    model.standardise_latent(flat)
     return model.eval()
 
 

@@ -49,22 +49,38 @@ class TrajectoryVae(nn.Module):
         self.decoder = _mlp([sizes.latent, *reversed(sizes.hidden), flat])
         self.register_buffer("mean", torch.zeros(flat))
         self.register_buffer("scale", torch.ones(flat))
+        self.register_buffer("latent_mean", torch.zeros(sizes.latent))
+        self.register_buffer("latent_sd", torch.ones(sizes.latent))
         self.mean: Tensor
         self.scale: Tensor
+        self.latent_mean: Tensor
+        self.latent_sd: Tensor
 
     def set_normalisation(self, flat: Tensor) -> None:
         """Take mean and spread of waypoints (count, waypoints * joints) from training data."""
         self.mean.copy_(flat.mean(0))
         self.scale.copy_(flat.std(0).clamp_min(1e-3))
 
+    @torch.no_grad()
+    def standardise_latent(self, flat: Tensor) -> None:
+        """Shift and scale each latent dimension so that the demonstrations fill a unit Gaussian.
+
+        With a sharp decoder the KL term is too weak to do it exactly; reconstructions stay the same.
+        """
+        mean, log_variance = self.encode(flat)
+        shift, spread = mean.mean(0), (mean.var(0) + log_variance.exp().mean(0)).sqrt()
+        self.latent_mean.add_(shift * self.latent_sd)
+        self.latent_sd.mul_(spread)
+
     def encode(self, flat: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log variance, (count, latent) each."""
         mean, log_variance = self.encoder((flat - self.mean) / self.scale).chunk(2, dim=-1)
-        return mean, log_variance.clamp(-20, 2)
+        log_variance = log_variance.clamp(-20, 2) - 2 * self.latent_sd.log()
+        return (mean - self.latent_mean) / self.latent_sd, log_variance
 
     def decode(self, latent: Tensor) -> Tensor:
         """Flat waypoints (count, waypoints * joints) in rad."""
-        return self.decoder(latent) * self.scale + self.mean
+        return self.decoder(latent * self.latent_sd + self.latent_mean) * self.scale + self.mean
 
     def loss(self, flat: Tensor, noise: float, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Reconstruction and KL terms, nats per trajectory.

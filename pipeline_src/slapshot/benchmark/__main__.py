@@ -1,0 +1,81 @@
+"""`snakemake benchmark`: measure, print, and write figures/benchmark.csv (measure, value, unit)."""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+import pandas as pd
+import torch
+from rich.console import Console
+from rich.table import Table
+
+from slapshot.benchmark.measures import (
+    Measure,
+    hit_measures,
+    hours,
+    memory_measures,
+    training_measures,
+)
+from slapshot.config import load_config
+from slapshot.errors import InputError
+from slapshot.plan import make_plan
+from slapshot.scenes.scene import Scene
+from slapshot.store.folder import Store
+from slapshot.trajectories.swings import Swings
+from slapshot.trajectories.vae import TrajectoryVae
+
+SCALES = ("default", "paper")
+
+
+def measure(store: Store, cores: int) -> list[Measure]:
+    """All measures, for every domain of the default configuration."""
+    rows: list[Measure] = []
+    configs = {name: load_config(Path(f"config/{name}.yaml")) for name in SCALES}
+    plan = make_plan(configs["default"])
+    torch.set_num_threads(cores)
+    for domain, config in configs["default"]["domains"].items():
+        inputs = store.inputs(plan.recipes[f"rollouts/{domain}"])
+        folders = {**inputs, **store.inputs(plan.recipes[f"swings/{domain}"])}
+        scene, swings = Scene.load(folders["scene"]), Swings.load(folders["swings"])
+        model = TrajectoryVae.load(folders["trajectory_model"])
+        settings = plan.recipes[f"rollouts/{domain}"].config
+        rows += hit_measures(domain, config["randomisation"], scene, model, swings)
+        rows += memory_measures(domain, inputs, settings)
+        for name in SCALES:
+            scale = configs[name]["domains"][domain]
+            for method, own in scale["methods"].items():
+                action = scale["trajectory_model"]["latent"]
+                timed = training_measures(domain, method, own, scale["training"], action)
+                rows += [Measure(f"{row.measure}_{name}", row.value, row.unit) for row in timed]
+        measured = {row.measure: row.value for row in rows}
+        for name in SCALES:
+            rows += hours(domain, name, configs[name]["domains"][domain], measured, cores)
+    return rows
+
+
+def main() -> None:
+    """Command line, as the workflow calls it."""
+    parser = argparse.ArgumentParser(prog="python -m slapshot.benchmark")
+    parser.add_argument("--store", type=Path, default=Path("data/store"))
+    parser.add_argument("--cores", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--out", type=Path, default=Path("figures/benchmark.csv"))
+    args = parser.parse_args()
+    try:
+        rows = measure(Store(args.store), args.cores)
+    except InputError as error:
+        print(f"benchmark: {error}", file=sys.stderr)
+        sys.exit(1)
+    table = pd.DataFrame(rows)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    aside = args.out.with_suffix(".tmp")
+    table.to_csv(aside, index=False, float_format="%.4g")
+    aside.rename(args.out)
+    shown = Table("measure", "value", "unit", box=None, pad_edge=False)
+    for row in rows:
+        shown.add_row(row.measure, f"{row.value:.4g}", "" if row.unit == "1" else row.unit)
+    Console(width=110).print(shown)
+
+
+if __name__ == "__main__":
+    main()

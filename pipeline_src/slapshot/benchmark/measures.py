@@ -1,0 +1,152 @@
+"""The measures: speed and error of hits, memory, and the hours that a scale would take."""
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+
+from slapshot.adaptation.method import AdaptationMethod, Sizes, load_method
+from slapshot.command import Run
+from slapshot.rollouts.__main__ import produce
+from slapshot.rollouts.collector import Collector
+from slapshot.rollouts.contact import Hits
+from slapshot.rollouts.reference import dm_control_rests, reference_rests
+from slapshot.scenes.randomisation import draw_conditions, draw_start_errors
+from slapshot.scenes.scene import Scene
+from slapshot.trajectories.swings import Swings, execute
+from slapshot.trajectories.vae import TrajectoryVae
+
+REFERENCE_STEP = 0.00025  # s
+HITS = 2048  # for the speed of the collector
+SLOW_HITS = 96  # for everything that simulates the whole arm
+
+
+class Measure(NamedTuple):
+    """A row of benchmark.csv."""
+
+    measure: str
+    value: float
+    unit: str
+
+
+def draw_hits(
+    randomisation: Mapping[str, Any], swings: Swings, count: int, seed: int, pool: str = "test"
+) -> Hits:
+    """Random swings of a split under random conditions."""
+    rng = np.random.default_rng(seed)
+    return Hits(
+        swings=rng.choice(swings.of_split(pool), count),
+        conditions=draw_conditions(randomisation, count, rng),
+        start_errors=draw_start_errors(randomisation, count, rng),
+    )
+
+
+def hit_measures(
+    domain: str, randomisation: Mapping[str, Any], scene: Scene, model: TrajectoryVae, swings: Swings
+) -> list[Measure]:
+    """Speed on one core against dm_control's loop over the same hits, and error against the reference."""
+    hits = draw_hits(randomisation, swings, HITS, seed=1)
+    few = hits.rows(slice(0, SLOW_HITS))
+    collector = Collector(scene, swings, threads=1)
+    collector.collect(few)  # compiles the slide
+    collect_rate = HITS / _seconds(lambda: collector.collect(hits))
+    slow_rate = SLOW_HITS / _seconds(lambda: dm_control_rests(scene, swings, few))
+    latents = swings.latents[np.unique(hits.swings)]
+    swing_seconds = _seconds(lambda: execute(scene, model, latents, np.zeros(len(latents), int), 1))
+    # With the swings: every hit pays a swing of its own, as hits that were asked for one by one do.
+    with_swings = 1 / (1 / collect_rate + swing_seconds / len(latents))
+    fast = collector.collect(few).rests[:, :2]
+    error = 1e3 * np.linalg.norm(fast - reference_rests(scene, swings, few, REFERENCE_STEP), axis=1)
+    rows = [
+        Measure(f"{domain}_hits_per_second_and_core", collect_rate, "1/s"),
+        Measure(f"{domain}_hits_per_second_and_core_with_own_swing", with_swings, "1/s"),
+        Measure(f"{domain}_hits_per_second_dm_control", slow_rate, "1/s"),
+        Measure(f"{domain}_hits_ratio_to_dm_control", collect_rate / slow_rate, "1"),
+        Measure(f"{domain}_hits_ratio_to_dm_control_with_own_swing", with_swings / slow_rate, "1"),
+        Measure(f"{domain}_rest_error_mm_median", float(np.median(error)), "mm"),
+        Measure(f"{domain}_rest_error_mm_90_percent", float(np.quantile(error, 0.9)), "mm"),
+    ]
+    return rows
+
+
+def memory_measures(domain: str, folders: Mapping[str, Path], settings: Mapping[str, Any]) -> list[Measure]:
+    """Peak memory of a process that collects few hits and of one that collects eight times as many."""
+    peaks = []
+    for factor in (1, 8):
+        code = (
+            "import json, sys; from pathlib import Path\n"
+            "from slapshot.benchmark.measures import peak_memory\n"
+            "folders, settings, factor = json.loads(sys.argv[1])\n"
+            "print(peak_memory({k: Path(v) for k, v in folders.items()}, settings, factor))"
+        )
+        argument = json.dumps([{k: str(v) for k, v in folders.items()}, dict(settings), factor])
+        result = subprocess.run(
+            [sys.executable, "-c", code, argument], capture_output=True, text=True, check=True
+        )
+        peaks.append(float(result.stdout.split()[-1]))
+    return [
+        Measure(f"{domain}_rollouts_peak_memory", peaks[0], "MB"),
+        Measure(f"{domain}_rollouts_peak_memory_ratio_8_times_the_hits", peaks[1] / peaks[0], "1"),
+    ]
+
+
+def peak_memory(folders: Mapping[str, Path], settings: dict[str, Any], factor: int) -> float:
+    """MB that this process needed at most to roll out `factor` times 4096 hits."""
+    sizes = {"train": 64 * factor, "validation": 1, "test": 1, "hits": 64, "named_conditions": {}}
+    with tempfile.TemporaryDirectory() as folder:
+        produce(Run({**settings, **sizes}, folders, Path(folder), 2))
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def training_measures(
+    domain: str, method_name: str, settings: Mapping[str, Any], training: Mapping[str, Any], action: int
+) -> list[Measure]:
+    """Seconds of a training step at the configured sizes, and against the plain per-sample loop."""
+    generator = torch.Generator().manual_seed(0)
+    models, tasks, length = training["models"], training["tasks"], training["sequence"]
+    method = load_method(method_name).from_configuration(Sizes(2, action, 2), settings, models, generator)
+    data = [torch.randn(models, tasks, length, size, generator=generator) for size in (2, action, 2)]
+
+    def step(predict: Callable[..., torch.Tensor]) -> None:
+        method.zero_grad()
+        method.sequence_loss(predict(*data), data[2]).backward()
+
+    plain = AdaptationMethod.sequence_predictions
+    step(method.sequence_predictions)
+    fast = min(_seconds(lambda: step(method.sequence_predictions)) for _ in range(5))
+    slow = min(_seconds(lambda: step(lambda *d: plain(method, *d))) for _ in range(3))
+    return [
+        Measure(f"{domain}_{method_name}_training_step", fast, "s"),
+        Measure(f"{domain}_{method_name}_training_step_ratio_to_plain_loop", slow / fast, "1"),
+    ]
+
+
+def hours(
+    domain: str, name: str, config: Mapping[str, Any], measured: Mapping[str, float], cores: int
+) -> list[Measure]:
+    """Hours that the two long stages of a configuration would take on this machine, from the rates."""
+    rollouts, training = config["rollouts"], config["training"]
+    count = (rollouts["train"] + rollouts["validation"] + rollouts["test"]) * rollouts["hits"]
+    rate = measured[f"{domain}_hits_per_second_and_core"] * cores
+    rows = [
+        Measure(f"{domain}_{name}_hits", count, "1"),
+        Measure(f"{domain}_{name}_rollouts_hours", count / rate / 3600, "h"),
+    ]
+    for method in config["methods"]:
+        step = measured[f"{domain}_{method}_training_step_{name}"]
+        rows.append(Measure(f"{domain}_{name}_train_{method}_hours", training["steps"] * step / 3600, "h"))
+    return rows
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin
