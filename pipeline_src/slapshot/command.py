@@ -99,6 +99,7 @@ def _recipes(stage: str, recipe: str | None, config: Path | None) -> list[Recipe
 def set_up_logging(stage: str, file: Path | None) -> None:
     """Messages to the terminal, and with all details to `file`."""
     log.setLevel(logging.DEBUG)
+    log.propagate = False  # libraries put handlers on the root logger, which would say everything twice
     console = logging.StreamHandler()
     console.setLevel(logging.INFO)
     console.setFormatter(logging.Formatter(f"[{stage}] %(message)s"))

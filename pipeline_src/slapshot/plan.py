@@ -40,14 +40,14 @@ _TABLES = ("numpy", "pandas", "pyarrow")
 LIBRARIES: dict[str, tuple[str, ...]] = {
     "scene": _MUJOCO,
     "demonstrations": (*_MUJOCO, "scipy"),
-    "trajectory_model": (*_TORCH, "mujoco"),
+    "trajectory_model": (*_TORCH, "mujoco", "scipy"),
     "swings": (*_MUJOCO, *_TORCH, "scipy"),
     "rollouts": (*_MUJOCO, "numba", "pyarrow"),
     "lab": (*_MUJOCO, *_TORCH, "scipy", "numba"),
     "train": _TORCH,
     "evaluate": (*_TORCH, *_TABLES),
     "evaluate_recording": (*_TORCH, *_TABLES),
-    "figure": ("matplotlib", "mujoco", *_TABLES),
+    "figure": ("matplotlib", "mujoco", "scipy", *_TABLES),
 }
 
 
@@ -85,8 +85,18 @@ class Plan:
         return {label: r for label, r in self.recipes.items() if r.stage == stage}
 
     def by_id(self, stage: str, version_id: str) -> Recipe:
-        """The recipe with that id."""
-        return next(r for r in self.of_stage(stage).values() if r.id == version_id)
+        """The recipe with that id.
+
+        Raises:
+            InputError: the configuration asks for no such version.
+        """
+        for recipe in self.of_stage(stage).values():
+            if recipe.id == version_id:
+                return recipe
+        raise InputError(
+            f"the configuration asks for no version {stage}/{version_id}; "
+            f"see `slapshot versions why {stage}` for what it asks for"
+        )
 
     def ids(self) -> dict[str, set[str]]:
         """Stage -> ids."""
@@ -243,6 +253,11 @@ def _add_figures(plan: Plan, config: Mapping[str, Any]) -> None:
             if figure not in FIGURES:
                 raise InputError(
                     f"domains.{name}.figures: no figure {figure!r}; use some of: {', '.join(FIGURES)}"
+                )
+            if figure == "F8" and not domain["recordings"]:
+                raise InputError(
+                    f"domains.{name}.figures: F8 shows recordings, but domains.{name}.recordings is empty; "
+                    "name a recording or remove F8"
                 )
             upstream, details = _figure_inputs(plan, name, domain, figure)
             plan.add(

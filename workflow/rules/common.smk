@@ -4,6 +4,8 @@ shell.prefix("set -euo pipefail; ")
 
 # Only the rules that draw pictures of a scene need a GL library.
 os.environ.setdefault("MUJOCO_GL", "disable")
+# Threads of torch that spin while they wait make training many times slower when anything else runs.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 store = Store(Path("data/store"))
 

@@ -15,7 +15,7 @@ _ADVICE = (
 
 def _choose_backend() -> None:
     """Name a backend that can be loaded; MuJoCo reads the name when it is imported."""
-    if os.environ.get("MUJOCO_GL", "disable") != "disable":
+    if os.environ.get("MUJOCO_GL", "disable") not in {"", "disable"}:
         return
     for backend, library in _BACKENDS.items():
         try:
@@ -50,5 +50,5 @@ def render(
         with mujoco.Renderer(model, height, width) as renderer:
             renderer.update_scene(data, camera)
             return renderer.render()
-    except (RuntimeError, AttributeError, ImportError) as error:
+    except (RuntimeError, AttributeError, ImportError, mujoco.FatalError) as error:
         raise InputError(f"{_ADVICE} ({error})") from None

@@ -1,0 +1,151 @@
+"""A striker that bends: the scene's rigid blade cut into segments with springs in between.
+
+The blade is a box that hangs from a stick. Its thinnest direction faces the object, its longest lies
+across, and along the third, its height, it is cut into N segments. The first sits on the stick, each
+further one hangs on the one above by a hinge along the blade's length, so that the free end yields
+backwards when it hits, and if wanted by one along its height, so that a hit beside the middle turns it.
+N - 1 equal springs of stiffness (N - 1) k in series yield to a moment like one of stiffness k.
+
+The segment at the free end is the largest. It must face the whole height of the object: where a segment
+overlaps an object by less than contact lets them sink into each other (3 mm), MuJoCo takes the overlap
+for the depth and pushes the object down instead of forward.
+"""
+
+import math
+
+import mujoco
+import numpy as np
+from scipy.linalg import eigh
+
+from slapshot.errors import InputError
+from slapshot.lab.rig import BladeTruth
+from slapshot.scenes.scene import Scene
+
+FEWEST_SEGMENTS = 2
+FREE_END = 0.6  # of the height belongs to the last segment, the others being equal
+RESOLVED = 0.5  # rad: a step takes no more of a vibration; finer ones move rest points by 1 %
+FINEST = 1e-5  # s
+_PAIR_FIELDS = ("condim", "friction", "solref", "solreffriction", "solimp", "margin", "gap")
+
+
+def compile_rig(scene: Scene, blade: BladeTruth | None, timestep: float) -> mujoco.MjModel:
+    """The scene's model with the blade made flexible, or as it is where `blade` is None.
+
+    Names stay, with hinges `<geom>_bend_1` ... and `<geom>_twist_1` ... added; addresses do not.
+
+    Args:
+        scene: has one contact pair of object and striker; the striker's geom is a box.
+        blade: how it bends.
+        timestep: s, of integration, or longest one: a part of it that resolves the fastest vibration of
+            a flexible blade is taken.
+
+    Raises:
+        InputError: the striker is no box, there are too few segments, or they are too stiff.
+    """
+    if blade is None:
+        return scene.compile(timestep)
+    spec = mujoco.MjSpec.from_string(scene.xml)
+    pair = _named(spec.pairs, scene.info.striker_pair)
+    first, second = spec.geom(pair.geomname1), spec.geom(pair.geomname2)
+    geom = second if first.parent.name == scene.info.object_body else first
+    _check(geom, blade)
+    segments = _cut(geom, blade)
+    for segment in segments:
+        copy = spec.add_pair(name=f"{pair.name}_{segment}")
+        for field in _PAIR_FIELDS:
+            setattr(copy, field, getattr(pair, field))
+        # The order of the two decides which way the contact's frame points.
+        copy.geomname1 = segment if geom is first else pair.geomname1
+        copy.geomname2 = segment if geom is second else pair.geomname2
+    model = spec.compile()
+    model.opt.timestep = timestep / math.ceil(timestep * _fastest(model) / RESOLVED)
+    if model.opt.timestep < FINEST:
+        raise InputError(
+            f"lab.blade: a step of {model.opt.timestep:.1g} s would be needed; use fewer segments or "
+            "less stiffness, or null for a rigid blade"
+        )
+    return model
+
+
+def _fastest(model: mujoco.MjModel) -> float:
+    """Angular frequency in rad/s of the fastest vibration of the sprung joints, the others held."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    inertia = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertia)
+    stiffness = model.jnt_stiffness[model.dof_jntid]
+    sprung = np.flatnonzero(stiffness)
+    squares = eigh(np.diag(stiffness[sprung]), inertia[np.ix_(sprung, sprung)], eigvals_only=True)
+    return float(np.sqrt(squares[-1]))
+
+
+def _cut(geom: mujoco.MjsGeom, blade: BladeTruth) -> list[str]:
+    """Shorten the geom to the first segment and hang the others on it; return their geoms' names."""
+    body = geom.parent
+    size, mass, centre = np.array(geom.size), geom.mass, np.array(geom.pos)
+    thin, up, across = np.argsort(size)
+    # The free end is the one away from where the striker's body hangs.
+    down = np.zeros(3)
+    down[up] = -1.0 if body.pos[up] < 0 else 1.0
+    height = 2 * size[up]
+    shares = [(1 - FREE_END) / (blade.segments - 1)] * (blade.segments - 1) + [FREE_END]
+    bend_inertia = mass * (height**2 + size[thin] ** 2) / 3  # about the upper edge
+    twist_inertia = mass * (size[across] ** 2 + size[thin] ** 2) / 3  # about the middle
+
+    edge = centre - down * height / 2  # upper edge of a segment, in its body's frame
+    names = []
+    for i, share in enumerate(shares):
+        if i > 0:
+            name = f"{geom.name}_{i}"
+            names.append(name)
+            body = body.add_body(name=name, pos=edge, gravcomp=geom.parent.gravcomp)
+            _add_hinge(body, f"{geom.name}_bend_{i}", across, blade.stiffness, bend_inertia, blade)
+            if blade.twist_stiffness is not None:
+                hinge = f"{geom.name}_twist_{i}"
+                _add_hinge(body, hinge, up, blade.twist_stiffness, twist_inertia, blade)
+            part = body.add_geom(
+                name=name,
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                contype=0,
+                conaffinity=0,
+                rgba=geom.rgba,
+            )
+            edge = np.zeros(3)
+        else:
+            part = geom
+        part.size = size
+        part.size[up] = share * height / 2
+        part.pos = edge + down * share * height / 2
+        part.mass = share * mass
+        edge = edge + down * share * height
+    return names
+
+
+def _add_hinge(
+    body: mujoco.MjsBody, name: str, axis: int, stiffness: float, inertia: float, blade: BladeTruth
+) -> None:
+    """A sprung and damped hinge; `stiffness` and `inertia` are those of the blade as a whole."""
+    hinges = blade.segments - 1
+    body.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=np.eye(3)[axis],
+        stiffness=hinges * stiffness,
+        damping=hinges * 2 * blade.damping_ratio * math.sqrt(stiffness * inertia),
+        limited=mujoco.mjtLimited.mjLIMITED_FALSE,
+        armature=0.0,
+    )
+
+
+def _check(geom: mujoco.MjsGeom, blade: BladeTruth) -> None:
+    if geom.type != mujoco.mjtGeom.mjGEOM_BOX or not np.allclose(np.abs(geom.quat), (1, 0, 0, 0)):
+        raise InputError(
+            f"lab.blade: geom {geom.name!r} of the scene is not a box along the axes of its body; "
+            "only such a striker can be cut: set lab.blade to null"
+        )
+    if blade.segments < FEWEST_SEGMENTS:
+        raise InputError(f"lab.blade.segments: {blade.segments} cannot bend; use at least {FEWEST_SEGMENTS}")
+
+
+def _named(elements: list[mujoco.MjsPair], name: str) -> mujoco.MjsPair:
+    return next(element for element in elements if element.name == name)

@@ -1,0 +1,72 @@
+"""The ceiling camera: what it makes of a hit, frame by frame, and where it says that the object rests."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.lab.rig import Camera
+
+Array = NDArray[np.float64]
+
+# Of the time that the camera looks at an object at rest, the last part is used: a person who cuts the
+# recording does not know when exactly the object stopped.
+REST_SHARE = 0.8
+FEWEST_FRAMES = 3  # a median of fewer is not safe from a mistrack
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """What the camera recorded of one hit.
+
+    Attributes:
+        frames: (n, 3) t (s), x, y (m); lost frames are missing rows.
+        rest: (2,) x, y (m) where the object was seen to rest, None if it was not seen.
+    """
+
+    frames: Array
+    rest: Array | None
+
+
+def observe(track: Array, camera: Camera, rng: np.random.Generator) -> Sighting:
+    """Look at a hit until `camera.after_rest` seconds after the object has come to rest.
+
+    Args:
+        track: (n, 3 or more) t (s), x, y (m) of the object, often enough to interpolate; at rest from the
+            last row on.
+        camera: its properties.
+        rng: source of randomness; the clocks of arm and camera are not in step.
+    """
+    end = track[-1, 0] + camera.after_rest
+    times = np.arange(rng.uniform(0, 1 / camera.rate), end, 1 / camera.rate)
+    seen = np.stack([np.interp(times, track[:, 0], track[:, i]) for i in (1, 2)], axis=1)
+    seen += _noise(len(times), camera, rng)
+    seen += _mistracks(len(times), camera, rng)
+    there = rng.uniform(size=len(times)) >= camera.missing_share
+    if camera.view is not None:
+        x_low, x_high, y_low, y_high = camera.view
+        there &= (x_low < seen[:, 0]) & (seen[:, 0] < x_high)
+        there &= (y_low < seen[:, 1]) & (seen[:, 1] < y_high)
+    at_rest = there & (times > end - REST_SHARE * camera.after_rest)
+    rest = np.median(seen[at_rest], axis=0) if at_rest.sum() >= FEWEST_FRAMES else None
+    return Sighting(frames=np.column_stack([times, seen])[there], rest=rest)
+
+
+def _noise(count: int, camera: Camera, rng: np.random.Generator) -> Array:
+    """(count, 2) m: a first-order autoregressive process, e_k = a e_(k-1) + sqrt(1 - a^2) white."""
+    white = rng.normal(0, camera.noise_sd, (count, 2))
+    if camera.noise_time == 0:
+        return white
+    memory = np.exp(-1 / (camera.rate * camera.noise_time))
+    noise = white.copy()
+    for k in range(1, count):
+        noise[k] = memory * noise[k - 1] + np.sqrt(1 - memory**2) * white[k]
+    return noise
+
+
+def _mistracks(count: int, camera: Camera, rng: np.random.Generator) -> Array:
+    """(count, 2) m, 0 in most frames."""
+    wrong = rng.uniform(size=count) < camera.mistrack_share
+    distance = rng.uniform(*camera.mistrack, size=count) * wrong
+    direction = rng.uniform(0, 2 * np.pi, size=count)
+    return distance[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=1)

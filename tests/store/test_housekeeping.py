@@ -1,0 +1,95 @@
+"""Finding versions by the beginning of an id, and removing those that nobody asks for."""
+
+import pytest
+from slapshot.errors import InputError
+from slapshot.store.folder import Store
+from slapshot.store.housekeeping import collect_garbage, find_version, flatten
+from slapshot.store.recipe import Recipe
+
+
+def test_a_version_is_found_by_the_beginning_of_its_id(store, make):
+    recipe = make("train", {"n": 1})
+    make("train", {"n": 2})
+    for text in (recipe.id, recipe.id[:8], f"train/{recipe.id[:8]}"):
+        assert find_version(store, text)["id"] == recipe.id
+
+
+@pytest.mark.parametrize(
+    ("beginning", "message"), [("", "2 versions"), ("zz", "no version"), ("train/", "2 v")]
+)
+def test_an_unknown_or_ambiguous_beginning_is_refused(store, make, beginning, message):
+    make("train", {"n": 1})
+    make("evaluate", {"n": 2})
+    with pytest.raises(InputError, match=message) as caught:
+        find_version(store, beginning)
+    assert "slapshot versions list" in str(caught.value)
+
+
+def test_flatten_gives_dotted_keys_and_keeps_what_is_empty():
+    nested = {"a": {"b": {"c": 1}, "d": [1, {"e": 2}]}, "f": {}, "g": None}
+    assert flatten(nested) == {"a.b.c": 1, "a.d": [1, {"e": 2}], "f": {}, "g": None}
+
+
+@pytest.fixture
+def littered(store: Store, make) -> tuple[Store, Recipe, Recipe]:
+    """A store with a wanted and an unwanted version, and what interrupted runs of other ids left."""
+    wanted = make("train", {"n": 1})
+    unwanted = make("train", {"n": 2}, weights=b"x" * 1000)
+    for version_id in ("a" * 12, "b" * 12):
+        leftover = store.root / f"rollouts/.partial-{version_id}/parts"
+        leftover.mkdir(parents=True)
+        (leftover / "hits-000").write_bytes(b"x" * 500)
+        store.lock("rollouts", version_id).touch()
+    return store, wanted, unwanted
+
+
+def snapshot(store: Store) -> set[str]:
+    return {p.relative_to(store.root).as_posix() for p in store.root.rglob("*")}
+
+
+def test_garbage_is_listed_with_its_size_and_stays(littered):
+    store, wanted, unwanted = littered
+    before = snapshot(store)
+    listed = collect_garbage(store, {"train": {wanted.id}, "rollouts": {"a" * 12}}, really=False)
+    assert [folder.name for folder, _ in listed] == [f".partial-{'b' * 12}", unwanted.id]
+    assert listed[0][1] == 500
+    assert listed[1][1] > 1000
+    assert snapshot(store) == before
+
+
+def test_garbage_is_removed_and_what_is_asked_for_stays(littered):
+    store, wanted, unwanted = littered
+    before = snapshot(store)
+    removed = collect_garbage(store, {"train": {wanted.id}, "rollouts": {"a" * 12}}, really=True)
+    assert len(removed) == 2
+    gone = before - snapshot(store)
+    assert gone == {
+        f"train/{unwanted.id}",
+        f"train/{unwanted.id}/weights",
+        f"train/{unwanted.id}/version.json",
+        f"train/{unwanted.id}.ok",
+        f"rollouts/.partial-{'b' * 12}",
+        f"rollouts/.partial-{'b' * 12}/parts",
+        f"rollouts/.partial-{'b' * 12}/parts/hits-000",
+        f"rollouts/.lock-{'b' * 12}",
+    }
+    assert store.is_whole("train", wanted.id)
+    assert collect_garbage(store, {"train": {wanted.id}, "rollouts": {"a" * 12}}, really=True) == []
+
+
+def test_an_id_is_kept_for_its_own_stage_only(store, make):
+    recipe = make("train", {"n": 1})
+    assert len(collect_garbage(store, {"evaluate": {recipe.id}}, really=False)) == 1
+
+
+def test_what_a_process_is_making_is_no_garbage(store):
+    recipe = Recipe("train", {}, code="0" * 64)
+    with store.new_version(recipe) as out:
+        (out / "half").touch()
+        assert collect_garbage(store, {}, really=True) == []
+    assert store.is_whole("train", recipe.id)
+    assert len(collect_garbage(store, {}, really=True)) == 1
+
+
+def test_an_empty_or_missing_store_holds_no_garbage(tmp_path):
+    assert collect_garbage(Store(tmp_path / "nowhere"), {}, really=True) == []

@@ -1,0 +1,291 @@
+"""The `slapshot` command, on a made-up store and a copy of the configuration."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from recordings.builder import make_recording
+from slapshot import cli
+from slapshot.config import load_config
+from slapshot.plan import make_plan
+from slapshot.recordings.write import write_recording
+from slapshot.store.folder import Store
+from slapshot.store.recipe import Recipe
+
+ROOT = Path(__file__).parents[1]
+TINY = Path("config/tiny.yaml")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch) -> Path:
+    """A working copy with configurations and an empty store; the current folder."""
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    shutil.copytree(ROOT / "workflow/schemas", tmp_path / "workflow/schemas")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def slapshot(monkeypatch, capsys):
+    """Runs the command; returns exit code, output and errors."""
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["slapshot", *arguments])
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        captured = capsys.readouterr()
+        return caught.value.code or 0, captured.out, captured.err
+
+    return run
+
+
+def recipes(config: Path | None = None) -> dict[str, Recipe]:
+    return make_plan(load_config(config)).recipes
+
+
+def fill(config: Path | None = None, store: Path = Path("data/store")) -> dict[str, Recipe]:
+    """Makes every version of a configuration, with a little text in it."""
+    made = recipes(config)
+    for recipe in made.values():
+        if not Store(store).is_whole(recipe.stage, recipe.id):
+            with Store(store).new_version(recipe) as out:
+                (out / "payload.csv").write_text("x\n1\n2\n")
+    return made
+
+
+def change_default(old: str, new: str) -> None:
+    file = Path("config/default.yaml")
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+def one_line(errors: str) -> str:
+    assert errors.startswith("slapshot: ")
+    assert errors.count("\n") == 1
+    return errors
+
+
+def test_list_names_every_version_and_what_it_is_from(slapshot):
+    assert slapshot("versions", "list")[0] == 0
+    made = fill()
+    code, out, _ = slapshot("versions", "list")
+    assert code == 0
+    lines = [line.split() for line in out.splitlines()]
+    assert {(words[0], words[1]) for words in lines[1:]} == {(r.stage, r.id) for r in made.values()}
+    train = next(r for r in made.values() if r.stage == "train")
+    line = next(words for words in lines if words[:2] == ["train", train.id])
+    assert line[-1] == f"rollouts/{train.upstream['rollouts'][1][:6]}"
+
+
+def test_list_of_another_store(slapshot):
+    fill(store=Path("elsewhere"))
+    assert len(slapshot("versions", "list", "--store", "elsewhere")[1].splitlines()) > 5
+    assert len(slapshot("versions", "list")[1].splitlines()) == 1
+
+
+def test_diff_shows_the_keys_that_differ_and_no_others(slapshot):
+    default, tiny = fill()["train/hockey/kalman"], fill(TINY)["train/hockey/kalman"]
+    code, out, _ = slapshot("versions", "diff", default.id, f"train/{tiny.id[:8]}")
+    assert code == 0
+    rows = {line.split()[0]: line.split(maxsplit=1)[1] for line in out.splitlines()}
+    steps = (default.config["training"]["steps"], tiny.config["training"]["steps"])
+    assert rows["config.training.steps"].split() == [str(n) for n in steps]
+    assert rows["config.settings.hidden"].split() == ["[128,", "128]", "[48]"]
+    assert "upstream.rollouts" in rows
+    assert not {"config.method", "stage", "code"} & set(rows)
+
+
+def test_diff_of_a_version_with_itself(slapshot):
+    train = fill()["train/hockey/kalman"]
+    assert slapshot("versions", "diff", train.id, train.id)[:2] == (0, "no difference\n")
+
+
+def test_diff_of_an_unknown_version(slapshot):
+    code, _, errors = slapshot("versions", "diff", "abc", "def")
+    assert code == 1
+    assert "no version in data/store begin with 'abc'; see `slapshot versions list`" in one_line(errors)
+
+
+def test_why_says_that_a_version_is_there(slapshot):
+    train = fill()["train/hockey/kalman"]
+    code, out, _ = slapshot("versions", "why", "train")
+    assert (code, out) == (0, f"train/hockey/kalman: {train.id} is there\n")
+
+
+def test_why_says_that_there_never_was_one(slapshot):
+    train = recipes()["train/hockey/kalman"]
+    code, out, _ = slapshot("versions", "why", "train")
+    assert code == 0
+    assert out == f"train/hockey/kalman: {train.id} is to be made; there is no version of it yet\n"
+
+
+def test_why_shows_what_changed_since_the_nearest_version(slapshot):
+    fill(TINY)
+    old = fill()["train/hockey/kalman"]
+    change_default("noise_variance_max: 0.5", "noise_variance_max: 0.25")
+    new = recipes()["train/hockey/kalman"]
+    code, out, _ = slapshot("versions", "why", "train")
+    assert code == 0
+    assert out.splitlines()[0].startswith(f"train/hockey/kalman: {new.id} is to be made; the nearest version")
+    assert [line.split() for line in out.splitlines()[1:]] == [
+        ["key", old.id, new.id],
+        ["config.training.noise_variance_max", "0.5", "0.25"],
+    ]
+
+
+def test_why_of_another_configuration_and_of_several(slapshot):
+    fill()
+    assert "is to be made" in slapshot("versions", "why", "train", "--config", str(TINY))[1]
+    fill(TINY)
+    assert "is there" in slapshot("versions", "why", "train", "--config", str(TINY))[1]
+    both = slapshot("versions", "why", "train", "--config", str(TINY), "--config", "config/default.yaml")[1]
+    assert len(both.splitlines()) == 2
+    assert "config/default.yaml:train/hockey/kalman" in both
+
+
+def test_why_of_an_unknown_stage(slapshot):
+    code, _, errors = slapshot("versions", "why", "training")
+    assert code == 1
+    assert "no stage 'training'; stages: scene, " in one_line(errors)
+
+
+def test_gc_lists_and_removes_only_with_yes(slapshot):
+    default, tiny = fill(), fill(TINY)
+    garbage = {(r.stage, r.id) for r in tiny.values()} - {(r.stage, r.id) for r in default.values()}
+    assert garbage
+    store = Store(Path("data/store"))
+    code, out, _ = slapshot("versions", "gc")
+    assert code == 0
+    assert {line.split()[0] for line in out.splitlines()[:-1]} == {f"data/store/{s}/{i}" for s, i in garbage}
+    assert out.splitlines()[-1].startswith(f"{len(garbage)} folders, ")
+    assert "add --yes" in out
+    assert all(store.is_whole(*pair) for pair in garbage)
+
+    code, out, _ = slapshot("versions", "gc", "--yes")
+    assert code == 0
+    assert out.splitlines()[-1].endswith("removed")
+    assert not any(store.is_whole(*pair) for pair in garbage)
+    assert all(store.is_whole(r.stage, r.id) for r in default.values())
+    assert slapshot("versions", "gc")[1].startswith("0 folders")
+
+
+def test_gc_keeps_what_any_of_the_configurations_asks_for(slapshot):
+    fill()
+    fill(TINY)
+    out = slapshot("versions", "gc", "--config", "config/default.yaml", "--config", str(TINY))[1]
+    assert out.startswith("0 folders")
+    assert not slapshot("versions", "gc", "--config", str(TINY))[1].startswith("0 folders")
+
+
+def test_gc_with_a_bad_configuration_removes_nothing(slapshot):
+    made = fill()
+    code, _, errors = slapshot("versions", "gc", "--yes", "--config", "config/nowhere.yaml")
+    assert code == 1
+    assert "config/nowhere.yaml: no such file" in one_line(errors)
+    assert all(Store(Path("data/store")).is_whole(r.stage, r.id) for r in made.values())
+
+
+def test_lock_then_verify_reproduces(slapshot):
+    made = fill()
+    code, out, _ = slapshot("versions", "lock")
+    assert (code, out) == (0, f"data/pipeline.lock: {len(made)} versions\n")
+    code, out, _ = slapshot("versions", "verify")
+    assert code == 0
+    assert out.splitlines() == [*(f"{label}: identical" for label in sorted(made)), "reproduced"]
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "verdict"),
+    [("x\n1.0001\n2.0\n", 0, "equal within tolerance"), ("x\n1\n5\n", 1, "differs: payload.csv: x by")],
+)
+def test_verify_judges_other_numbers(slapshot, text, code, verdict):
+    fill()
+    slapshot("versions", "lock")
+    label = "evaluate/hockey/kalman"
+    lock = json.loads(Path("data/pipeline.lock").read_text())
+    recipe = recipes()[label]
+    store = Store(Path("data/store"))
+    shutil.rmtree(store.folder(recipe.stage, recipe.id))
+    with store.new_version(recipe) as out:
+        (out / "payload.csv").write_text(text)
+    found, said, _ = slapshot("versions", "verify")
+    assert found == code
+    line = next(line for line in said.splitlines() if line.startswith(f"{label}: "))
+    assert line.startswith(f"{label}: {verdict}")
+    assert said.splitlines()[-1] == ("not reproduced" if code else "reproduced")
+    assert lock == json.loads(Path("data/pipeline.lock").read_text())
+
+
+def test_verify_finds_what_is_damaged_and_what_is_missing(slapshot):
+    made = fill()
+    slapshot("versions", "lock")
+    store = Store(Path("data/store"))
+    train, scene = made["train/hockey/kalman"], made["scene/hockey"]
+    (store.folder("train", train.id) / "payload.csv").write_text("x\n1\n3\n")
+    shutil.rmtree(store.folder("scene", scene.id))
+    code, out, _ = slapshot("versions", "verify")
+    assert code == 1
+    assert "train/hockey/kalman: damaged: payload.csv" in out
+    assert "scene/hockey: not made yet" in out
+    assert out.endswith("not reproduced\n")
+
+
+def test_verify_without_or_with_a_damaged_lock(slapshot):
+    code, _, errors = slapshot("versions", "verify")
+    assert code == 1
+    assert "data/pipeline.lock is missing: restore it from git" in one_line(errors)
+    Path("data").mkdir()
+    Path("data/pipeline.lock").write_text('{"scene/hockey"')
+    code, _, errors = slapshot("versions", "verify")
+    assert code == 1
+    assert "data/pipeline.lock is damaged (" in one_line(errors)
+
+
+def test_nothing_is_locked_before_everything_is_made(slapshot):
+    code, _, errors = slapshot("versions", "lock")
+    assert code == 1
+    assert "is not made yet: run `snakemake figures` first" in one_line(errors)
+    assert not Path("data/pipeline.lock").exists()
+
+
+def test_a_bad_configuration_is_named_in_one_line(slapshot):
+    change_default("noise_variance_max: 0.5", "noise_variance_max: -1")
+    code, out, errors = slapshot("versions", "why", "train")
+    assert (code, out) == (1, "")
+    key = "config/default.yaml: domains.hockey.training.noise_variance_max"
+    assert f"{key}: -1 is out of range; it must be >= 0" in one_line(errors)
+
+
+def test_outside_the_repository(slapshot, monkeypatch):
+    Path("empty").mkdir()
+    monkeypatch.chdir("empty")
+    code, _, errors = slapshot("versions", "gc")
+    assert code == 1
+    assert "run this in the top folder of the repository" in one_line(errors)
+
+
+def test_check_describes_a_recording(slapshot):
+    write_recording(make_recording(), Path("recording"))
+    code, out, errors = slapshot("check", "recording")
+    assert (code, errors) == (0, "")
+    assert out.startswith("rig ")
+
+
+def test_check_of_a_bad_recording_names_the_file_in_one_line(slapshot):
+    write_recording(make_recording(), Path("recording"))
+    Path("recording/hits.parquet").unlink()
+    code, out, errors = slapshot("check", "recording")
+    assert (code, out) == (1, "")
+    assert "hits.parquet" in errors
+    assert errors.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "arguments", [(), ("versions",), ("versions", "lst"), ("versions", "diff", "a"), ("chek",)]
+)
+def test_an_unknown_command_shows_the_usage(slapshot, arguments):
+    code, _, errors = slapshot(*arguments)
+    assert code == 2
+    assert errors.startswith("usage: slapshot")

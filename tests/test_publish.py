@@ -1,0 +1,154 @@
+"""Publishing: only what is whole, and nothing stale beside it."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from slapshot.errors import InputError
+from slapshot.publish import MANIFEST, publish
+from slapshot.store.folder import Store
+from slapshot.store.recipe import Recipe
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "data/store")
+
+
+@pytest.fixture
+def target(tmp_path: Path) -> Path:
+    return tmp_path / "figures"
+
+
+def put(store: Store, stage: str, number: int = 0, /, **files: str) -> str:
+    """A version with some files (underscores for the first dash and the last dot); its stage/id."""
+    recipe = Recipe(stage, {"number": number}, code="0" * 64)
+    with store.new_version(recipe) as out:
+        for name, text in files.items():
+            (out / name.replace("_", "-", 1).replace("_", ".")).write_text(text)
+    return f"{stage}/{recipe.id}"
+
+
+def f7(store: Store, number: int, text: str = "old") -> str:
+    return put(store, "figure", number, F7_simulated_png=text, F7_simulated_csv=text)
+
+
+def remove(store: Store, version: str) -> None:
+    folder = store.root / version
+    for file in folder.iterdir():
+        file.unlink()
+    folder.rmdir()
+
+
+def published(target: Path) -> dict[str, str]:
+    return {p.name: p.read_text() for p in target.iterdir() if p.is_file() and p.name != MANIFEST}
+
+
+def test_files_of_figures_are_copied_and_the_manifest_says_where_from(store, target):
+    figure, table = f7(store, 1), put(store, "figure", 2, T2_list_csv="t", notes="not a figure")
+    publish(store, [put(store, "train", model="weights"), figure, table], target)
+    assert published(target) == {"F7-simulated.png": "old", "F7-simulated.csv": "old", "T2-list.csv": "t"}
+    assert json.loads((target / MANIFEST).read_text()) == {
+        "F7-simulated.png": figure, "F7-simulated.csv": figure, "T2-list.csv": table,
+    }  # fmt: skip
+
+
+def test_publishing_again_changes_no_file(store, target):
+    versions = [f7(store, 1)]
+    publish(store, versions, target)
+    before = {p.name: p.stat().st_mtime_ns for p in target.glob("F*")}
+    publish(store, versions, target)
+    assert {p.name: p.stat().st_mtime_ns for p in target.glob("F*")} == before
+
+
+def test_what_is_stale_is_replaced_or_removed_and_other_files_stay(store, target):
+    publish(store, [f7(store, 1), put(store, "figure", 2, F10_more_png="ten", T2_list_csv="t")], target)
+    (target / "F7-by-hand.png").write_text("of nobody")
+    (target / "benchmark.csv").write_text("measured")
+    (target / "Figure.png").write_text("mine")
+    (target / "tiny").mkdir()
+    (target / "F1-folder").mkdir()
+    publish(store, [f7(store, 3, "new")], target)
+    assert published(target) == {
+        "F7-simulated.png": "new",
+        "F7-simulated.csv": "new",
+        "benchmark.csv": "measured",
+        "Figure.png": "mine",
+    }
+    assert (target / "tiny").is_dir()
+    assert (target / "F1-folder").is_dir()
+
+
+@pytest.mark.parametrize("stage", ["figure", "train"])
+def test_a_missing_version_stops_publishing_before_anything_is_written(store, target, stage):
+    missing = put(store, stage, 1, F7_simulated_png="x")
+    remove(store, missing)
+    with pytest.raises(InputError, match=f"{missing} is missing: run `snakemake figures`"):
+        publish(store, [f7(store, 2), missing], target)
+    assert not target.exists()
+
+
+@pytest.mark.parametrize("available", [False, True])
+def test_a_damaged_payload_is_named_and_nothing_is_published(store, target, available):
+    data = put(store, "train", 1, model="weights")
+    (store.root / data / "model").write_text("weightz")
+    with pytest.raises(InputError) as caught:
+        publish(store, [data, f7(store, 1)], target, available)
+    message = str(caught.value)
+    assert f"{data}/model is not what was written there; remove the folder" in message
+    assert "run `snakemake figures` again" in message
+    assert "\n" not in message
+    assert not target.exists()
+
+
+def test_what_is_available_is_published_although_something_is_missing(store, target):
+    missing = put(store, "figure", 2, T2_list_csv="t")
+    remove(store, missing)
+    publish(store, [f7(store, 1), missing], target, available=True)
+    assert set(published(target)) == {"F7-simulated.png", "F7-simulated.csv"}
+
+
+def test_available_keeps_what_is_of_the_missing_version_and_removes_what_is_of_another(store, target):
+    kept, stale = put(store, "figure", 2, T2_list_csv="t"), f7(store, 1)
+    publish(store, [kept, stale], target)
+    wanted = f7(store, 3, "new")
+    remove(store, kept)
+    remove(store, wanted)
+    for _ in range(2):  # a second failure must not forget what the first kept
+        publish(store, [kept, wanted], target, available=True)
+        assert published(target) == {"T2-list.csv": "t"}
+        assert json.loads((target / MANIFEST).read_text()) == {"T2-list.csv": kept}
+
+
+def test_without_a_manifest_nothing_published_before_is_trusted(store, target):
+    missing = f7(store, 1)
+    publish(store, [missing], target)
+    (target / MANIFEST).unlink()
+    remove(store, missing)
+    publish(store, [missing], target, available=True)
+    assert published(target) == {}
+
+
+def command(folder: Path, *arguments: str) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-m", "slapshot.publish", *arguments],
+        cwd=folder, capture_output=True, text=True, check=False, env=os.environ | {"MUJOCO_GL": "disable"},
+    )  # fmt: skip
+
+
+def test_the_default_configuration_publishes_to_figures_and_others_beside_it(store, tmp_path):
+    version = f7(store, 1)
+    for name, folder in (("default", "figures"), ("my-own", "figures/my-own")):
+        assert command(tmp_path, "--name", name, "--log", "logs/publish.log", version).returncode == 0
+        assert (tmp_path / folder / "F7-simulated.png").is_file()
+    assert "2 files in figures/my-own" in (tmp_path / "logs/publish.log").read_text()
+
+
+def test_the_command_says_in_one_line_what_is_missing(tmp_path):
+    done = command(tmp_path, "--name", "default", "figure/0123456789ab")
+    assert done.returncode == 1
+    assert done.stderr == "[figures] data/store/figure/0123456789ab is missing: run `snakemake figures`\n"
+    assert not (tmp_path / "figures").exists()

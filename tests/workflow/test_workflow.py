@@ -1,0 +1,397 @@
+"""The whole workflow on the tiny configuration: what runs, what runs again, and what is left behind.
+
+One full run is shared by all tests, which put back what they change; another is killed and compared with it.
+"""
+
+import shutil
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from .conftest import Version, Workspace, job_counts, snakemake_command
+
+pytestmark = pytest.mark.workflow
+
+
+def jobs_of(versions: dict[str, Version], labels: set[str]) -> dict[str, int]:
+    """Rule -> jobs that make the versions with these labels."""
+    unique = {(versions[label].stage, versions[label].id) for label in labels}
+    return dict(Counter(f"{stage}_version" for stage, _ in unique))
+
+
+def downstream(versions: dict[str, Version], labels: set[str]) -> set[str]:
+    """The labels and those of all versions that are made from theirs."""
+    found = set(labels)
+    for label, version in versions.items():  # upstream comes first
+        if set(version.upstream) & {f"{versions[other].stage}/{versions[other].id}" for other in found}:
+            found.add(label)
+    return found
+
+
+def of_stages(versions: dict[str, Version], *stages: str) -> set[str]:
+    return {label for label, version in versions.items() if version.stage in stages}
+
+
+def figure(versions: dict[str, Version], *names: str) -> set[str]:
+    return {label for label in of_stages(versions, "figure") if label.rpartition("/")[2] in names}
+
+
+def manifest_ids(workspace: Workspace) -> set[str]:
+    return set(workspace.manifest().values())
+
+
+def figure_ids(versions: dict[str, Version]) -> set[str]:
+    return {f"figure/{versions[label].id}" for label in of_stages(versions, "figure")}
+
+
+def fewer_queries(domain: dict) -> None:
+    domain["evaluation"]["queries"] -= 1
+
+
+def no_operation(text: str) -> str:
+    """A statement without effect."""
+    return text + "\n_ = None\n"
+
+
+def comment(text: str) -> str:
+    return "# A comment.\n\n" + text.replace('"""', '"""In other words: ', 1) + "\n# Another.\n"
+
+
+# --- The first run
+
+
+def test_the_copy_runs_its_own_code(workspace):
+    done = workspace.python("-c", "import slapshot; print(slapshot.__file__)")
+    assert Path(done.stdout.strip()).is_relative_to(workspace.root)
+
+
+def test_everything_is_made_and_published_and_nothing_is_left_over(workspace):
+    versions = workspace.plan()
+    for version in versions.values():
+        assert workspace.content(version)
+        log = workspace.root / "logs" / version.stage / f"{version.id}.log"
+        assert f"{version.id} made" in log.read_text()
+        assert log.with_suffix(".tsv").read_text().startswith("s\t")
+    assert manifest_ids(workspace) == figure_ids(versions)
+    for version_id in figure_ids(versions):
+        files = {name for name, source in workspace.manifest().items() if source == version_id}
+        assert {Path(name).suffix for name in files} == {".png", ".pdf", ".csv"}
+        assert len({Path(name).stem for name in files}) == 1
+    assert not list((workspace.root / "data/store").glob("*/.*"))
+
+
+def test_the_scene_is_drawn(workspace, can_render):
+    if not can_render:
+        pytest.skip("no GL library here: figure F6 was left out of all runs of this file")
+    assert figure(workspace.plan(), "F6")
+    assert list(workspace.published.glob("F6-*.png"))
+
+
+def test_the_second_run_only_publishes(workspace):
+    before = {p: p.stat().st_mtime_ns for p in workspace.published.iterdir() if p.suffix != ".json"}
+    assert job_counts(workspace.snakemake("figures").stdout) == {"figures": 1}
+    assert {p: p.stat().st_mtime_ns for p in before} == before
+
+
+def test_the_default_target_is_the_figures(workspace):
+    assert job_counts(workspace.snakemake("--dry-run").stdout) == {"figures": 1}
+
+
+def test_every_stage_can_be_asked_for_by_its_name(workspace):
+    stages = {version.stage for version in workspace.plan().values()} - {"figure"}
+    assert job_counts(workspace.snakemake("--dry-run", *sorted(stages)).stdout) == {}
+
+
+# --- Parameters
+
+
+@pytest.mark.parametrize(
+    ("change", "stages", "figures"),
+    [
+        (fewer_queries, {"evaluate"}, {"F7"}),
+        (lambda d: d["evaluation"].update(noise_variances=[0.3]), {"evaluate"}, {"F7"}),
+        (
+            lambda d: d["training"].update(steps=149),
+            {"train", "evaluate", "evaluate_recording"},
+            {"F7", "F8"},
+        ),
+        (lambda d: d.update(randomisation={"mass": {"label": "Weight"}}), set(), {"T2"}),
+    ],
+)
+def test_a_parameter_reruns_what_depends_on_it(workspace, change, stages, figures):
+    config = workspace.variant("changed", change)
+    versions = workspace.plan(config)
+    labels = of_stages(versions, *stages) | figure(versions, *figures)
+    assert labels
+    assert workspace.to_do(config=config) == jobs_of(versions, labels)
+
+
+def test_a_parameter_of_the_scene_reruns_everything_but_its_table(workspace):
+    config = workspace.variant("scene", lambda d: d.update(scene={"start_m": [0.56, 0.0]}))
+    versions = workspace.plan(config)
+    assert workspace.to_do(config=config) == jobs_of(versions, set(versions) - figure(versions, "T2"))
+
+
+def test_swapped_values_rerun_and_flipping_back_reruns_nothing(workspace):
+    """Snakemake compares parameters as a set: it alone would miss the swap."""
+    first = workspace.variant("queries", fewer_queries)
+
+    def swap(domain: dict) -> None:
+        fewer_queries(domain)
+        evaluation = domain["evaluation"]
+        assert evaluation["samples"] != evaluation["queries"]
+        evaluation["samples"], evaluation["queries"] = evaluation["queries"], evaluation["samples"]
+
+    second = workspace.variant("swapped", swap)
+    jobs = {"evaluate_version": 1, "figure_version": 1, "figures": 1}
+    original = workspace.manifest()
+    bytes_of = {name: (workspace.published / name).read_bytes() for name in original}
+    assert job_counts(workspace.snakemake("figures", config=first).stdout) == jobs
+    after_first = workspace.manifest()
+    changed = {name.split("-")[0] for name in original if original[name] != after_first[name]}
+    assert changed == {"F7"}
+    assert workspace.to_do(config=second) == {"evaluate_version": 1, "figure_version": 1}
+
+    assert workspace.to_do(config=first) == {}
+    assert job_counts(workspace.snakemake("figures").stdout) == {"figures": 1}
+    assert workspace.manifest() == original
+    assert {name: (workspace.published / name).read_bytes() for name in original} == bytes_of
+
+
+# --- Code
+
+
+@pytest.mark.parametrize(
+    ("file", "stages", "figures"),
+    [
+        ("adaptation/scoring.py", {"evaluate", "evaluate_recording"}, set()),
+        ("adaptation/train.py", {"train"}, set()),
+        ("figures/curves.py", set(), {"F7", "F8"}),
+        ("rollouts/slide.py", {"rollouts"}, set()),
+    ],
+)
+def test_an_edited_module_reruns_exactly_what_imports_it(workspace, file, stages, figures):
+    with workspace.edited(file, no_operation):
+        versions = workspace.plan()
+        touched = of_stages(versions, *stages) | figure(versions, *figures)
+        assert touched
+        assert workspace.to_do() == jobs_of(versions, downstream(versions, touched))
+
+
+def test_comments_and_modules_that_no_result_depends_on_rerun_nothing(workspace):
+    with (
+        workspace.edited("config.py", no_operation),
+        workspace.edited("plan.py", no_operation),
+        workspace.edited("publish.py", no_operation),
+        workspace.edited("adaptation/scoring.py", comment),
+        workspace.edited("scenes/scene.py", comment),
+        workspace.edited("store/folder.py", comment),
+    ):
+        assert workspace.to_do() == {}
+
+
+def test_a_module_with_a_syntax_error_is_named_in_one_line(workspace):
+    with workspace.edited("adaptation/scoring.py", lambda text: text + "\n)\n"):
+        done = workspace.snakemake("--dry-run", "figures", good=False)
+    lines = [line for line in done.stdout.splitlines() if "scoring.py" in line]
+    assert len(lines) == 1
+    assert "not valid Python (unmatched ')'); mend that line" in lines[0]
+    assert "Traceback" not in done.stdout
+
+
+# --- What is lost is made again
+
+
+def made_again(workspace: Workspace, lose: Callable[[Path], None]) -> None:
+    """Lose something of an evaluation: it is made again, equal, and nothing else is."""
+    versions = workspace.plan()
+    label = sorted(of_stages(versions, "evaluate"))[0]
+    folder = workspace.folder(versions[label])
+    content = workspace.content(versions[label])
+    manifest = workspace.manifest()
+    made_at = {
+        name: (workspace.folder(v) / "version.json").stat().st_mtime_ns for name, v in versions.items()
+    }
+    lose(folder)
+    # Snakemake also calls the stages below; they find their versions whole and leave them alone.
+    jobs = job_counts(workspace.snakemake("figures").stdout)
+    assert set(jobs) == {"evaluate_version", "figure_version", "figures"}
+    assert workspace.content(versions[label]) == content
+    assert workspace.manifest() == manifest
+    for name, version in versions.items():
+        time = (workspace.folder(version) / "version.json").stat().st_mtime_ns
+        assert (time != made_at[name]) == (version == versions[label])
+
+
+def test_a_deleted_payload_is_rebuilt_and_published(workspace):
+    def lose(folder: Path) -> None:
+        shutil.rmtree(folder)
+        next(workspace.published.glob("F7-*.png")).unlink()
+
+    made_again(workspace, lose)
+
+
+def test_a_deleted_file_of_a_payload_is_rebuilt(workspace):
+    made_again(workspace, lambda folder: next(folder.glob("*.parquet")).unlink())
+
+
+def test_a_damaged_payload_stops_publishing_and_says_what_to_do(workspace):
+    versions = workspace.plan()
+    version = versions[sorted(of_stages(versions, "train"))[0]]
+    file = workspace.folder(version) / "losses.csv"
+    text = file.read_text()
+    try:
+        file.write_text(text + "1\n")
+        done = workspace.snakemake("figures", good=False)
+    finally:
+        file.write_text(text)
+    path = f"data/store/train/{version.id}"
+    advice = f"{path}/losses.csv is not what was written there; remove the folder {path} and run `snakemake"
+    assert advice in done.stdout
+
+
+# --- Failure
+
+
+def test_fail_mend_rerun_leaves_nothing_stale(workspace):
+    """Two figures are due; one of them fails, and its old picture must not stay."""
+
+    def change(domain: dict) -> None:
+        fewer_queries(domain)
+        domain["evaluation"]["noise_variances"] = [0.0, 0.4]
+        domain["randomisation"] = {"mass": {"label": "Weight of the puck"}}
+
+    config = workspace.variant("two figures", change)
+    with workspace.edited("figures/t2_randomisation.py", lambda text: text + "\n1 / 0\n"):
+        broken = workspace.plan(config)
+        failed = figure(broken, "T2")
+        done = workspace.snakemake("figures", config=config, good=False)
+        assert "[figure] ZeroDivisionError: division by zero; the traceback is in logs/figure/" in done.stdout
+        assert manifest_ids(workspace) == {f"figure/{broken[n].id}" for n in figure_labels(broken) - failed}
+        # The same call again still fails, and does not forget.
+        workspace.snakemake("figures", config=config, good=False)
+        assert manifest_ids(workspace) == {f"figure/{broken[n].id}" for n in figure_labels(broken) - failed}
+        assert not list((workspace.root / "data/store").glob("*/.*"))
+    workspace.snakemake("figures", config=config)
+    mended = workspace.plan(config)
+    assert manifest_ids(workspace) == figure_ids(mended)
+    table = pd.read_csv(next(workspace.published.glob("T2-*.csv")))
+    assert "Weight of the puck" in set(table["label"])
+    assert workspace.to_do(config=config) == {}
+
+    workspace.snakemake("figures")
+    assert manifest_ids(workspace) == figure_ids(workspace.plan())
+
+
+def figure_labels(versions: dict[str, Version]) -> set[str]:
+    return of_stages(versions, "figure")
+
+
+def test_without_a_gl_library_only_what_renders_fails_and_names_the_package(workspace, can_render):
+    if not can_render:
+        pytest.skip("no GL library here: figure F6 was left out of all runs of this file")
+    hidden = ('"libEGL.so.1"', '"libOSMesa.so.8"')
+
+    def hide(text: str) -> str:
+        assert all(name in text for name in hidden)
+        return text.replace(hidden[0], '"libnot-here.so"').replace(hidden[1], '"libnor-here.so"')
+
+    with workspace.edited("figures/rendering.py", hide):
+        versions = workspace.plan()
+        rendered = figure(versions, "F6")
+        assert workspace.to_do() == jobs_of(versions, rendered)
+        done = workspace.snakemake("figures", good=False)
+        assert "[figure] no GL library to render with: install libegl1" in done.stdout
+        kept = {f"figure/{versions[n].id}" for n in figure_labels(versions) - rendered}
+        assert manifest_ids(workspace) == kept
+    workspace.snakemake("figures")
+    assert manifest_ids(workspace) == figure_ids(workspace.plan())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name: tiny\ncolour: red\n", "top level: unknown key 'colour'; remove it, or use one of: "),
+        (
+            "name: tiny\ndomains: {hockey: {rollouts: {hits: many}}}\n",
+            "domains.hockey.rollouts.hits: 'many' is not a whole number; write a whole number",
+        ),
+        (
+            "name: tiny\ndomains: {hockey: {training: {sequence: 1000}}}\n",
+            "domains.hockey.training.sequence: 1000 is more than rollouts.hits",
+        ),
+        ("name: tiny\ndomains: {hockey: {figures: [F99]}}\n", "domains.hockey.figures: no figure 'F99'; use"),
+    ],
+)
+def test_a_bad_configuration_is_refused_in_one_line(workspace, text, message):
+    config = workspace.root / "bad.yaml"
+    config.write_text(text)
+    before = sorted((workspace.root / "data/store").rglob("*"))
+    manifest = workspace.manifest()
+    done = workspace.snakemake("figures", config=config, good=False)
+    assert sum(message in line for line in done.stdout.splitlines()) == 1
+    assert "Traceback" not in done.stdout
+    assert sorted((workspace.root / "data/store").rglob("*")) == before
+    assert workspace.manifest() == manifest
+
+
+def test_an_unknown_key_on_the_command_line(workspace):
+    command = (*snakemake_command("figures", config=workspace.config), "--config", "colour=red")
+    done = workspace.run(*command)
+    assert done.returncode != 0
+    assert done.stdout.count("unknown key 'colour'; remove it, or use one of: domains, name") == 1
+
+
+# --- Stages by hand
+
+
+def test_a_stage_by_hand_finds_its_version(workspace):
+    done = workspace.python("-m", "slapshot.rollouts", "--config", workspace.config)
+    version = next(v for v in workspace.plan().values() if v.stage == "rollouts")
+    assert done.returncode == 0
+    assert done.stdout == f"[rollouts] {version.id} is already whole\n"
+
+
+def test_a_stage_by_hand_without_its_input_says_what_to_run(workspace, tmp_path):
+    done = workspace.python("-m", "slapshot.rollouts", "--config", workspace.config, "--store", tmp_path)
+    assert done.returncode == 1
+    assert done.stdout.startswith("[rollouts] rollouts needs scene/")
+    assert done.stdout.endswith("run `snakemake scene` first\n")
+    assert done.stdout.count("\n") == 1
+    assert not list(tmp_path.rglob("*"))
+
+
+# --- SIGKILL
+
+
+def test_killed_in_the_rollouts_and_started_again_the_content_is_that_of_an_unbroken_run(
+    workspace, new_workspace
+):
+    """Another copy and store, one core in place of all, and two kills; everything must come out the same."""
+    other = new_workspace("killed")
+    versions = other.plan()
+    assert versions == workspace.plan()
+    rollouts = next(v for v in versions.values() if v.stage == "rollouts")
+    partial = other.folder(rollouts).with_name(f".partial-{rollouts.id}")
+    command = (*snakemake_command("figures", config=other.config), "--cores", "1")
+    assert other.kill_when(partial.exists, *command)
+    assert not other.folder(rollouts).exists()
+    finished = "parts/tracks-*.parquet"
+    other.kill_when(lambda: any(partial.glob(finished)), *command)
+    resumed = any(partial.glob(finished))
+
+    done = other.run(*command)
+    assert done.returncode == 0, done.stdout
+    assert ("shards are there already" in done.stdout) == resumed
+    different = {
+        label: sorted(name for name in workspace.content(v) if workspace.content(v)[name] != content[name])
+        for label, v in versions.items()
+        if (content := other.content(v)) != workspace.content(v)
+    }
+    assert different == {}
+    assert other.manifest() == workspace.manifest()
+    assert other.to_do() == {}
+    assert not list((other.root / "data/store").glob("*/.*"))
