@@ -8,6 +8,7 @@ export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 .DEFAULT_GOAL := figures
 
 figures: setup
+	@slapshot config $(CONFIG)
 	snakemake figures --configfile $(CONFIG)
 
 test: setup lint

@@ -28,3 +28,19 @@ include: "workflow/rules/lab.smk"
 include: "workflow/rules/adaptation.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/benchmark.smk"
+
+
+# Here, because an included file cannot set the default target.
+rule figures:
+    """Every figure, published to figures/ with the table behind it; checks the data it stands on."""
+    default_target: True
+    input:
+        marks(*STAGES),
+    log:
+        "logs/publish.log",
+    localrule: True
+    params:
+        name=config["name"],
+        versions=all_versions,
+    shell:
+        "python -m slapshot.publish --name {params.name:q} --log {log} {params.versions:q}"

@@ -61,6 +61,9 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(
                 "--config", type=Path, action="append", help="configuration; may be repeated"
             )
+    config = commands.add_parser("config", help="check a configuration")
+    config.add_argument("file", type=Path)
+    config.set_defaults(run=_config)
     check = commands.add_parser("check", help="check a recording and say what is in it")
     check.add_argument("recording", help="folder")
     check.set_defaults(run=lambda args: check_recording([args.recording]))
@@ -72,6 +75,12 @@ def _table(*columns: str) -> Table:
     for name in columns:
         table.add_column(name, overflow="fold")
     return table
+
+
+def _config(args: argparse.Namespace) -> int:
+    plan = make_plan(load_config(args.file))
+    console.print(f"{args.file}: {len(plan.recipes)} versions")
+    return 0
 
 
 def _list(args: argparse.Namespace) -> int:

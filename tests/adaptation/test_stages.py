@@ -83,10 +83,17 @@ def test_checkpoint_predicts_as_before_and_seeds_decide(trained, rollouts, tmp_p
 
 
 def test_evaluation_adapts(trained, rollouts, tmp_path):
-    config = {"method": "kalman", "seed": 0, "samples": 12, "queries": 12, "noise_variances": [0.0, 0.1]}
+    config = {
+        "method": "kalman",
+        "seed": 0,
+        "repeats": 2,
+        "samples": 12,
+        "queries": 12,
+        "noise_variances": [0.0, 0.1],
+    }
     evaluate.produce(Run(config, {"train": trained, "rollouts": rollouts}, tmp_path, 1))
     errors = pd.read_parquet(tmp_path / "errors.parquet")
-    assert len(errors) == 2 * 12 * 13 * 2
+    assert len(errors) == 2 * 12 * 13 * 2 * 2
     mean = errors.groupby(["noise_variance", "samples"])["error_m"].mean()
     assert mean[0.0, 12] < 0.5 * mean[0.0, 0]
     assert mean[0.1, 12] < 0.7 * mean[0.1, 0]

@@ -2,11 +2,11 @@ rule benchmark:
     """Speed, memory and error of the stages, as ratios measured in one run (default configuration)."""
     input:
         marks("swings"),
-    params:
-        cores=workflow.cores,
     log:
         "logs/benchmark.log",
     # Whole cores to itself: anything beside it would be measured as well.
     threads: workflow.cores
+    params:
+        cores=workflow.cores,
     shell:
         "python -m slapshot.benchmark --cores {params.cores} 2>&1 | tee {log}"

@@ -10,7 +10,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 store = Store(Path("data/store"))
 
 try:
-    check_config(config, "configuration")
+    check_config(config, ", ".join(map(str, workflow.configfiles)))
     plan = make_plan(config)
 except InputError as error:
     raise WorkflowError(str(error)) from None

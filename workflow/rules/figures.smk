@@ -8,21 +8,6 @@ onerror:
     )
 
 
-rule figures:
-    """Every figure, published to figures/ with the table behind it; checks the data it stands on."""
-    default_target: True
-    input:
-        marks(*STAGES),
-    log:
-        "logs/publish.log",
-    localrule: True
-    params:
-        name=config["name"],
-        versions=all_versions,
-    shell:
-        "python -m slapshot.publish --name {params.name:q} --log {log} {params.versions:q}"
-
-
 rule figure_version:
     input:
         ancient(upstream("figure")),

@@ -5,6 +5,7 @@ import logging
 import numpy as np
 import pandas as pd
 import torch
+from numpy.typing import NDArray
 
 from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.adaptation.scoring import errors_against_samples
@@ -15,33 +16,43 @@ log = logging.getLogger("slapshot")
 
 
 def produce(run: Run) -> None:
-    """Write errors.parquet: method, model, condition, name, noise_variance, noise_sd_m, samples, error_m.
+    """Write errors.parquet.
 
-    Adaptation samples and queries are different hits of the same condition; both come from latents
-    and conditions that training never saw.
+    Columns: method, model, condition, name, repeat, noise_variance, noise_sd_m, samples, error_m.
+    Adaptation samples and queries are different hits of the same condition, split at random in each
+    repeat; both come from latents and conditions that training never saw.
     """
     settings = run.config
     torch.set_num_threads(run.cores)
     method, standardiser = load_ensemble(run.inputs["train"])
     data = read_sequences(run.inputs["rollouts"], "test")
     samples, queries = settings["samples"], settings["queries"]
-    names = ("state", "action", "outcome")
-    adapt = {name: getattr(data, name)[:, :samples] for name in names}
-    query = {name: getattr(data, name)[:, samples : samples + queries] for name in names}
     rng = np.random.default_rng(settings["seed"])
-    unit_noise = rng.normal(size=adapt["outcome"].shape)
     spread = float(standardiser.scale["outcome"].square().mean().sqrt())
     tables = []
-    for variance in settings["noise_variances"]:
-        noise = np.sqrt(variance) * unit_noise
-        errors = errors_against_samples(method, standardiser, adapt, query, noise)
-        table = error_table(errors, data.conditions[["condition", "name"]])
-        tables.append(table.assign(noise_variance=variance, noise_sd_m=np.sqrt(variance) * spread))
-        average = errors.mean((0, 1))
-        log.info("noise variance %g: %.1f cm before, %.1f cm after %d samples", variance,
-                 100 * average[0], 100 * average[-1], samples)  # fmt: skip
+    for repeat in range(settings["repeats"]):
+        order = rng.permuted(np.tile(np.arange(data.outcome.shape[1]), (len(data.conditions), 1)), axis=1)
+        adapt, query = (
+            {name: _take(getattr(data, name), rows) for name in ("state", "action", "outcome")}
+            for rows in (order[:, :samples], order[:, samples : samples + queries])
+        )
+        unit_noise = rng.normal(size=adapt["outcome"].shape)
+        for variance in settings["noise_variances"]:
+            noise = np.sqrt(variance) * unit_noise
+            errors = errors_against_samples(method, standardiser, adapt, query, noise)
+            table = error_table(errors, data.conditions[["condition", "name"]].assign(repeat=repeat))
+            tables.append(table.assign(noise_variance=variance, noise_sd_m=np.sqrt(variance) * spread))
     table = pd.concat(tables, ignore_index=True).assign(method=settings["method"])
     table.to_parquet(run.out / "errors.parquet", index=False)
+    for variance, rows in table.groupby("noise_variance"):
+        mean = 100 * rows.groupby("samples")["error_m"].mean()
+        log.info("noise variance %g: %.1f cm before, %.1f cm after %d samples", variance, mean[0],
+                 mean[samples], samples)  # fmt: skip
+
+
+def _take(values: NDArray[np.float32], rows: NDArray[np.int64]) -> NDArray[np.float32]:
+    """(conditions, n, size): of each condition the hits whose numbers are in rows (conditions, n)."""
+    return np.take_along_axis(values, rows[:, :, None], 1)
 
 
 def error_table(errors: np.ndarray, tasks: pd.DataFrame) -> pd.DataFrame:

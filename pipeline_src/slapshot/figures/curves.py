@@ -2,6 +2,7 @@
 
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from slapshot.figures.drawing import method_colour, method_name
 
@@ -45,6 +46,7 @@ def draw_curves(
             )
     axes.set_xlim(0, summary["samples"].max() if last is None else last)
     axes.set_ylim(bottom=0)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
 def panel_title(axes: Axes, letter: str, text: str) -> None:

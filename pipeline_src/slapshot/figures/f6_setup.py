@@ -24,6 +24,7 @@ from slapshot.trajectories.motion import Motion
 
 _WAYPOINTS, _DURATION = 17, 0.8
 _HEIGHT, _WIDTH = 720, 900
+_OBJECT_COLOURS = {"red": "#D62728", "blue": "#1F4FB4"}  # objects that are called by their colour
 
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
@@ -78,7 +79,8 @@ def _recorded(
     _picture(axes, render(model, data, "ceiling", _HEIGHT, _WIDTH), f"(b) recording “{name}”")
     rows = []
     seen = recording.hits[recording.hits["rest_x"].notna()]
-    for (object_id, hits), colour in zip(seen.groupby("object_id"), OTHER_COLOURS, strict=False):
+    for (object_id, hits), other in zip(seen.groupby("object_id"), OTHER_COLOURS, strict=False):
+        colour = _OBJECT_COLOURS.get(str(object_id), other)
         pixels = _project(model, hits[["rest_x", "rest_y"]].to_numpy(float))
         axes.scatter(pixels[:, 0], pixels[:, 1], s=9, color=colour, edgecolor="black", linewidth=0.3,
                      label=f"{object_id} puck at rest")  # fmt: skip
@@ -90,7 +92,7 @@ def _recorded(
     axes.set_ylim(_HEIGHT, 0)
     axes.legend(loc="upper right", fontsize=7, frameon=True, framealpha=0.9)
     if recording.stand_in:
-        axes.text(0.02, 0.03, STAND_IN, transform=axes.transAxes, fontsize=7, color="#A00000")
+        axes.text(0.02, 0.95, STAND_IN, transform=axes.transAxes, fontsize=7, color="#A00000")
     return rows
 
 

@@ -2,27 +2,29 @@
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.errors import InputError
-from slapshot.scenes.scene import Scene
 from slapshot.store.closure import find_source
+
+if TYPE_CHECKING:  # planning reads this module and must not need MuJoCo
+    from slapshot.scenes.scene import Scene
 
 
 class Domain(Protocol):
     """A module with these functions, for example slapshot.scenes.hockey."""
 
-    def build_scene(self, settings: Mapping[str, Any]) -> Scene:
+    def build_scene(self, settings: Mapping[str, Any]) -> "Scene":
         """The scene that the `scene` block of a domain's configuration describes."""
 
     def draw_task(self, settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
         """Parameters of one scripted demonstration, from the `demonstrations` block."""
 
     def demonstrate(
-        self, scene: Scene, settings: Mapping[str, Any], tasks: list[dict[str, float]]
+        self, scene: "Scene", settings: Mapping[str, Any], tasks: list[dict[str, float]]
     ) -> list[NDArray[np.float64] | None]:
         """Waypoints (waypoints, joints) in rad for each task, None where it cannot be reached."""
 

@@ -231,7 +231,7 @@ def _add_contacts(root: mjcf.RootElement) -> None:
 def _add_pictures(root: mjcf.RootElement, settings: Mapping[str, Any]) -> None:
     """Ceiling camera, one to look at the set-up, lights, and the whiteboard that one sees."""
     centre = (settings["start_m"][0] + settings["board_m"][0] / 2 - 0.4, 0.0)
-    root.worldbody.add("camera", name="ceiling", pos=(*centre, 3.0), xyaxes=(0, -1, 0, 1, 0, 0), fovy=50)
+    root.worldbody.add("camera", name="ceiling", pos=(*centre, 3.7), xyaxes=(0, -1, 0, 1, 0, 0), fovy=50)
     root.worldbody.add(
         "camera",
         name="overview",
