@@ -26,6 +26,7 @@ from slapshot.trajectories.vae import TrajectoryVae
 
 REFERENCE_STEP = 0.00025  # s
 HITS = 2048  # for the speed of the collector
+ROUNDS = 3
 SLOW_HITS = 96  # for everything that simulates the whole arm
 
 
@@ -57,8 +58,12 @@ def hit_measures(
     few = hits.rows(slice(0, SLOW_HITS))
     collector = Collector(scene, swings, threads=1)
     collector.collect(few)  # compiles the slide
-    collect_rate = HITS / _seconds(lambda: collector.collect(hits))
-    slow_rate = SLOW_HITS / _seconds(lambda: dm_control_rests(scene, swings, few))
+    # In turns, the best of each: whatever else the machine does slows both alike.
+    rounds = [
+        (_seconds(lambda: collector.collect(hits)), _seconds(lambda: dm_control_rests(scene, swings, few)))
+        for _ in range(ROUNDS)
+    ]
+    collect_rate, slow_rate = HITS / min(r[0] for r in rounds), SLOW_HITS / min(r[1] for r in rounds)
     latents = swings.latents[np.unique(hits.swings)]
     swing_seconds = _seconds(lambda: execute(scene, model, latents, np.zeros(len(latents), int), 1))
     # With the swings: every hit pays a swing of its own, as hits that were asked for one by one do.
