@@ -21,7 +21,7 @@ from slapshot.rollouts.contact import Hits
 from slapshot.rollouts.reference import dm_control_rests, reference_rests
 from slapshot.scenes.randomisation import draw_conditions, draw_start_errors
 from slapshot.scenes.scene import Scene
-from slapshot.trajectories.swings import Swings, execute
+from slapshot.trajectories.swings import SPLITS, Swings, execute
 from slapshot.trajectories.vae import TrajectoryVae
 
 REFERENCE_STEP = 0.00025  # s
@@ -139,7 +139,8 @@ def hours(
 ) -> list[Measure]:
     """Hours that the two long stages of a configuration would take on this machine, from the rates."""
     rollouts, training = config["rollouts"], config["training"]
-    count = (rollouts["train"] + rollouts["validation"] + rollouts["test"]) * rollouts["hits"]
+    conditions = sum(rollouts[split] for split in SPLITS) + len(rollouts["named_conditions"])
+    count = conditions * rollouts["hits"]
     rate = measured[f"{domain}_hits_per_second_and_core"] * cores
     rows = [
         Measure(f"{domain}_{name}_hits", count, "1"),
