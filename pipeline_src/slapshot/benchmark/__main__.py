@@ -13,10 +13,10 @@ from rich.table import Table
 from slapshot.benchmark.measures import (
     Measure,
     hit_measures,
-    hours,
     memory_measures,
     training_measures,
 )
+from slapshot.benchmark.scale import hours
 from slapshot.config import load_config
 from slapshot.errors import InputError
 from slapshot.plan import make_plan
@@ -50,7 +50,8 @@ def measure(store: Store, cores: int) -> list[Measure]:
                 rows += [Measure(f"{row.measure}_{name}", row.value, row.unit) for row in timed]
         measured = {row.measure: row.value for row in rows}
         for name in SCALES:
-            rows += hours(domain, name, configs[name]["domains"][domain], measured, cores)
+            scale = configs[name]["domains"][domain]
+            rows += hours(domain, name, scale, plan, folders, measured, cores)
     return rows
 
 

@@ -1,4 +1,4 @@
-"""The measures: speed and error of hits, memory, and the hours that a scale would take."""
+"""The measures: speed and error of hits, memory, and training."""
 
 import json
 import resource
@@ -21,7 +21,7 @@ from slapshot.rollouts.contact import Hits
 from slapshot.rollouts.reference import dm_control_rests, reference_rests
 from slapshot.scenes.randomisation import draw_conditions, draw_start_errors
 from slapshot.scenes.scene import Scene
-from slapshot.trajectories.swings import SPLITS, Swings, execute
+from slapshot.trajectories.swings import Swings, execute
 from slapshot.trajectories.vae import TrajectoryVae
 
 REFERENCE_STEP = 0.00025  # s
@@ -60,12 +60,12 @@ def hit_measures(
     collector.collect(few)  # compiles the slide
     # In turns, the best of each: whatever else the machine does slows both alike.
     rounds = [
-        (_seconds(lambda: collector.collect(hits)), _seconds(lambda: dm_control_rests(scene, swings, few)))
+        (seconds(lambda: collector.collect(hits)), seconds(lambda: dm_control_rests(scene, swings, few)))
         for _ in range(ROUNDS)
     ]
     collect_rate, slow_rate = HITS / min(r[0] for r in rounds), SLOW_HITS / min(r[1] for r in rounds)
     latents = swings.latents[np.unique(hits.swings)]
-    swing_seconds = _seconds(lambda: execute(scene, model, latents, np.zeros(len(latents), int), 1))
+    swing_seconds = seconds(lambda: execute(scene, model, latents, np.zeros(len(latents), int), 1))
     # With the swings: every hit pays a swing of its own, as hits that were asked for one by one do.
     with_swings = 1 / (1 / collect_rate + swing_seconds / len(latents))
     fast = collector.collect(few).rests[:, :2]
@@ -126,33 +126,16 @@ def training_measures(
 
     plain = AdaptationMethod.sequence_predictions
     step(method.sequence_predictions)
-    fast = min(_seconds(lambda: step(method.sequence_predictions)) for _ in range(5))
-    slow = min(_seconds(lambda: step(lambda *d: plain(method, *d))) for _ in range(3))
+    fast = min(seconds(lambda: step(method.sequence_predictions)) for _ in range(5))
+    slow = min(seconds(lambda: step(lambda *d: plain(method, *d))) for _ in range(3))
     return [
         Measure(f"{domain}_{method_name}_training_step", fast, "s"),
         Measure(f"{domain}_{method_name}_training_step_ratio_to_plain_loop", slow / fast, "1"),
     ]
 
 
-def hours(
-    domain: str, name: str, config: Mapping[str, Any], measured: Mapping[str, float], cores: int
-) -> list[Measure]:
-    """Hours that the two long stages of a configuration would take on this machine, from the rates."""
-    rollouts, training = config["rollouts"], config["training"]
-    conditions = sum(rollouts[split] for split in SPLITS) + len(rollouts["named_conditions"])
-    count = conditions * rollouts["hits"]
-    rate = measured[f"{domain}_hits_per_second_and_core"] * cores
-    rows = [
-        Measure(f"{domain}_{name}_hits", count, "1"),
-        Measure(f"{domain}_{name}_rollouts_hours", count / rate / 3600, "h"),
-    ]
-    for method in config["methods"]:
-        step = measured[f"{domain}_{method}_training_step_{name}"]
-        rows.append(Measure(f"{domain}_{name}_train_{method}_hours", training["steps"] * step / 3600, "h"))
-    return rows
-
-
-def _seconds(work: Callable[[], object]) -> float:
+def seconds(work: Callable[[], object]) -> float:
+    """How long some work takes."""
     begin = time.perf_counter()
     work()
     return time.perf_counter() - begin

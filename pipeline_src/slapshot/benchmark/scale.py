@@ -1,0 +1,85 @@
+"""The hours that a configuration's long stages would take here, from rates measured at a small size."""
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from slapshot.benchmark.measures import Measure, seconds
+from slapshot.command import Run
+from slapshot.plan import Plan
+from slapshot.trajectories import demonstrations
+from slapshot.trajectories.fit import train
+from slapshot.trajectories.swings import SPLITS
+from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
+
+_TASKS = 256  # demonstrations that are timed
+_STEPS = 100  # training steps of the trajectory model that are timed
+
+
+def hours(
+    domain: str,
+    name: str,
+    config: Mapping[str, Any],
+    plan: Plan,
+    folders: Mapping[str, Path],
+    measured: Mapping[str, float],
+    cores: int,
+) -> list[Measure]:
+    """Counts and hours of one configuration (named `name`), stage by stage and together.
+
+    Args:
+        domain: its name in the configuration.
+        name: of the configuration.
+        config: the domain's block.
+        plan: of a configuration whose recipe of the demonstrations can be run on `folders`.
+        folders: scene and trajectory_model, to time demonstrations and training on.
+        measured: the measures so far, by name.
+        cores: that the rollouts would use.
+    """
+    rollouts, training = config["rollouts"], config["training"]
+    conditions = sum(rollouts[split] for split in SPLITS) + len(rollouts["named_conditions"])
+    hits = conditions * rollouts["hits"]
+    rate = measured[f"{domain}_hits_per_second_and_core"] * cores
+    swing = 1 / measured[f"{domain}_hits_per_second_and_core_with_own_swing"]
+    parts = {
+        "demonstrations": config["demonstrations"]["count"] * _demonstration(plan, domain, folders),
+        "trajectory_model": config["trajectory_model"]["steps"] * _vae_step(config, folders),
+        "swings": sum(config["swings"].values()) * swing,
+        "rollouts": hits / rate,
+    }
+    for method in config["methods"]:
+        step = measured[f"{domain}_{method}_training_step_{name}"]
+        parts[f"train_{method}"] = training["steps"] * step
+    return [
+        Measure(f"{domain}_{name}_conditions", conditions, "1"),
+        Measure(f"{domain}_{name}_hits", hits, "1"),
+        *(Measure(f"{domain}_{name}_{part}_hours", value / 3600, "h") for part, value in parts.items()),
+        Measure(f"{domain}_{name}_long_stages_hours", sum(parts.values()) / 3600, "h"),
+    ]
+
+
+def _demonstration(plan: Plan, domain: str, folders: Mapping[str, Path]) -> float:
+    """Seconds that a demonstration takes on the one core that the stage uses."""
+    config = {**plan.recipes[f"demonstrations/{domain}"].config, "count": _TASKS}
+    with tempfile.TemporaryDirectory() as out:
+        return seconds(lambda: demonstrations.produce(Run(config, folders, Path(out), 1))) / _TASKS
+
+
+def _vae_step(config: Mapping[str, Any], folders: Mapping[str, Path]) -> float:
+    """Seconds of a training step of the trajectory model at the configured sizes."""
+    settings = config["trajectory_model"]
+    known = TrajectoryVae.load(folders["trajectory_model"]).sizes
+    sizes = VaeSizes(
+        known.waypoints, known.joints, settings["latent"], tuple(settings["hidden"]), known.duration
+    )
+    flat = torch.randn(settings["batch"], sizes.waypoints * sizes.joints)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # as the stage does
+    try:
+        train(flat, sizes, {**settings, "seed": 0, "steps": 2})  # what only the first steps cost
+        return seconds(lambda: train(flat, sizes, {**settings, "seed": 0, "steps": _STEPS})) / _STEPS
+    finally:
+        torch.set_num_threads(threads)
