@@ -152,6 +152,9 @@ def _locked(path: Path) -> Iterator[None]:
     with path.open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # Whoever held it before may have removed the file since it was opened here.
+            if os.fstat(file.fileno()).st_ino != path.stat().st_ino:
+                raise OSError
         except OSError:
             raise InputError(
                 f"{path.parent.name}/{path.name.removeprefix('.lock-')} is being made by another "
