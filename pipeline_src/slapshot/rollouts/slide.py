@@ -8,7 +8,8 @@ dissipation in the elliptic cone (fx/mu_x)^2 + (fy/mu_y)^2 + (m/mu_t)^2 <= N^2:
 
 Rolling friction does not appear: an object that stays flat does not roll. This is the textbook law that
 MuJoCo's elliptic cones approximate: its soft contacts make a sliding object hop by micrometres, so that
-spin dies sooner and anisotropy bends paths less, which moves rest points by 1 to 3 % of the slide, of short ones by up to 6 %.
+spin dies sooner and anisotropy bends paths less, which moves rest points by 1 to 3 % of the slide,
+of short ones by up to 6 %.
 """
 
 import numpy as np
