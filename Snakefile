@@ -7,7 +7,7 @@ from snakemake.utils import min_version
 
 from slapshot.config import check_config
 from slapshot.errors import InputError
-from slapshot.plan import STAGES, make_plan
+from slapshot.plan import ON_DEMAND, STAGES, make_plan
 from slapshot.store.folder import Store
 
 min_version("9.0")
@@ -26,6 +26,10 @@ include: "workflow/rules/trajectories.smk"
 include: "workflow/rules/rollouts.smk"
 include: "workflow/rules/lab.smk"
 include: "workflow/rules/adaptation.smk"
+include: "workflow/rules/regression.smk"
+include: "workflow/rules/uncertainty.smk"
+include: "workflow/rules/claims.smk"
+include: "workflow/rules/viewer.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/benchmark.smk"
 
@@ -35,7 +39,7 @@ rule figures:
     """Every figure, published to figures/ with the table behind it; checks the data it stands on."""
     default_target: True
     input:
-        marks(*STAGES),
+        marks(*(stage for stage in STAGES if stage not in ON_DEMAND)),
     log:
         "logs/publish.log",
     localrule: True

@@ -131,8 +131,9 @@ def _problem(error: jsonschema.ValidationError) -> str:
     instance: Any = error.instance
     shown = _short(instance)
     if kind == "additionalProperties":
-        known = sorted(schema.get("properties", {}))
-        unknown = min(set(instance) - set(known))
+        patterns = (p.strip("^").partition("(")[0] for p in schema.get("patternProperties", {}))
+        known = sorted([*schema.get("properties", {}), *patterns])
+        unknown = min(k for k in instance if k not in known and not _matches(k, schema))
         close = difflib.get_close_matches(unknown, known, n=1)
         meant = f"write {close[0]!r}" if close else "remove it"
         return f"unknown key {unknown!r}; {meant}, or use one of: {', '.join(known)}"
@@ -161,6 +162,10 @@ def _problem(error: jsonschema.ValidationError) -> str:
     if kind == "pattern":
         return f"{shown} has a character that is not allowed; it must match {value}"
     return f"{_one_line(error.message)}; see {SCHEMA}"
+
+
+def _matches(key: str, schema: Mapping[str, Any]) -> bool:
+    return any(re.search(pattern, key) for pattern in schema.get("patternProperties", {}))
 
 
 def _is_number(value: Any) -> bool:

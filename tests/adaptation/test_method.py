@@ -5,7 +5,9 @@ from dataclasses import dataclass, fields
 import pytest
 import torch
 from slapshot.adaptation.kalman import Kalman
+from slapshot.adaptation.maml import Maml
 from slapshot.adaptation.method import AdaptationMethod, Sizes, build_settings, load_method
+from slapshot.adaptation.names import method_file
 from slapshot.errors import InputError
 from torch import Tensor, nn
 
@@ -136,7 +138,12 @@ def test_load_method_finds_a_file_by_its_name():
     assert load_method("kalman") is Kalman
 
 
-@pytest.mark.parametrize("name", ["nonsense", "layers", "method", "../kalman", ""])
+def test_what_follows_an_underscore_tells_methods_of_one_file_apart():
+    assert [method_file(name) for name in ("maml", "maml_8", "maml_8_long")] == ["maml"] * 3
+    assert load_method("maml_8") is load_method("maml_1") is Maml
+
+
+@pytest.mark.parametrize("name", ["nonsense", "layers", "method", "../kalman", "", "_kalman"])
 def test_load_method_names_what_exists(name):
     with pytest.raises(InputError, match=r"there are: .*\bkalman\b") as caught:
         load_method(name)
@@ -145,8 +152,14 @@ def test_load_method_names_what_exists(name):
 
 # --- the contract of every method -----------------------------------------------------------------
 
-CONFIGURATIONS = {"kalman": {"latent": 4, "hidden": [16, 16], "drift": 1e-3}}
+CONFIGURATIONS = {
+    "kalman": {"latent": 4, "hidden": [16, 16], "drift": 1e-3},
+    "lstm": {"state": 12, "hidden": [16]},
+    "maml_1": {"hidden": [16, 16], "batch": 1, "steps": 3, "step_size": 0.1},
+}
 every_method = pytest.mark.parametrize("name", CONFIGURATIONS)
+# MAML adapts without end in an evaluation, but stops after some steps in training.
+both_modes = pytest.mark.parametrize("training", [True, False], ids=["train", "eval"])
 
 
 def build(name: str, models: int = 2, seed: int = 0) -> AdaptationMethod:
@@ -196,8 +209,9 @@ def test_shapes(name):
 
 
 @every_method
-def test_fast_loops_agree_with_the_plain_ones(name):
-    method, data = build(name).double(), draw(2, 3, 6)
+@both_modes
+def test_fast_loops_agree_with_the_plain_ones(name, training):
+    method, data = build(name).double().train(training), draw(2, 3, 6)
     plain = AdaptationMethod.sequence_predictions(method, *data)
     # The same numbers in another order: float64 rounding of six well-conditioned steps.
     torch.testing.assert_close(method.sequence_predictions(*data), plain, rtol=0, atol=1e-12)
@@ -211,7 +225,7 @@ def test_fast_loops_agree_with_the_plain_ones(name):
 @every_method
 @pytest.mark.parametrize("plain", [False, True])
 def test_prediction_uses_earlier_observations_only(name, plain):
-    method = build(name)
+    method = build(name).eval()
     owner = AdaptationMethod if plain else type(method)
     state, action, observed = draw(2, 3, 6, torch.float32)
     before = owner.sequence_predictions(method, state, action, observed)

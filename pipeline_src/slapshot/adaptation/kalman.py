@@ -282,6 +282,20 @@ class Kalman(AdaptationMethod[KalmanBelief]):
         L = torch.linalg.cholesky_ex(belief.covariance).L
         return belief.mean[:, :, None] + white.to(L) @ L.mT
 
+    def normalised_innovation_squared(
+        self, belief: KalmanBelief, state: Tensor, action: Tensor, observed: Tensor
+    ) -> Tensor:
+        """(M, B) of r' S^-1 r, r = y - H mu: how far a sample (M, B, d) is from what the belief expects.
+
+        The usual test of a filter's consistency. It would follow a chi-squared distribution with k
+        degrees of freedom if the belief's scale were that of a likelihood; trained by squared error it
+        must be compared with simulated samples instead.
+        """
+        y, H = self.whiten(*self.measure(state, action, observed))
+        step = kalman_step(belief.mean, belief.covariance, y, H, self.settings.drift)
+        innovation = y - _times(H, belief.mean)
+        return (innovation * step.residual).sum(-1)
+
     def _integrate(self, belief: KalmanBelief, y: Tensor, H: Tensor) -> KalmanBelief:
         step = kalman_step(belief.mean, belief.covariance, y, H, self.settings.drift)
         return KalmanBelief(step.mean, step.covariance)

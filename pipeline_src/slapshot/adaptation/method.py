@@ -16,6 +16,7 @@ import torch
 from torch import Tensor, nn
 
 import slapshot.adaptation
+from slapshot.adaptation.names import method_file
 from slapshot.errors import InputError
 
 BeliefT = TypeVar("BeliefT")
@@ -139,8 +140,9 @@ def build_settings(settings_class: type[Any], configuration: Mapping[str, Any]) 
 
 
 def load_method(name: str) -> type[AdaptationMethod[Any]]:
-    """Return the class `METHOD` of the file slapshot/adaptation/<name>.py."""
-    method = _method_in(name) if name in _modules() else None
+    """Return the class `METHOD` of the file slapshot/adaptation/<method_file(name)>.py."""
+    file = method_file(name)
+    method = _method_in(file) if file in _modules() else None
     if method is None:
         known = [module for module in _modules() if _method_in(module)]
         raise InputError(f"unknown adaptation method {name!r}; there are: {', '.join(known)}")

@@ -4,21 +4,22 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from slapshot.figures.drawing import method_colour, method_name
+from slapshot.figures.drawing import method_colour, method_line, method_name
 
 
-def summarise(errors: pd.DataFrame, by: list[str]) -> pd.DataFrame:
+def summarise(errors: pd.DataFrame, by: list[str], unit: str = "model") -> pd.DataFrame:
     """Mean and spread of error_m (m) by `by` and samples.
 
     sd_m is the standard deviation over models and tasks (what the paper shades); mean_low_m and
-    mean_high_m are a 95 % interval of the mean over models, from their spread and Student's t.
+    mean_high_m are a 95 % interval of the mean over `unit` (models, or rigs), from the spread of the
+    units' means and Student's t.
     """
     keys = [*by, "samples"]
     grouped = errors.groupby(keys, observed=True)["error_m"]
     table = pd.DataFrame({"error_m": grouped.mean(), "sd_m": grouped.std(ddof=0), "n": grouped.size()})
-    per_model = errors.groupby([*keys, "model"], observed=True)["error_m"].mean().groupby(keys, observed=True)
-    count = per_model.size()
-    half = _student(count) * per_model.std(ddof=1) / count**0.5
+    per_unit = errors.groupby([*keys, unit], observed=True)["error_m"].mean().groupby(keys, observed=True)
+    count = per_unit.size()
+    half = _student(count) * per_unit.std(ddof=1) / count**0.5
     table["mean_low_m"], table["mean_high_m"] = table["error_m"] - half, table["error_m"] + half
     return table.reset_index()
 
@@ -31,16 +32,33 @@ def _student(count: pd.Series) -> pd.Series:
 
 
 def draw_curves(
-    axes: Axes, summary: pd.DataFrame, last: int | None = None, shade: bool = True, label: bool = True
+    axes: Axes, summary: pd.DataFrame, last: int | None = None, band: str = "", label: bool = True
 ) -> None:
-    """One line a method, in cm, with a band of one standard deviation."""
+    """One line a method, in cm.
+
+    Args:
+        axes: to draw on.
+        summary: of `summarise`, with a column `method`.
+        last: largest number of samples to show.
+        band: sd (one standard deviation), mean (95 % interval of the mean), or none.
+        label: whether lines get an entry in a legend.
+    """
     for method, rows in summary.groupby("method", sort=False):
+        name = str(method)
         shown = rows if last is None else rows[rows["samples"] <= last]
-        colour = method_colour(str(method))
-        name = method_name(str(method)) if label else None
-        axes.plot(shown["samples"], 100 * shown["error_m"], color=colour, label=name)
-        if shade:
+        colour = method_colour(name)
+        axes.plot(
+            shown["samples"],
+            100 * shown["error_m"],
+            color=colour,
+            linestyle=method_line(name),
+            label=method_name(name) if label else None,
+        )
+        if band == "sd":
             low, high = shown["error_m"] - shown["sd_m"], shown["error_m"] + shown["sd_m"]
+        else:
+            low, high = shown["mean_low_m"], shown["mean_high_m"]
+        if band:
             axes.fill_between(
                 shown["samples"], 100 * low.clip(lower=0), 100 * high, color=colour, alpha=0.15, lw=0
             )

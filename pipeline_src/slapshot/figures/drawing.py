@@ -12,8 +12,24 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 # Okabe and Ito's palette: told apart by colour-blind readers too. One colour a method, everywhere.
-METHOD_COLOURS = {"kalman": "#0072B2", "lstm": "#D55E00", "maml": "#009E73", "policy": "#CC79A7"}
-METHOD_NAMES = {"kalman": "Kalman", "lstm": "LSTM", "maml": "MAML", "policy": "policy adaptation"}
+METHOD_COLOURS = {
+    "kalman": "#0072B2",
+    "lstm": "#D55E00",
+    "maml_1": "#7CCFB4",
+    "maml_4": "#009E73",
+    "maml_8": "#00543D",
+    "policy": "#CC79A7",
+}
+METHOD_NAMES = {
+    "kalman": "Kalman",
+    "lstm": "LSTM",
+    "maml_1": "MAML, 1 an update",
+    "maml_4": "MAML, 4 an update",
+    "maml_8": "MAML, 8 an update",
+    "policy": "policy adaptation",
+}
+# Methods are told apart without colour, too.
+_LINES = {"lstm": "--", "maml_1": ":", "maml_4": "-.", "maml_8": (0, (6, 1, 1, 1, 1, 1))}
 OTHER_COLOURS = ("#E69F00", "#56B4E9", "#000000", "#F0E442")
 STAND_IN = "stand-in rig (simulated), not a real robot"
 
@@ -78,8 +94,13 @@ def save(drawing: Drawing, folder: Path) -> None:
 
 
 def method_colour(method: str) -> str:
-    """The method's colour; a name that starts with a known one (maml_8) shares it."""
-    return METHOD_COLOURS.get(method.split("_")[0], OTHER_COLOURS[hash_of(method) % len(OTHER_COLOURS)])
+    """The method's colour."""
+    return METHOD_COLOURS.get(method, OTHER_COLOURS[hash_of(method) % len(OTHER_COLOURS)])
+
+
+def method_line(method: str) -> Any:
+    """The method's kind of line."""
+    return _LINES.get(method, "-")
 
 
 def hash_of(text: str) -> int:

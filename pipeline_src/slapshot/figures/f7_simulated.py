@@ -12,7 +12,8 @@ from slapshot.figures.curves import draw_curves, panel_title, summarise
 from slapshot.figures.drawing import Drawing
 
 FRICTIONS = ("low friction", "medium friction", "high friction")
-LOW_SAMPLES = 8
+LOW_SAMPLES = 12
+_SHADED = ("kalman", "lstm")  # five bands on top of each other would hide one another
 
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
@@ -23,13 +24,15 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     friction = summarise(errors[errors["name"].isin(FRICTIONS)], ["method", "name"])
     noise = summarise(drawn, ["method", "noise_variance", "noise_sd_m"])
 
-    figure = plt.figure(figsize=(9.6, 6.2))
+    figure = plt.figure(figsize=(9.6, 6.4))
     rows = figure.subfigures(2, 1, squeeze=False)[:, 0]
     left, right = rows[0].subfigures(1, 2, width_ratios=[1, 1.35], squeeze=False)[0]
     axes = left.subplots()
-    draw_curves(axes, overall)
+    shaded = overall["method"].isin(_SHADED)
+    draw_curves(axes, overall[shaded], band="sd")
+    draw_curves(axes, overall[~shaded])
     panel_title(axes, "a", "all test conditions and noise levels")
-    axes.legend(loc="upper right")
+    axes.legend(loc="upper right", handlelength=2.6)
     shown = [name for name in FRICTIONS if (friction["name"] == name).any()]
     _row(right, "b", friction, [(name, friction["name"] == name) for name in shown], LOW_SAMPLES)
     levels = noise[["noise_variance", "noise_sd_m"]].drop_duplicates().sort_values("noise_variance")
@@ -66,9 +69,9 @@ def _row(
     last: int | None,
 ) -> None:
     """Panels with one scale, a case each: its title and which rows of the summary it shows."""
-    top = 100 * (summary["error_m"] + summary["sd_m"]).max()
+    top = 105 * summary["mean_high_m"].max()
     panels = figure.subplots(1, len(cases), sharey=True, squeeze=False)[0]
     for i, (axes, (title, rows)) in enumerate(zip(panels, cases, strict=True)):
-        draw_curves(axes, summary[rows], last, label=False)
+        draw_curves(axes, summary[rows], last, band="mean", label=False)
         axes.set_ylim(0, top)
         axes.set_title(f"({letter}) {title}" if i == 0 else title, loc="left")

@@ -14,7 +14,10 @@ FEW = 12
 
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
-    """Panels (a) all objects, (b) few samples, (c) each object, one row a recording."""
+    """Panels (a) all objects, (b) few samples, (c) each object, one row a recording.
+
+    Bands are 95 % intervals of the mean over rigs, or over models where there is one rig.
+    """
     parts = []
     for role, folder in inputs.items():
         parts.append(pd.read_parquet(folder / "errors.parquet").assign(recording=role.split("/")[1]))
@@ -22,31 +25,33 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     recordings = list(dict.fromkeys(errors["recording"]))
     most = errors.groupby("recording")["object"].nunique().max()
     figure, grid = plt.subplots(
-        len(recordings), 2 + most, figsize=(2.6 * (2 + most), 2.9 * len(recordings)), squeeze=False
+        len(recordings), 2 + most, figsize=(2.7 * (2 + most), 3.1 * len(recordings)), squeeze=False
     )
     tables = []
     for row, recording in zip(grid, recordings, strict=True):
         own = errors[errors["recording"] == recording]
-        overall = summarise(own, ["method"])
-        by_object = summarise(own, ["method", "object"])
-        top = 100 * (by_object["error_m"] + by_object["sd_m"]).max()
-        kind = STAND_IN if own["stand_in"].any() else "real recording"
-        draw_curves(row[0], overall)
+        rigs = own["rig"].nunique()
+        unit = "rig" if rigs > 1 else "model"
+        overall = summarise(own, ["method"], unit)
+        by_object = summarise(own, ["method", "object"], unit)
+        top = 105 * by_object["mean_high_m"].max()
+        stand_in = own["stand_in"].any()
+        kind = STAND_IN if stand_in else "real recording"
+        draw_curves(row[0], overall, band="mean")
         panel_title(row[0], "a", "all pucks")
-        row[0].legend(loc="upper right")
-        row[0].set_ylabel(f"recording “{recording}”\nerror (cm)")
+        row[0].legend(loc="upper right", handlelength=2.6)
+        row[0].set_ylabel(f"recording “{recording}”, {rigs} rig{'s' * (rigs > 1)}\nerror (cm)")
         row[0].annotate(kind, (0.02, 0.03), xycoords="axes fraction", fontsize=7, color="#A00000")
-        draw_curves(row[1], overall, FEW, shade=False, label=False)
+        draw_curves(row[1], overall, FEW, band="mean", label=False)
         panel_title(row[1], "b", f"first {FEW} samples")
         objects = list(dict.fromkeys(own["object"]))
         for axes, name in zip(row[2:], objects, strict=False):
-            draw_curves(axes, by_object[by_object["object"] == name], label=False)
+            draw_curves(axes, by_object[by_object["object"] == name], FEW, band="mean", label=False)
             axes.set_title(("(c) " if name == objects[0] else "") + f"{name} puck", loc="left")
-        for axes in (row[0], *row[2:]):
+        for axes in row:
             axes.set_ylim(0, top)
         for axes in row[2 + len(objects) :]:
             axes.set_visible(False)
-        stand_in = own["stand_in"].any()
         tables += [
             overall.assign(recording=recording, panel="a, b", stand_in=stand_in),
             by_object.assign(recording=recording, panel="c", stand_in=stand_in),

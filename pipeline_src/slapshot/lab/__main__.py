@@ -48,7 +48,7 @@ def produce(run: Run) -> None:
         model.motion,
         model.sizes.latent,
         run.config["lab"],
-        run.config["seed"],
+        [run.config["seed"], run.config["rig"]],
         run.config.get("trajectory_model_id"),
         run.out,
     )
@@ -59,7 +59,7 @@ def record(
     motion: Callable[[Array], Motion],
     latent: int,
     settings: Mapping[str, Any],
-    seed: int,
+    seed: int | list[int],
     trajectory_model: str | None,
     out: Path,
 ) -> None:

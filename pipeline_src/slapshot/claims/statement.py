@@ -1,0 +1,85 @@
+"""The face that all claims share: statements with a measured value, an interval and a verdict."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from slapshot.statistics import Interval
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A part of a claim that one number decides.
+
+    Attributes:
+        text: what is claimed, in one sentence.
+        measure: what the number is.
+        interval: the number and its 95 % interval.
+        above, below: the statement holds if the number lies above the one and below the other.
+        unit: of the number.
+        scale: factor between the number and how it is printed in that unit.
+        paper: what the paper reports, if it gives a number.
+        note: what a reader must know to read it.
+    """
+
+    text: str
+    measure: str
+    interval: Interval
+    above: float = -math.inf
+    below: float = math.inf
+    unit: str = ""
+    scale: float = 1.0
+    paper: str = ""
+    note: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """Holds, or does not, if the whole interval says so; undecided if it does not."""
+        low, high = self.interval.low, self.interval.high
+        if low > self.above and high < self.below:
+            return "holds"
+        if high < self.above or low > self.below:
+            return "does not hold"
+        return "undecided"
+
+    def row(self) -> dict[str, Any]:
+        """As a row of a table."""
+        interval = self.interval
+        return {
+            "text": self.text,
+            "measure": self.measure,
+            "value": interval.value,
+            "low": interval.low,
+            "high": interval.high,
+            "above": self.above,
+            "below": self.below,
+            "unit": self.unit,
+            "scale": self.scale,
+            "paper": self.paper,
+            "verdict": self.verdict,
+            "note": self.note,
+        }
+
+
+class ClaimModule(Protocol):
+    """A module of this package that judges one claim."""
+
+    TITLE: str
+
+    def judge(self, inputs: Mapping[str, Path]) -> list[Statement]:
+        """Statements, from upstream version folders (role -> folder)."""
+
+
+def error_array(errors: pd.DataFrame, task: str | list[str]) -> NDArray[np.float64]:
+    """(models, tasks, samples + 1) mean error in m from a long table; `task` names what tells tasks apart."""
+    keys = ["model", *([task] if isinstance(task, str) else task), "samples"]
+    mean = errors.groupby(keys, observed=True)["error_m"].mean().unstack("samples").unstack("model")
+    models = errors["model"].nunique()
+    values = mean.to_numpy(float).reshape(len(mean), -1, models)
+    return values.transpose(2, 0, 1)

@@ -1,0 +1,163 @@
+"""Recipes of the adaptation methods: training, evaluation, uncertainty, latent analysis."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from slapshot.adaptation.names import method_file
+from slapshot.errors import InputError
+from slapshot.plan.recipes import Plan
+from slapshot.plan.simulation import rig_labels
+
+
+def method_module(method: str) -> str:
+    """Dotted name of the file that a method of the configuration lives in."""
+    return f"slapshot.adaptation.{method_file(method)}"
+
+
+def add_regression(plan: Plan, settings: Mapping[str, Any]) -> None:
+    """The linear regression walkthrough, which needs no simulator."""
+    config = {key: value for key, value in settings.items() if key not in {"figures", "claims"}}
+    plan.add("regression", "regression", config)
+
+
+def add_method(plan: Plan, name: str, domain: Mapping[str, Any], method: str) -> None:
+    """Training and evaluation, simulated and recorded, of one method."""
+    settings = dict(domain["methods"][method])
+    learning_rate = settings.pop("learning_rate")
+    training = {"seed": domain["seed"], **domain["training"], "learning_rate": learning_rate}
+    train = f"train/{name}/{method}"
+    try:
+        plan.add(
+            train,
+            "train",
+            {"method": method, "settings": settings, "training": training},
+            {"rollouts": f"rollouts/{name}"},
+            modules=[method_module(method)],
+        )
+    except ModuleNotFoundError:
+        raise InputError(
+            f"domains.{name}.methods.{method}: no such method; a method is a file of "
+            "slapshot/adaptation, for example kalman"
+        ) from None
+    plan.add(
+        f"evaluate/{name}/{method}",
+        "evaluate",
+        {"method": method, "seed": domain["seed"], **domain["evaluation"]},
+        {"train": train, "rollouts": f"rollouts/{name}"},
+        modules=[method_module(method)],
+    )
+    for recording, settings in domain["recordings"].items():
+        add_recorded(
+            plan,
+            f"evaluate_recording/{name}/{method}/{recording}",
+            "evaluate_recording",
+            name,
+            domain,
+            method,
+            [recording],
+            {"samples": settings["samples"], "repeats": settings["repeats"]},
+        )
+
+
+def add_uncertainty(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
+    """Calibrated intervals and predictions of one method, hidden states of some."""
+    uncertainty, latents = domain["uncertainty"], domain["latents"]
+    method = uncertainty["method"]
+    for key, wanted in (("uncertainty.method", [method]), ("latents.methods", latents["methods"])):
+        for unknown in (m for m in wanted if m not in domain["methods"]):
+            raise InputError(
+                f"domains.{name}.{key}: {unknown!r} is not among domains.{name}.methods; "
+                f"use one of: {', '.join(domain['methods'])}"
+            )
+    plan.add(
+        f"calibrate/{name}",
+        "calibrate",
+        {"seed": domain["seed"], **uncertainty, **_noise(domain)},
+        {"train": f"train/{name}/{method}", "rollouts": f"rollouts/{name}"},
+        modules=[method_module(method)],
+    )
+    rollouts = {"rollouts": f"rollouts/{name}"}
+    recordings = list(domain["recordings"])
+    settings = {key: uncertainty[key] for key in ("draws", "samples", "shown_noise_variance")}
+    add_recorded(
+        plan,
+        f"predictions/{name}",
+        "predictions",
+        name,
+        domain,
+        method,
+        recordings,
+        settings,
+        rollouts | {"calibrate": f"calibrate/{name}"},
+    )
+    details = {k: v for k, v in latents.items() if k != "methods"} | _noise(domain)
+    for analysed in dict.fromkeys([*latents["methods"], method]):
+        label = f"beliefs/{name}/{analysed}"
+        add_recorded(plan, label, "beliefs", name, domain, analysed, recordings, details, rollouts)
+
+
+def _noise(domain: Mapping[str, Any]) -> dict[str, Any]:
+    """The levels of noise to evaluate at, and the largest one of training."""
+    return {
+        "noise_variances": domain["evaluation"]["noise_variances"],
+        "noise_variance_max": domain["training"]["noise_variance_max"],
+    }
+
+
+def add_recorded(
+    plan: Plan,
+    label: str,
+    stage: str,
+    name: str,
+    domain: Mapping[str, Any],
+    method: str,
+    recordings: list[str],
+    settings: Mapping[str, Any],
+    upstream: Mapping[str, str] | None = None,
+) -> None:
+    """A recipe of a stage that puts recordings before a trained method.
+
+    Its configuration gets `recordings`: name -> {"rigs": count} of a stand-in, whose versions have the
+    roles lab/<name>/<rig>, or {"path": folder} of a recording of one's own.
+    """
+    model = f"trajectory_model/{name}"
+    roles = {"train": f"train/{name}/{method}", "trajectory_model": model, **(upstream or {})}
+    read: dict[str, Any] = {}
+    files: dict[str, Path] = {}
+    for recording in recordings:
+        source = domain["recordings"][recording]
+        if "lab" in source:
+            labels = rig_labels(name, recording, source)
+            roles |= {f"lab/{recording}/{rig}": label for rig, label in enumerate(labels)}
+            read[recording] = {"rigs": source["rigs"]}
+        else:
+            key = f"domains.{name}.recordings.{recording}.path"
+            found = _recording_files(source["path"], key)
+            files |= {f"{recording}/{file}": path for file, path in found.items()}
+            read[recording] = {"path": source["path"]}
+    plan.add(
+        label,
+        stage,
+        {
+            "method": method,
+            "seed": domain["seed"],
+            "trajectory_model_id": plan.recipes[model].id,
+            "recordings": read,
+            **settings,
+        },
+        roles,
+        [method_module(method)],
+        files,
+    )
+
+
+def _recording_files(path: str, key: str) -> dict[str, Path]:
+    folder = Path(path)
+    files = {p.name: p for p in sorted(folder.glob("*")) if p.suffix in {".json", ".parquet"}}
+    if not files:
+        raise InputError(
+            f"{key}: {path} holds no recording (recording.json, hits.parquet, ...); "
+            "give the path of a recording's folder"
+        )
+    return files

@@ -1,0 +1,63 @@
+"""Stages, figures and claims with their modules, and the libraries that shape their results."""
+
+# Module that each stage runs: `python -m <module>`.
+STAGES = {
+    "scene": "slapshot.scenes.__main__",
+    "demonstrations": "slapshot.trajectories.demonstrations",
+    "trajectory_model": "slapshot.trajectories.fit",
+    "swings": "slapshot.trajectories.swings",
+    "rollouts": "slapshot.rollouts.__main__",
+    "lab": "slapshot.lab.__main__",
+    "train": "slapshot.adaptation.train",
+    "evaluate": "slapshot.adaptation.evaluate",
+    "evaluate_recording": "slapshot.adaptation.evaluate_recording",
+    "calibrate": "slapshot.adaptation.calibrate",
+    "predictions": "slapshot.adaptation.predictions",
+    "beliefs": "slapshot.adaptation.beliefs",
+    "regression": "slapshot.adaptation.regression",
+    "claim": "slapshot.claims.__main__",
+    "claims": "slapshot.claims.report",
+    "figure": "slapshot.figures.__main__",
+    "viewer": "slapshot.viewer.__main__",
+}
+# Made on demand and not part of `figures`: the bytes of a Rerun recording never repeat.
+ON_DEMAND = ("viewer",)
+# Figure id -> its module.
+FIGURES = {
+    "F1": "slapshot.figures.f1_intro",
+    "F2": "slapshot.figures.f2_method",
+    "F3": "slapshot.figures.f3_linear_regression",
+    "F6": "slapshot.figures.f6_setup",
+    "F7": "slapshot.figures.f7_simulated",
+    "F8": "slapshot.figures.f8_recorded",
+    "F9": "slapshot.figures.f9_latents",
+    "M1": "slapshot.figures.m1_training",
+    "T2": "slapshot.figures.t2_randomisation",
+    "U1": "slapshot.figures.u1_coverage",
+    "U2": "slapshot.figures.u2_innovations",
+}
+# Claim id -> its module.
+CLAIMS = {f"C{number}": f"slapshot.claims.c{number}" for number in (1, 4, 5, 7)}
+
+_MUJOCO = ("mujoco", "dm-control", "numpy")
+_TORCH = ("torch", "numpy", "safetensors")
+_TABLES = ("numpy", "pandas", "pyarrow")
+LIBRARIES: dict[str, tuple[str, ...]] = {
+    "scene": _MUJOCO,
+    "demonstrations": (*_MUJOCO, "scipy"),
+    "trajectory_model": (*_TORCH, "mujoco", "scipy"),
+    "swings": (*_MUJOCO, *_TORCH, "scipy"),
+    "rollouts": (*_MUJOCO, "numba", "pyarrow"),
+    "lab": (*_MUJOCO, *_TORCH, "scipy", "numba"),
+    "train": _TORCH,
+    "evaluate": (*_TORCH, *_TABLES),
+    "evaluate_recording": (*_TORCH, *_TABLES),
+    "calibrate": (*_TORCH, *_TABLES),
+    "predictions": (*_TORCH, *_TABLES),
+    "beliefs": (*_TORCH, *_TABLES),
+    "regression": (*_TORCH, *_TABLES),
+    "claim": ("scipy", *_TABLES),
+    "claims": _TABLES,
+    "figure": ("matplotlib", "mujoco", "scipy", "torch", *_TABLES),
+    "viewer": ("rerun-sdk", *_MUJOCO, *_TABLES),
+}

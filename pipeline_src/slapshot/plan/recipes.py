@@ -1,0 +1,62 @@
+"""The set of recipes that a configuration asks for."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from slapshot.errors import InputError
+from slapshot.plan.catalogue import LIBRARIES, STAGES
+from slapshot.store.recipe import Recipe, make_recipe
+
+
+@dataclass
+class Plan:
+    """Recipes by label; a label says stage, domain and what else tells instances apart.
+
+    Attributes:
+        recipes: label -> recipe, upstream first. Equal recipes under two labels are one version.
+    """
+
+    recipes: dict[str, Recipe] = field(default_factory=dict)
+
+    def add(
+        self,
+        label: str,
+        stage: str,
+        config: Mapping[str, Any],
+        upstream: Mapping[str, str] | None = None,
+        modules: Iterable[str] = (),
+        files: Mapping[str, Path] | None = None,
+    ) -> None:
+        """Add one recipe; `upstream` maps a role to the label of an earlier one."""
+        self.recipes[label] = make_recipe(
+            stage,
+            [STAGES[stage], *modules],
+            config,
+            {role: self.recipes[up] for role, up in (upstream or {}).items()},
+            LIBRARIES[stage],
+            files,
+        )
+
+    def of_stage(self, stage: str) -> dict[str, Recipe]:
+        """Label -> recipe of one stage."""
+        return {label: r for label, r in self.recipes.items() if r.stage == stage}
+
+    def by_id(self, stage: str, version_id: str) -> Recipe:
+        """The recipe with that id.
+
+        Raises:
+            InputError: the configuration asks for no such version.
+        """
+        for recipe in self.of_stage(stage).values():
+            if recipe.id == version_id:
+                return recipe
+        raise InputError(
+            f"the configuration asks for no version {stage}/{version_id}; "
+            f"see `slapshot versions why {stage}` for what it asks for"
+        )
+
+    def ids(self) -> dict[str, set[str]]:
+        """Stage -> ids."""
+        return {stage: {r.id for r in self.of_stage(stage).values()} for stage in STAGES}

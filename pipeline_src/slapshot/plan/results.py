@@ -1,0 +1,131 @@
+"""Recipes of what people look at: figures, claims and Rerun recordings."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from slapshot.errors import InputError
+from slapshot.plan.catalogue import CLAIMS, FIGURES
+from slapshot.plan.recipes import Plan
+from slapshot.plan.simulation import rig_labels, stand_ins
+
+
+def add_figures(plan: Plan, config: Mapping[str, Any]) -> None:
+    """The figures of every domain, and of the linear regression."""
+    for figure in _known(config["regression"]["figures"], FIGURES, "regression.figures", only=("F3",)):
+        _add_figure(plan, "regression", figure, {"regression": "regression"}, {})
+    for name, domain in config["domains"].items():
+        known = [figure for figure in FIGURES if figure != "F3"]
+        for figure in _known(domain["figures"], FIGURES, f"domains.{name}.figures", only=known):
+            if figure == "F8" and not domain["recordings"]:
+                raise InputError(
+                    f"domains.{name}.figures: F8 shows recordings, but domains.{name}.recordings is empty; "
+                    "name a recording or remove F8"
+                )
+            _add_figure(plan, name, figure, *_figure_inputs(plan, name, domain, figure))
+
+
+def _add_figure(
+    plan: Plan, name: str, figure: str, upstream: Mapping[str, str], details: Mapping[str, Any]
+) -> None:
+    plan.add(
+        f"figure/{name}/{figure}",
+        "figure",
+        {"module": FIGURES[figure], "domain": name, **details},
+        upstream,
+        modules=[FIGURES[figure]],
+    )
+
+
+def _figure_inputs(
+    plan: Plan, name: str, domain: Mapping[str, Any], figure: str
+) -> tuple[dict[str, str], dict[str, Any]]:
+    """Upstream labels by role, and the configuration that a figure shows."""
+    methods = list(domain["methods"])
+    recorded = [(m, r) for m in methods for r in domain["recordings"]]
+    analysed = dict.fromkeys([*domain["latents"]["methods"], domain["uncertainty"]["method"]])
+    match figure:
+        case "F1":
+            return {"predictions": f"predictions/{name}", "scene": f"scene/{name}"}, {}
+        case "F2":
+            method = domain["uncertainty"]["method"]
+            settings = {k: v for k, v in domain["methods"][method].items() if k != "learning_rate"}
+            sizes = {"state": 2, "action": domain["trajectory_model"]["latent"], "outcome": 2}
+            return {}, {"kalman": settings, "sizes": sizes}
+        case "F6":
+            labs = {
+                recording: rig_labels(name, recording, s)[0] for recording, s in stand_ins(domain).items()
+            }
+            return {"scene": f"scene/{name}", **labs}, {"scene": domain["scene"]}
+        case "F7":
+            return {m: f"evaluate/{name}/{m}" for m in methods}, {}
+        case "F8":
+            return {f"{m}/{r}": f"evaluate_recording/{name}/{m}/{r}" for m, r in recorded}, {}
+        case "F9":
+            return {m: f"beliefs/{name}/{m}" for m in analysed}, {"methods": domain["latents"]["methods"]}
+        case "M1":
+            return {m: f"train/{name}/{m}" for m in methods}, {}
+        case "T2":
+            return {}, {"randomisation": domain["randomisation"]}
+        case "U1":
+            return {"calibrate": f"calibrate/{name}", "predictions": f"predictions/{name}"}, {}
+        case "U2":
+            return {"beliefs": f"beliefs/{name}/{domain['uncertainty']['method']}"}, {}
+    raise AssertionError(figure)
+
+
+def add_claims(plan: Plan, config: Mapping[str, Any]) -> None:
+    """A version for the verdict on each claim, and one that tells them all."""
+    labels = []
+    for claim in _known(config["regression"]["claims"], CLAIMS, "regression.claims", only=("C1",)):
+        labels.append(_add_claim(plan, "regression", claim, {"regression": "regression"}))
+    for name, domain in config["domains"].items():
+        known = [claim for claim in CLAIMS if claim != "C1"]
+        for claim in _known(domain["claims"], CLAIMS, f"domains.{name}.claims", only=known):
+            labels.append(_add_claim(plan, name, claim, _claim_inputs(name, domain, claim)))
+    if labels:
+        plan.add("claims", "claims", {}, {label.removeprefix("claim/"): label for label in labels})
+
+
+def _add_claim(plan: Plan, name: str, claim: str, upstream: Mapping[str, str]) -> str:
+    label = f"claim/{name}/{claim}"
+    plan.add(label, "claim", {"module": CLAIMS[claim], "domain": name}, upstream, modules=[CLAIMS[claim]])
+    return label
+
+
+def _claim_inputs(name: str, domain: Mapping[str, Any], claim: str) -> dict[str, str]:
+    methods = list(domain["methods"])
+    match claim:
+        case "C4":
+            return {m: f"evaluate/{name}/{m}" for m in methods}
+        case "C5":
+            pairs = [(m, r) for m in methods for r in domain["recordings"]]
+            return {f"{m}/{r}": f"evaluate_recording/{name}/{m}/{r}" for m, r in pairs}
+        case "C7":
+            return {"beliefs": f"beliefs/{name}/{domain['uncertainty']['method']}"}
+    raise AssertionError(claim)
+
+
+def _known(
+    wanted: list[str], table: Mapping[str, str], key: str, only: list[str] | tuple[str, ...]
+) -> list[str]:
+    """The wanted ids, each of which can be made there."""
+    for unknown in (i for i in wanted if i not in table or i not in only):
+        raise InputError(f"{key}: {unknown!r} cannot be made here; use some of: {', '.join(only)}")
+    return wanted
+
+
+def add_viewer(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
+    """Rerun recordings of simulated hits and of those of the stand-in rigs."""
+    labs = [label for r, s in stand_ins(domain).items() for label in rig_labels(name, r, s)]
+    plan.add(
+        f"viewer/{name}",
+        "viewer",
+        {"domain": name, **domain["viewer"]},
+        {
+            "scene": f"scene/{name}",
+            "swings": f"swings/{name}",
+            "rollouts": f"rollouts/{name}",
+            "predictions": f"predictions/{name}",
+            **{f"lab/{i}": label for i, label in enumerate(labs)},
+        },
+    )

@@ -1,0 +1,130 @@
+"""A scene's bodies: their geoms once, as static shapes, and where the moving ones are as the arm moves."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from slapshot.scenes.scene import Scene
+
+Array = NDArray[np.float64]
+SOLID = rr.components.FillMode.Solid
+ROOT = "scene"
+
+
+def log_shapes(recording: rr.RecordingStream, scene: Scene) -> None:
+    """Log every geom that can be seen under scene/<body>, in that body's frame; the object is left out.
+
+    Bodies that are welded together are one.
+    """
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for geom in range(model.ngeom):
+        body = model.body_weldid[model.geom_bodyid[geom]]
+        kind = mujoco.mjtGeom(model.geom_type[geom])
+        if body == scene.layout.object_body or model.geom_rgba[geom, 3] == 0:
+            continue
+        turn = data.xmat[body].reshape(3, 3)
+        place = turn.T @ (data.geom_xpos[geom] - data.xpos[body])
+        shape = _shape(model, geom, kind, place, turn.T @ data.geom_xmat[geom].reshape(3, 3))
+        if shape is not None:
+            name = model.geom(geom).name or f"geom{geom}"
+            recording.log([ROOT, model.body(body).name, name], shape, static=True)
+
+
+def _shape(
+    model: mujoco.MjModel, geom: int, kind: mujoco.mjtGeom, place: Array, turn: Array
+) -> rr.AsComponents | None:
+    """The geom as Rerun draws it, at `place` (3,) m turned by `turn` (3, 3); None if it is endless."""
+    size = model.geom_size[geom]
+    colours = [model.geom_rgba[geom]]
+    quaternions = [rotation_quaternion(turn)]
+    match kind:
+        case mujoco.mjtGeom.mjGEOM_BOX:
+            return rr.Boxes3D(
+                half_sizes=[size], centers=[place], quaternions=quaternions, colors=colours, fill_mode=SOLID
+            )
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return rr.Cylinders3D(
+                lengths=[2 * size[1]],
+                radii=[size[0]],
+                centers=[place],
+                quaternions=quaternions,
+                colors=colours,
+                fill_mode=SOLID,
+            )
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            # Rerun's capsule begins at its origin, MuJoCo's has it in the middle.
+            return rr.Capsules3D(
+                lengths=[2 * size[1]],
+                radii=[size[0]],
+                translations=[place - size[1] * turn[:, 2]],
+                quaternions=quaternions,
+                colors=colours,
+                fill_mode=SOLID,
+            )
+        case mujoco.mjtGeom.mjGEOM_SPHERE | mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            half = size if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID else np.repeat(size[0], 3)
+            return rr.Ellipsoids3D(
+                half_sizes=[half], centers=[place], quaternions=quaternions, colors=colours, fill_mode=SOLID
+            )
+        case mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = model.mesh(model.geom_dataid[geom])
+            vertices = slice(mesh.vertadr[0], mesh.vertadr[0] + mesh.vertnum[0])
+            faces = slice(mesh.faceadr[0], mesh.faceadr[0] + mesh.facenum[0])
+            return rr.Mesh3D(
+                vertex_positions=place + model.mesh_vert[vertices] @ turn.T,
+                triangle_indices=model.mesh_face[faces],
+                albedo_factor=colours[0],
+            )
+    return None
+
+
+def extent(scene: Scene) -> tuple[Array, Array]:
+    """Lowest and highest corner (3,) in m of what is seen and fixed to the world: the board, a base."""
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    seen = (model.geom_rgba[:, 3] > 0) & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
+    fixed = np.flatnonzero(seen & (model.body_weldid[model.geom_bodyid] == 0))
+    start = np.array([*scene.info.start, 0.0])  # counts too, so that an empty world has a place to look at
+    turns = data.geom_xmat[fixed].reshape(-1, 3, 3)
+    middle = data.geom_xpos[fixed] + np.einsum("nij,nj->ni", turns, model.geom_aabb[fixed, :3])
+    half = np.einsum("nij,nj->ni", np.abs(turns), model.geom_aabb[fixed, 3:])
+    return np.vstack([middle - half, start]).min(0), np.vstack([middle + half, start]).max(0)
+
+
+class Arm:
+    """Forward kinematics of a scene's moving bodies, the object left out."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._model = scene.compile()
+        self._data = mujoco.MjData(self._model)
+        self._joints = scene.layout.arm_q
+        still = (0, scene.layout.object_body)
+        self._bodies = [b for b in np.unique(self._model.body_weldid) if b not in still]
+
+    def poses(self, joints: Array) -> Iterator[tuple[str, Array, Array]]:
+        """Where the bodies are at joint positions (k, joints) in rad.
+
+        Yields:
+            Name of a body, its positions (k, 3) in m and its quaternions (k, 4), x y z w.
+        """
+        places = np.empty((len(joints), len(self._bodies), 3))
+        turns = np.empty((len(joints), len(self._bodies), 4))
+        for k, position in enumerate(joints):
+            self._data.qpos[self._joints] = position
+            mujoco.mj_kinematics(self._model, self._data)
+            places[k], turns[k] = self._data.xpos[self._bodies], self._data.xquat[self._bodies]
+        for i, body in enumerate(self._bodies):
+            yield self._model.body(body).name, places[:, i], np.roll(turns[:, i], -1, axis=1)
+
+
+def rotation_quaternion(turn: Array) -> Array:
+    """(4,) x y z w of a rotation matrix (3, 3)."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(turn).ravel())
+    return np.roll(quaternion, -1)

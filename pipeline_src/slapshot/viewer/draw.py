@@ -1,0 +1,160 @@
+"""What a recording of one hit holds, entity by entity."""
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from slapshot.scenes.scene import SceneInfo
+from slapshot.viewer.bodies import ROOT, SOLID, Arm
+from slapshot.viewer.hits import Hit
+
+Array = NDArray[np.float64]
+
+TIME, STEP = "sim_time", "hit"  # timelines: seconds from the hit's start; hits that the belief has seen
+RATE = 30.0  # poses of the arm a second
+
+PRIOR_COLOUR, ADAPTED_COLOUR = (128, 128, 128), (0, 114, 178)  # the colours of the figures
+TRUTH_COLOUR, TRACK_COLOUR = (0, 0, 0), (213, 94, 0)
+# Objects that are called by their colour; every other one is drawn like the scene's own.
+_OBJECT_COLOURS = {"red": (214, 39, 40), "blue": (31, 79, 180)}
+_SCENE_OBJECT_COLOUR = (204, 31, 31)
+
+# Heights in m above the board: what matters more lies above what matters less.
+_REGION_HEIGHT, _TRACK_HEIGHT, _TRUTH_HEIGHT = 0.002, 0.004, 0.006
+_CORNERS = 64
+_CROSS = 0.035  # m, half a stroke
+_THICK, _THIN, _DOT = (rr.Radius.ui_points(r) for r in (1.6, 0.9, 4.0))
+
+
+def log_hit(recording: rr.RecordingStream, hit: Hit, arm: Arm, info: SceneInfo) -> None:
+    """Log everything of a hit but the scene's shapes."""
+    recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    recording.log("about", rr.TextDocument(describe(hit), media_type="text/markdown"), static=True)
+    _log_arm(recording, hit, arm)
+    _log_object(recording, hit, info)
+    _log_track(recording, hit)
+    _log_truth(recording, hit.truth)
+    _log_belief(recording, "before", hit, 0, PRIOR_COLOUR)
+    _log_belief(recording, "after", hit, -1, ADAPTED_COLOUR)
+    _log_learning(recording, hit)
+
+
+def _log_arm(recording: rr.RecordingStream, hit: Hit, arm: Arm) -> None:
+    if not len(hit.joints):
+        return
+    times = np.arange(hit.joint_times[0], hit.joint_times[-1], 1 / RATE)
+    joints = np.stack([np.interp(times, hit.joint_times, q) for q in hit.joints.T], axis=1)
+    for name, places, quaternions in arm.poses(joints):
+        recording.send_columns(
+            rr.new_entity_path([ROOT, name]),
+            [rr.TimeColumn(TIME, duration=times)],
+            rr.Transform3D.columns(translation=places, quaternion=quaternions),
+        )
+
+
+def _log_object(recording: rr.RecordingStream, hit: Hit, info: SceneInfo) -> None:
+    colour = _OBJECT_COLOURS.get(hit.facts["object"], _SCENE_OBJECT_COLOUR)
+    shape = rr.Cylinders3D(
+        lengths=[info.object_height], radii=[info.object_radius], colors=[colour], fill_mode=SOLID
+    )
+    recording.log("object", shape, static=True)
+    if not len(hit.track):
+        return
+    times, places, yaw = hit.track[:, 0], on_board(hit.track[:, 1:3], info.object_height / 2), hit.track[:, 3]
+    half = np.nan_to_num(yaw) / 2
+    nothing = np.zeros_like(half)
+    recording.send_columns(
+        "object",
+        [rr.TimeColumn(TIME, duration=times)],
+        rr.Transform3D.columns(
+            translation=places,
+            quaternion=np.stack([nothing, nothing, np.sin(half), np.cos(half)], axis=1),
+        ),
+    )
+
+
+def _log_track(recording: rr.RecordingStream, hit: Hit) -> None:
+    if not len(hit.track):
+        return
+    places = on_board(hit.track[:, 1:3], _TRACK_HEIGHT)
+    gaps = np.flatnonzero(np.diff(hit.track[:, 0]) > hit.longest_step) + 1
+    strips = [part for part in np.split(places, gaps) if len(part) > 1]
+    recording.log("track", rr.LineStrips3D(strips, colors=[TRACK_COLOUR], radii=_THIN), static=True)
+    if np.isfinite(hit.longest_step):  # a camera's frames are worth seeing one by one
+        frames = rr.Points3D(places, colors=[TRACK_COLOUR], radii=rr.Radius.ui_points(1.8))
+        recording.log("track/frames", frames, static=True)
+
+
+def _log_truth(recording: rr.RecordingStream, truth: Array) -> None:
+    stroke = np.array([[-1.0, -1.0], [1.0, 1.0]]) * _CROSS / np.sqrt(2)
+    cross = [on_board(truth + s, _TRUTH_HEIGHT) for s in (stroke, stroke * [1, -1])]
+    recording.log("rest", rr.LineStrips3D(cross, colors=[TRUTH_COLOUR], radii=_THICK), static=True)
+
+
+def _log_belief(
+    recording: rr.RecordingStream, name: str, hit: Hit, row: int, colour: tuple[int, int, int]
+) -> None:
+    belief = hit.beliefs.iloc[row]
+    mean = belief[["x_m", "y_m"]].to_numpy(float)
+    covariance = belief[["cov_xx", "cov_xy", "cov_xy", "cov_yy"]].to_numpy(float).reshape(2, 2)
+    outlines = [outline(mean, covariance, belief[f"radius2_{share}"]) for share in (50, 90)]
+    strips = [on_board(corners, _REGION_HEIGHT) for corners in outlines]
+    regions = rr.LineStrips3D(strips, colors=[colour], radii=[_THICK, _THIN])
+    recording.log(f"{name}/regions", regions, static=True)
+    place = on_board(mean[None], _REGION_HEIGHT)
+    recording.log(f"{name}/point", rr.Points3D(place, colors=[colour], radii=_DOT), static=True)
+
+
+def _log_learning(recording: rr.RecordingStream, hit: Hit) -> None:
+    """The prediction as it was after each number of hits seen, on the timeline of hits."""
+    places = on_board(hit.beliefs[["x_m", "y_m"]].to_numpy(float), _REGION_HEIGHT)
+    index = [rr.TimeColumn(STEP, sequence=hit.beliefs["samples"].to_numpy(np.int64))]
+    shades = np.linspace(PRIOR_COLOUR, ADAPTED_COLOUR, len(places)).round().astype(np.uint8)
+    columns = rr.Points3D.columns(positions=places, colors=shades, radii=[_DOT] * len(places))
+    recording.send_columns("learning", index, columns)
+
+
+def on_board(points: Array, height: float) -> Array:
+    """(n, 3) m of points (n, 2) at a height."""
+    return np.column_stack([points, np.full(len(points), height)])
+
+
+def outline(mean: Array, covariance: Array, radius2: float) -> Array:
+    """(corners, 2) m, closed: points whose squared Mahalanobis distance from `mean` is `radius2`.
+
+    x = m + r L u with L L' = C and u on the unit circle.
+    """
+    angle = np.linspace(0, 2 * np.pi, _CORNERS + 1)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return mean + np.sqrt(radius2) * circle @ np.linalg.cholesky(covariance).T
+
+
+def describe(hit: Hit) -> str:
+    """What a recording says about itself, in Markdown."""
+    seen = hit.beliefs["samples"].to_numpy()
+    frames = ", a dot for each camera frame" if np.isfinite(hit.longest_step) else ""
+    return f"""\
+# {hit.title}
+
+*{hit.note}*
+
+The predicted rest point was off by **{100 * hit.errors[0]:.1f} cm** before adaptation (grey) and by
+**{100 * hit.errors[-1]:.1f} cm** after {seen[-1]} other hits had been seen (blue).
+
+| hits seen | error |
+|---:|---:|
+{_error_rows(seen, hit.errors)}
+
+Thick ellipse: 50 % region, thin ellipse: 90 % region, calibrated on validation data.
+Black cross: where the object stopped. Orange: its track{frames}.
+
+Timeline `{TIME}` plays the hit; timeline `{STEP}` steps through the number of hits seen.
+"""
+
+
+def _error_rows(seen: NDArray[np.int64], errors: Array) -> str:
+    """Lines of a Markdown table: the first and last number of hits seen, and powers of two between."""
+    shown = {0, 1, *(2**k for k in range(1, 16)), int(seen[-1])}
+    return "\n".join(
+        f"| {n} | {100 * e:.1f} cm |" for n, e in zip(seen.tolist(), errors, strict=True) if n in shown
+    )

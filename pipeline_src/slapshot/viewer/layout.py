@@ -1,0 +1,81 @@
+"""How the viewer opens: what of a hit is seen, and from where."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from slapshot.scenes.scene import Scene
+from slapshot.viewer.bodies import extent
+from slapshot.viewer.draw import TIME
+
+Array = NDArray[np.float64]
+_BACKGROUND = (214, 220, 228)
+_SPEED = 0.5  # a hit is over in a second and a half
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What the views look at.
+
+    Attributes:
+        centre: (3,) m, of the board.
+        size: m, its longer edge.
+    """
+
+    centre: Array
+    size: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> "Stage":
+        """The stage of a scene."""
+        low, high = extent(scene)
+        return cls(centre=np.append((low + high)[:2] / 2, 0.0), size=float((high - low)[:2].max()))
+
+
+def hit_layout(stage: Stage) -> rrb.Blueprint:
+    """The scene in 3D, beside it the board from above and what this hit is."""
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            scene_view(stage),
+            rrb.Vertical(
+                board_view(stage),
+                rrb.TextDocumentView(origin="about", name="What this is"),
+                row_shares=[5, 6],
+            ),
+            column_shares=[5, 3],
+        ),
+        rrb.TimePanel(
+            timeline=TIME, state="collapsed", playback_speed=_SPEED, play_state="playing", loop_mode="all"
+        ),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+    )
+
+
+def scene_view(stage: Stage) -> rrb.Spatial3DView:
+    """From the side, a little above."""
+    return _view("Scene", stage, np.array([0.0, -0.72, 0.6]), np.array([-0.04, -0.03, 0.0]), (0.0, 0.0, 1.0))
+
+
+def board_view(stage: Stage) -> rrb.Spatial3DView:
+    """From above, as the ceiling camera sees it: x to the right, y up."""
+    return _view("Board from above", stage, np.array([0.0, 0.0, 0.75]), np.zeros(3), (0.0, 1.0, 0.0))
+
+
+def _view(
+    name: str, stage: Stage, eye: Array, target: Array, up: tuple[float, float, float]
+) -> rrb.Spatial3DView:
+    """Of everything, from `eye` to `target`: (3,), from the stage's centre in units of its size."""
+    return rrb.Spatial3DView(
+        origin="/",
+        name=name,
+        background=rrb.Background(color=_BACKGROUND),
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(
+            position=stage.centre + stage.size * eye,
+            look_target=stage.centre + stage.size * target,
+            eye_up=up,
+        ),
+    )
