@@ -7,7 +7,7 @@ from snakemake.utils import min_version
 
 from slapshot.config import check_config
 from slapshot.errors import InputError
-from slapshot.plan import ON_DEMAND, STAGES, make_plan
+from slapshot.plan import FIGURES, ON_DEMAND, STAGES, make_plan
 from slapshot.store.folder import Store
 
 min_version("9.0")
@@ -31,6 +31,7 @@ include: "workflow/rules/uncertainty.smk"
 include: "workflow/rules/claims.smk"
 include: "workflow/rules/viewer.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmark.smk"
 
 
@@ -40,6 +41,7 @@ rule figures:
     default_target: True
     input:
         marks(*(stage for stage in STAGES if stage not in ON_DEMAND)),
+        reported(),
     log:
         "logs/publish.log",
     localrule: True

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from slapshot.config import load_config
-from slapshot.errors import InputError
+from slapshot.errors import InputError, writing
 from slapshot.plan import Plan, make_plan
 from slapshot.recordings.__main__ import main as check_recording
 from slapshot.store.folder import Store
@@ -67,7 +67,21 @@ def _parser() -> argparse.ArgumentParser:
     check = commands.add_parser("check", help="check a recording and say what is in it")
     check.add_argument("recording", help="folder")
     check.set_defaults(run=lambda args: check_recording([args.recording]))
+    browse = commands.add_parser("browse", help="look at hits in the Rerun viewer")
+    browse.add_argument("--config", type=Path, help="configuration whose hits are shown, else the default")
+    browse.add_argument("--store", type=Path, default=Path("data/store"))
+    browse.add_argument("--hit", help="open only this hit: a file, or part of its name")
+    browse.add_argument("--port", type=int, default=51234, help="of the gallery; 0 for any that is free")
+    browse.set_defaults(run=_browse)
     return parser
+
+
+def _browse(args: argparse.Namespace) -> int:
+    try:  # here, because everything else works without Rerun
+        from slapshot.viewer.browse import browse
+    except ModuleNotFoundError as error:
+        raise InputError(f"browse needs {error.name}: `pip install -c constraints.txt -e .`") from None
+    return browse(args.config, args.store, args.hit, args.port)
 
 
 def _table(*columns: str) -> Table:
@@ -154,8 +168,9 @@ def _lock(args: argparse.Namespace) -> int:
         if not store.is_whole(recipe.stage, recipe.id):
             raise InputError(f"{label} is not made yet: run `snakemake figures` first")
     text = json.dumps(make_lock(store, plan.recipes), indent=1, sort_keys=True)
-    LOCK.parent.mkdir(parents=True, exist_ok=True)
-    LOCK.write_text(text + "\n")
+    with writing(LOCK):
+        LOCK.parent.mkdir(parents=True, exist_ok=True)
+        LOCK.write_text(text + "\n")
     console.print(f"{LOCK}: {len(plan.recipes)} versions")
     return 0
 

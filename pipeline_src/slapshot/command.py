@@ -15,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from slapshot.errors import InputError
+from slapshot.errors import InputError, writing
 from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe
 
@@ -55,12 +55,13 @@ def stage_command(stage: str, produce: Callable[[Run], None], resume: bool = Fal
     parser.add_argument("--cores", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--log", type=Path, help="file that gets a copy of all messages")
     args = parser.parse_args()
-    set_up_logging(stage, args.log)
     store = Store(args.store)
     try:
+        set_up_logging(stage, args.log)
         for recipe in _recipes(stage, args.recipe, args.config):
             make_version(store, recipe, produce, args.cores, resume)
     except InputError as error:
+        log.debug("%s", traceback.format_exc())
         log.error("%s", error)
         sys.exit(1)
     except Exception as error:
@@ -75,16 +76,21 @@ def stage_command(stage: str, produce: Callable[[Run], None], resume: bool = Fal
 def make_version(
     store: Store, recipe: Recipe, produce: Callable[[Run], None], cores: int, resume: bool = False
 ) -> Path:
-    """Make one version unless it is there; return its folder."""
-    if store.is_whole(recipe.stage, recipe.id):
-        log.info("%s is already whole", recipe.id)
-    else:
-        inputs = store.inputs(recipe)
-        with store.new_version(recipe, resume) as out:
-            produce(Run(config=recipe.config, inputs=inputs, out=out, cores=cores))
-        log.info("%s made", recipe.id)
-    store.put_mark(recipe.stage, recipe.id)
-    return store.folder(recipe.stage, recipe.id)
+    """Make one version unless it is there, or wait for the process that makes it; return its folder."""
+    name = recipe.stage, recipe.id
+    folder = store.folder(*name)
+    made = False
+    with writing(folder):
+        if not store.is_whole(*name):
+            inputs = store.inputs(recipe)
+            with store.locked(*name):
+                if not store.is_whole(*name):  # nor did another process make it in the meantime
+                    with store.new_version(recipe, resume) as out:
+                        produce(Run(config=recipe.config, inputs=inputs, out=out, cores=cores))
+                    made = True
+        store.put_mark(*name)
+    log.info("%s %s", recipe.id, "made" if made else "is already whole")
+    return folder
 
 
 def _recipes(stage: str, recipe: str | None, config: Path | None) -> list[Recipe]:
@@ -104,8 +110,10 @@ def set_up_logging(stage: str, file: Path | None) -> None:
     console.setLevel(logging.INFO)
     console.setFormatter(logging.Formatter(f"[{stage}] %(message)s"))
     log.addHandler(console)
+    logging.raiseExceptions = False  # a disk that fills up gets its one line, not a traceback a message
     if file is not None:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        copy = logging.FileHandler(file, mode="w")
+        with writing(file):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            copy = logging.FileHandler(file, mode="w")
         copy.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         log.addHandler(copy)

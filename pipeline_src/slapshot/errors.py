@@ -1,8 +1,61 @@
 """Errors that a person can mend: one line that says what is wrong, where, and what to do."""
 
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 
 class InputError(Exception):
     """Bad input from outside (configuration, recording, machine): the message is one line for a person.
 
     Stage commands print it without a traceback and exit with code 1.
     """
+
+
+_FREE_SPACE = "free some space there, for example with `slapshot versions gc`"
+_PERMIT = "make it writable for you (ls -ld shows whose it is)"
+# What the system refuses for want of something that a person can give -> what to do.
+_REMEDIES = {
+    errno.ENOSPC: _FREE_SPACE,
+    errno.EDQUOT: _FREE_SPACE,
+    errno.EFBIG: "raise the limit on the size of files (ulimit -f)",
+    errno.EROFS: "make that file system writable, or work in a copy elsewhere",
+    errno.EACCES: _PERMIT,
+    errno.EPERM: _PERMIT,
+}
+
+
+@contextmanager
+def writing(target: Path) -> Iterator[None]:
+    """While `target` is written: what the system refuses is said in one line.
+
+    Raises:
+        InputError: the disk is full, or `target` or a part of it must not be written.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        code = _refusal(error)
+        if code is None:
+            raise
+        file = getattr(error, "filename", None)
+        where = f" ({file})" if file and Path(file).absolute() != target.absolute() else ""
+        raise InputError(
+            f"{target} could not be written: {os.strerror(code)}{where}; "
+            f"{_REMEDIES[code]}, then run the same command again"
+        ) from error
+
+
+def _refusal(error: BaseException) -> int | None:
+    """Code of what the system refused, here or where a clean-up hides it behind an error of its own.
+
+    Libraries in other languages only repeat the system's words.
+    """
+    if isinstance(error, OSError) and error.errno in _REMEDIES:
+        return error.errno
+    code = next((code for code in _REMEDIES if os.strerror(code) in str(error)), None)
+    return code if code or error.__context__ is None else _refusal(error.__context__)

@@ -9,18 +9,20 @@ import sys
 from pathlib import Path
 
 from slapshot.command import set_up_logging
-from slapshot.errors import InputError
+from slapshot.errors import InputError, writing
 from slapshot.store.folder import Store
+from slapshot.store.lock import held
 from slapshot.store.verify import damaged_files
 
 log = logging.getLogger("slapshot")
 
 MANIFEST = "versions.json"
-_PUBLISHED = re.compile(r"^[FT]\d+-")
+_PUBLISHED = re.compile(r"^([A-Z]\d+-|claims\.)")
+_SHOWN = ("figure/", "claims/")  # versions whose files are published
 
 
 def publish(store: Store, versions: list[str], target: Path, available: bool = False) -> None:
-    """Copy the files of all figure versions to `target`.
+    """Copy the files of all figures and of the claims to `target`.
 
     Args:
         store: where the versions are.
@@ -30,7 +32,7 @@ def publish(store: Store, versions: list[str], target: Path, available: bool = F
             stays only if it is of the version that is missing now.
 
     Raises:
-        InputError: a version is missing or its content is not what was written.
+        InputError: a version is missing, its content is not what was written, or `target` cannot be written.
     """
     for version in versions:
         stage, version_id = version.split("/")
@@ -44,19 +46,28 @@ def publish(store: Store, versions: list[str], target: Path, available: bool = F
                 f"{store.root / version / damaged[0]} is not what was written there; "
                 f"remove the folder {store.root / version} and run `snakemake figures` again"
             )
-    target.mkdir(parents=True, exist_ok=True)
+    with writing(target):
+        target.mkdir(parents=True, exist_ok=True)
+        with held(target / ".lock", f"publishes to {target}"):
+            _publish_whole(store, versions, target)
+
+
+def _publish_whole(store: Store, versions: list[str], target: Path) -> None:
+    """Copy the files of all figure versions that are whole, and remove what belongs to no other."""
     manifest: dict[str, str] = {}
     for version in versions:
-        if version.startswith("figure/") and not store.is_whole(*version.split("/")):
+        if version.startswith(_SHOWN) and not store.is_whole(*version.split("/")):
             before = _published_before(target)
             manifest |= {name: v for name, v in before.items() if v == version}
-        elif version.startswith("figure/"):
+        elif version.startswith(_SHOWN):
             for file in sorted((store.root / version).iterdir()):
                 if _PUBLISHED.match(file.name):
                     _copy(file, target / file.name)
                     manifest[file.name] = version
     for file in target.iterdir():
-        if _PUBLISHED.match(file.name) and file.is_file() and file.name not in manifest:
+        if not file.is_file() or file.name in manifest:
+            continue
+        if _PUBLISHED.match(file.name.removeprefix(".")):  # the dot: a copy that was cut short
             file.unlink()
             log.info("removed %s: it belongs to an earlier configuration", file)
     text = json.dumps(manifest, indent=2, sort_keys=True) + "\n"
@@ -89,9 +100,9 @@ def main() -> None:
     parser.add_argument("--store", type=Path, default=Path("data/store"))
     parser.add_argument("--log", type=Path)
     args = parser.parse_args()
-    set_up_logging("figures", args.log)
     target = Path("figures") if args.name == "default" else Path("figures") / args.name
     try:
+        set_up_logging("figures", args.log)
         publish(Store(args.store), args.versions, target, args.available)
     except InputError as error:
         log.error("%s", error)

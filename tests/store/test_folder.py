@@ -1,6 +1,7 @@
 """Version folders: whole or absent, whatever happens to the process that makes them."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -126,22 +127,13 @@ def test_a_killed_process_leaves_no_version_and_a_rerun_makes_it(store, moment, 
     assert not partial.exists()
 
 
-def test_a_version_that_another_process_makes_is_refused_and_left_alone(store):
-    # A lock belongs to an open file, so a second attempt in this process is like one in another.
-    with store.new_version(RECIPE) as out:
-        (out / "first").write_text("one")
-        assert store.is_being_made(RECIPE.stage, RECIPE.id)
-        with (
-            pytest.raises(InputError, match=f"rollouts/{RECIPE.id} is being made by another process: wait"),
-            store.new_version(RECIPE),
-        ):
-            pytest.fail("two processes write the same version")
-        assert (out / "first").read_text() == "one"
-        other = replace(RECIPE, config={"seed": 2})
-        produce(store, other)
-        assert store.is_whole(other.stage, other.id)
-    assert store.is_whole(RECIPE.stage, RECIPE.id)
+def test_the_lock_is_held_while_a_version_is_made_and_goes_with_it(store):
     assert not store.is_being_made(RECIPE.stage, RECIPE.id)
+    with store.locked(RECIPE.stage, RECIPE.id):
+        assert store.is_being_made(RECIPE.stage, RECIPE.id)
+        assert not store.is_being_made(RECIPE.stage, "a" * 12)
+    assert not store.is_being_made(RECIPE.stage, RECIPE.id)
+    assert everything(store) == ["rollouts"]
 
 
 @pytest.mark.parametrize("removed", ["first", VERSION_FILE])
@@ -168,6 +160,15 @@ def test_stale_marks_are_dropped_and_others_stay(store):
     store.drop_stale_marks({"rollouts": {RECIPE.id, gone}, "train": {"c" * 12}})
     marks = sorted(p.name for p in store.root.glob("*/*.ok"))
     assert marks == sorted([f"{RECIPE.id}.ok", f"{unwanted}.ok"])
+
+
+def test_a_mark_that_is_there_is_not_written_again(store):
+    produce(store)
+    store.put_mark("rollouts", RECIPE.id)
+    mark = store.mark("rollouts", RECIPE.id)
+    os.utime(mark, (1, 1))
+    store.put_mark("rollouts", RECIPE.id)
+    assert mark.stat().st_mtime == 1
 
 
 def test_inputs_are_folders_by_role(store):

@@ -84,7 +84,7 @@ def test_an_id_is_kept_for_its_own_stage_only(store, make):
 
 def test_what_a_process_is_making_is_no_garbage(store):
     recipe = Recipe("train", {}, code="0" * 64)
-    with store.new_version(recipe) as out:
+    with store.locked("train", recipe.id), store.new_version(recipe) as out:
         (out / "half").touch()
         assert collect_garbage(store, {}, really=True) == []
     assert store.is_whole("train", recipe.id)

@@ -13,7 +13,8 @@ rule train_version:
         "logs/train/{id}.log",
     benchmark:
         "logs/train/{id}.tsv"
-    threads: workflow.cores
+    # One each: small matrices gain nothing from a second thread, a second method beside does.
+    threads: 1
     params:
         recipe=recipe("train"),
     shell:

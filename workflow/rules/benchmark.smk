@@ -10,3 +10,16 @@ rule benchmark:
         cores=workflow.cores,
     shell:
         "python -m slapshot.benchmark --cores {params.cores} 2>&1 | tee {log}"
+
+
+rule tuning:
+    """The same search of the learning rate for every method (default configuration)."""
+    input:
+        marks("rollouts"),
+    log:
+        "logs/tuning.log",
+    threads: workflow.cores
+    params:
+        cores=workflow.cores,
+    shell:
+        "python -m slapshot.benchmark.tuning --cores {params.cores} 2>&1 | tee {log}"

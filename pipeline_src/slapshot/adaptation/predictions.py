@@ -42,11 +42,11 @@ def produce(run: Run) -> None:
         tables.append(_predict(method, standardiser, calibration, keys, adapt, query, settings))
     table = pd.concat(tables, ignore_index=True)
     table.to_parquet(run.out / "predictions.parquet", index=False)
-    for source, rows in table.groupby("source"):
-        off = np.hypot(rows["x_m"] - rows["true_x_m"], rows["y_m"] - rows["true_y_m"])
-        means = 100 * off.groupby(rows["samples"]).mean()
-        log.info("%s: %d hits, %.1f cm before, %.1f cm after %d samples", source,
-                 (rows["samples"] == most).sum(), means.iloc[0], means[most], most)  # fmt: skip
+    off = np.hypot(table["x_m"] - table["true_x_m"], table["y_m"] - table["true_y_m"])
+    means = 100 * table.assign(off=off).groupby(["source", "samples"])["off"].mean()
+    for source in np.unique(table["source"]):
+        log.info("%s: %.1f cm before, %.1f cm after %d samples", source, means[source].iloc[0],
+                 means[source][most], most)  # fmt: skip
 
 
 def _simulated(run: Run, standardiser: Standardiser, most: int, rng: np.random.Generator):  # type: ignore[no-untyped-def]

@@ -220,12 +220,7 @@ def walkthrough(
 
 @torch.no_grad()
 def contraction(
-    method: Kalman,
-    lines: Lines,
-    tasks: Tasks,
-    counts: Sequence[int],
-    noise_variance: float,
-    seed: int,
+    method: Kalman, lines: Lines, tasks: Tasks, counts: Sequence[int], noise_variance: float, seed: int
 ) -> pd.DataFrame:
     """How belief and prediction narrow with samples (claim C1), by drift, model, task, samples.
 

@@ -2,12 +2,16 @@
 
 import json
 import logging
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
+import pandas as pd
 import torch
 
 from slapshot.adaptation.checkpoint import save_ensemble
 from slapshot.adaptation.data import SequenceSampler, Standardiser
-from slapshot.adaptation.method import Sizes, load_method
+from slapshot.adaptation.method import AdaptationMethod, Sizes, load_method
 from slapshot.adaptation.optimise import fit
 from slapshot.command import Run, stage_command
 from slapshot.rollouts.dataset import read_sequences
@@ -17,35 +21,48 @@ log = logging.getLogger("slapshot")
 
 def produce(run: Run) -> None:
     """Write the ensemble and losses.csv (step, model, train, validation)."""
-    settings, training = run.config, run.config["training"]
+    name, settings = run.config["method"], run.config["settings"]
     torch.set_num_threads(run.cores)
     device = choose_device()
-    data = read_sequences(run.inputs["rollouts"], "train")
+    method, standardiser, losses = train_ensemble(
+        run.inputs["rollouts"], name, settings, run.config["training"], device
+    )
+    losses.to_csv(run.out / "losses.csv", index=False, float_format="%.6g")
+    save_ensemble(run.out, name, method, dict(settings), standardiser)
+    (run.out / "device.json").write_text(json.dumps({"device": device.type}) + "\n")
+
+
+def train_ensemble(
+    rollouts: Path, name: str, settings: Mapping[str, Any], training: Mapping[str, Any], device: torch.device
+) -> tuple[AdaptationMethod[Any], Standardiser, pd.DataFrame]:
+    """Train an ensemble of the method called `name`; the validation conditions only draw a curve.
+
+    Args:
+        rollouts: version folder of the rollouts.
+        name: of the method, as in the configuration.
+        settings: the method's own.
+        training: seed, models, steps, tasks, sequence, noise_variance_max, learning_rate.
+        device: to train on.
+    """
+    data = read_sequences(rollouts, "train")
     standardiser = Standardiser.fit(data)
     generator = torch.Generator().manual_seed(training["seed"])
     sizes = Sizes(data.state.shape[2], data.action.shape[2], data.outcome.shape[2])
     models = training["models"]
-    method = load_method(settings["method"]).from_configuration(
-        sizes, settings["settings"], models, generator
-    )
-    method.to(device)
-    log.info("%s: %d models of %d parameters on %s", settings["method"], models,
-             method.parameter_count(), device)  # fmt: skip
+    method = load_method(name).from_configuration(sizes, settings, models, generator).to(device)
+    log.info("%s: %d models of %d parameters on %s", name, models, method.parameter_count(), device)
     sampler = SequenceSampler(data, standardiser, device)
-    validation = SequenceSampler(read_sequences(run.inputs["rollouts"], "validation"), standardiser, device)
+    validation = SequenceSampler(read_sequences(rollouts, "validation"), standardiser, device)
     shape = (models, training["tasks"], training["sequence"], training["noise_variance_max"])
-    fixed = validation.draw(*shape, generator=torch.Generator().manual_seed(0))
     losses = fit(
         method,
         lambda: sampler.draw(*shape, generator=generator),
-        fixed,
+        validation.draw(*shape, generator=torch.Generator().manual_seed(0)),
         training["steps"],
         training["learning_rate"],
-        settings["method"],
+        name,
     )
-    losses.to_csv(run.out / "losses.csv", index=False, float_format="%.6g")
-    save_ensemble(run.out, settings["method"], method, dict(settings["settings"]), standardiser)
-    (run.out / "device.json").write_text(json.dumps({"device": device.type}) + "\n")
+    return method, standardiser, losses
 
 
 def choose_device() -> torch.device:

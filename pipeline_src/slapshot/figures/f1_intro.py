@@ -23,7 +23,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     start = Scene.load(inputs["scene"]).info.start
     shown = _typical(predictions[predictions["source"] == "simulated"])
     most = shown["samples"].max()
-    figure, panels = plt.subplots(2, 1, figsize=(5.6, 5.0), sharex=True, sharey=True)
+    figure, panels = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True, sharey=True)
     x, y = shown["true_x_m"].iloc[0], shown["true_y_m"].iloc[0]
     cases = ((0, "before any sample", BEFORE_COLOUR), (most, f"after {most} other hits", _ADAPTED))
     for axes, letter, (samples, title, colour) in zip(panels, "ab", cases, strict=True):
@@ -41,7 +41,8 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
         axes.set_ylabel("y (m)")
     panels[1].set_xlabel("x (m)")
     _limits(panels[0], shown, start)
-    panels[0].legend(loc="upper right", ncols=3, bbox_to_anchor=(1.0, 1.2), borderaxespad=0)
+    handles, labels = panels[1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=5)
     return Drawing(f"F1-{config['domain']}-intro", figure, shown.reset_index(drop=True))
 
 

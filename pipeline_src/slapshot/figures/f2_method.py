@@ -29,14 +29,15 @@ _COLOURS = {
     PREDICTION: ("#005A8E", "#E2EFF7", "#A6CDE6"),
 }
 _MODULES = {"measurement_net": MEASUREMENT, "prediction_net": PREDICTION}
+_ACTIVATIONS = {"relu": "ReLU", "silu": "SiLU"}
 _INK = "#333333"
 
 # Inches, the origin in the lower left corner.
-_SIZE = (10.4, 4.3)
-_BOTTOM, _TOP = 0.62, 4.16  # of the panels
+_SIZE = (10.6, 4.3)
+_BOTTOM, _TOP = 0.66, 4.2  # of the panels
 _AXIS = 2.45  # height at which the parts are joined
-_PANELS = {MEASUREMENT: (0.98, 2.1), INTEGRATION: (3.88, 3.0), PREDICTION: (7.73, 1.75)}  # left, width
-_CHIP = (0.5, 0.34)  # width, height of a box that names one tensor
+_PANELS = {MEASUREMENT: (0.98, 2.1), INTEGRATION: (3.86, 3.0), PREDICTION: (7.66, 2.05)}  # left, width
+_CHIP = (0.5, 0.32)  # width, height of a box that names one tensor
 
 
 @dataclass(frozen=True)
@@ -47,12 +48,14 @@ class Shapes:
         parameters: part, layer, shape, parameters; one row a trained tensor of one model.
         signals: name -> shape of what flows along an arrow, for one task.
         widths: part -> widths of its network's layers, input and output included.
+        activation: kind of the networks' layers, in words.
         drift: epsilon of Q = epsilon I.
     """
 
     parameters: pd.DataFrame
     signals: dict[str, tuple[int, ...]]
     widths: dict[str, list[int]]
+    activation: str
     drift: float
 
     @classmethod
@@ -60,14 +63,12 @@ class Shapes:
         """Ask the parameters, and the results of one step on zeros, for their shapes."""
         rows = []
         for name, value in method.named_parameters():
-            module, _, layer = (
-                name.rpartition(".weights.") if ".weights." in name else name.rpartition(".biases.")
-            )
-            kind = "weights" if ".weights." in name else "biases"
+            # prediction_net.weights.0 of a network, prior_mean of the filter
+            module, *layer = name.split(".")
             rows.append(
                 {
                     "part": _MODULES.get(module, INTEGRATION),
-                    "layer": f"layer {int(layer) + 1} {kind}" if module else name,
+                    "layer": f"layer {int(layer[1]) + 1} {layer[0]}" if layer else name,
                     "shape": _times(value.shape[1:], " x "),
                     "parameters": value[0].numel(),
                 }
@@ -80,12 +81,14 @@ class Shapes:
             predicted = method.predict(belief, state[:, :, None], action[:, :, None])[:, :, 0]
         signals = {
             "state": state, "action": action, "observed": observed, "mu_z": mean, "Sigma_z": factor,
+            "L": factor[..., *torch.tril_indices(*factor.shape[-2:])],
             "mu_phi": belief.mean, "Sigma_phi": belief.covariance, "predicted": predicted,
         }  # fmt: skip
         return cls(
             pd.DataFrame(rows),
             {name: tuple(value.shape[2:]) for name, value in signals.items()},
             {part: _widths(getattr(method, module)) for module, part in _MODULES.items()},
+            f"fully connected, {_ACTIVATIONS[method.prediction_net.activation.__name__]}",
             method.settings.drift,
         )
 
@@ -116,7 +119,8 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     generator = torch.Generator().manual_seed(0)  # of weights that nobody sees
     method = Kalman.from_configuration(Sizes(**config["sizes"]), config["kalman"], 1, generator)
     shapes = Shapes.of(method)
-    figure = plt.figure(figsize=_SIZE, layout="none")
+    figure = plt.figure(figsize=_SIZE)
+    figure.set_layout_engine("none")
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set(xlim=(0, _SIZE[0]), ylim=(0, _SIZE[1]))
     axes.axis("off")
@@ -124,11 +128,12 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     _integration(axes, shapes)
     _prediction(axes, shapes)
     total = sum(shapes.count(part) for part in _COLOURS)
-    _text(
-        axes, _SIZE[0] / 2, 0.28,
-        rf"trained end to end on $(\hat{{s}}' - s')^2$, {total:,} parameters in all;"
-        r"  numbers are widths of layers and sizes of vectors and matrices",
-    )  # fmt: skip
+    notes = (
+        rf"{total:,} parameters, trained end to end on $(\hat{{s}}^{{\,\prime}} - s')^2$",
+        rf"$\Sigma_z^{{-1}} = L L^\top$, {_times(shapes.signals['L'])} entries of $L$",
+        "numbers: widths of layers, sizes of tensors",
+    )
+    _text(axes, _SIZE[0] / 2, 0.32, "      ·      ".join(notes))
     return Drawing("F2-method", figure, shapes.table())
 
 
@@ -139,15 +144,15 @@ def _measurement(axes: Axes, shapes: Shapes) -> None:
         MEASUREMENT,
         shapes,
         "Measurement network",
-        r"$\mu_z,\ \Sigma_z = f^m(s_i, a_i, \tilde{s}\,'_i)$",
+        r"$\mu_z,\ \Sigma_z = f^m(s_i, a_i, \tilde{s}_i^{\,\prime})$",
     )
     for name, symbol, offset in (
-        ("state", "$s_i$", 0.7),
+        ("state", "$s_i$", 0.44),
         ("action", "$a_i$", 0.0),
-        ("observed", r"$\tilde{s}\,'_i$", -0.7),
+        ("observed", r"$\tilde{s}_i^{\,\prime}$", -0.44),
     ):
-        _source(axes, 0.1, _AXIS + offset, symbol, shapes.signals[name], (slabs[0], _AXIS + offset / 2))
-    _text(axes, 0.1 + _CHIP[0] / 2, _AXIS + 1.05, "sample $i$")
+        _source(axes, 0.1, _AXIS + offset, symbol, shapes.signals[name], slabs[0])
+    _text(axes, 0.1 + _CHIP[0] / 2, _AXIS + 0.76, "sample $i$")
     end = _PANELS[INTEGRATION][0] + 0.14
     for symbol, name, offset in ((r"$\mu_z$", "mu_z", 0.28), (r"$\Sigma_z$", "Sigma_z", -0.28)):
         _arrow(axes, (slabs[1], _AXIS + offset), (end, _AXIS + offset))
@@ -158,8 +163,8 @@ def _measurement(axes: Axes, shapes: Shapes) -> None:
 def _integration(axes: Axes, shapes: Shapes) -> None:
     """Drift and update of the belief, which returns for the next sample."""
     left, _ = _panel(
-        axes, INTEGRATION, shapes, "State integration: Kalman filter",
-        rf"$A = I,\ \ Q = \epsilon I,\ \ \epsilon = {_power_of_ten(shapes.drift)}$",
+        axes, INTEGRATION, shapes, "State integration", "Kalman filter, recurrent over the samples",
+        rf"$A = I,\ \ Q = \epsilon I,\ \ \epsilon = {shapes.drift:g}$",
     )  # fmt: skip
     left, width = left + 0.14, 1.98
     top, belief = _AXIS + 0.98, left + width + 0.2
@@ -179,6 +184,7 @@ def _integration(axes: Axes, shapes: Shapes) -> None:
     _text(axes, left + 0.36, top - 0.28, "learned prior", size=7.5)
     _box(axes, (left + width / 2 - 0.45, _AXIS - 1.1), (0.9, 0.34), None)
     _text(axes, left + width / 2, _AXIS - 0.93, f"$C_z$  {_shape_of(shapes, 'C')}")
+    _text(axes, left + width / 2 + 0.72, _AXIS - 0.93, "learned", size=7.5)
     _arrow(axes, (left + width / 2, _AXIS - 0.76), (left + width / 2, _AXIS - 0.5))
     _box(axes, (belief, _AXIS - 0.42), (0.56, 0.84), INTEGRATION)
     x = belief + 0.28
@@ -190,43 +196,41 @@ def _integration(axes: Axes, shapes: Shapes) -> None:
     _arrow(axes, (left + width, _AXIS), (belief, _AXIS))
     axes.plot([x, x], [_AXIS + 0.42, top], color=_INK, lw=1.1, solid_capstyle="butt")
     _arrow(axes, (x, top), (left + width, top))
-    _text(axes, x - 0.14, top + 0.13, "next sample", size=7.5)
+    _text(axes, x, top + 0.13, "next sample", size=7.5)
 
 
 def _prediction(axes: Axes, shapes: Shapes) -> None:
     """Prediction network at the mean of the belief, for the next state and action."""
     slabs = _network(
         axes, PREDICTION, shapes, "Prediction network",
-        r"$\hat{s}\,'_{i+1} = f^p(s_{i+1}, a_{i+1}, \mu_\phi)$",
+        r"$\hat{s}_{i+1}^{\,\prime} = f^p(s_{i+1}, a_{i+1}, \mu_\phi)$",
     )  # fmt: skip
     start = sum(_PANELS[INTEGRATION])
-    _arrow(axes, (start - 0.12, _AXIS + 0.26), (slabs[0], _AXIS + 0.26))
+    _arrow(axes, (start - 0.12, _AXIS + 0.32), (slabs[0], _AXIS + 0.32))
     _text(
         axes,
         (start + _PANELS[PREDICTION][0]) / 2,
-        _AXIS + 0.38,
+        _AXIS + 0.44,
         rf"$\mu_\phi$  {_times(shapes.signals['mu_phi'])}",
     )
-    for name, symbol, offset in (("state", "$s_{i+1}$", -0.28), ("action", "$a_{i+1}$", -0.84)):
-        _source(
-            axes, start + 0.1, _AXIS + offset, symbol, shapes.signals[name], (slabs[0], _AXIS + offset / 1.6)
-        )
-    _text(axes, start + 0.1 + _CHIP[0] / 2, _AXIS - 1.16, "query")
+    for name, symbol, offset in (("state", "$s_{i+1}$", -0.12), ("action", "$a_{i+1}$", -0.56)):
+        _source(axes, start + 0.07, _AXIS + offset, symbol, shapes.signals[name], slabs[0])
+    _text(axes, start + 0.07 + _CHIP[0] / 2, _AXIS - 0.86, "query")
     _arrow(axes, (slabs[1], _AXIS), (_SIZE[0] - 0.1 - _CHIP[0], _AXIS))
     _box(axes, (_SIZE[0] - 0.1 - _CHIP[0], _AXIS - _CHIP[1] / 2), _CHIP, None)
-    _text(axes, _SIZE[0] - 0.1 - _CHIP[0] / 2, _AXIS, r"$\hat{s}\,'_{i+1}$")
-    _text(axes, sum(_PANELS[PREDICTION]) + 0.16, _AXIS + 0.12, _times(shapes.signals["predicted"]), size=7.5)
+    _text(axes, _SIZE[0] - 0.1 - _CHIP[0] / 2, _AXIS, r"$\hat{s}_{i+1}^{\,\prime}$")
+    _text(axes, sum(_PANELS[PREDICTION]) + 0.1, _AXIS + 0.12, _times(shapes.signals["predicted"]), size=7.5)
 
 
 def _network(axes: Axes, part: str, shapes: Shapes, title: str, formula: str) -> tuple[float, float]:
     """A panel with a slab for each layer; returns where the first begins and the last ends."""
-    left, width = _panel(axes, part, shapes, title, formula)
+    left, width = _panel(axes, part, shapes, title, shapes.activation, formula)
     widths = shapes.widths[part]
     pitch = (width - 0.3) / len(widths)
     slab = min(0.32, 0.7 * pitch)
     starts = [left + 0.15 + pitch * i + (pitch - slab) / 2 for i in range(len(widths))]
     for i, (x, n) in enumerate(zip(starts, widths, strict=True)):
-        height = 0.3 + 0.25 * np.log2(n + 1)
+        height = 0.6 + 0.21 * np.log2(n + 1)
         _box(axes, (x, _AXIS - height / 2), (slab, height), part)
         _text(axes, x + slab / 2, _AXIS, str(n), rotation=90 if n > 999 else 0)
         if i:
@@ -234,25 +238,24 @@ def _network(axes: Axes, part: str, shapes: Shapes, title: str, formula: str) ->
     return starts[0], starts[-1] + slab
 
 
-def _panel(axes: Axes, part: str, shapes: Shapes, title: str, formula: str) -> tuple[float, float]:
+def _panel(axes: Axes, part: str, shapes: Shapes, title: str, kind: str, formula: str) -> tuple[float, float]:
     """The area of a part with its title, equation and number of parameters; returns left, width."""
     line, fill, _ = _COLOURS[part]
     left, width = _PANELS[part]
     _box(axes, (left, _BOTTOM), (width, _TOP - _BOTTOM), None, face=fill, edge=line, round_by=0.1)
     middle = left + width / 2
     _text(axes, middle, _TOP - 0.2, title, color=line, weight="bold", size=9.5)
+    _text(axes, middle, _TOP - 0.42, kind, size=7.5)
     _text(axes, middle, _BOTTOM + 0.44, formula)
     _text(axes, middle, _BOTTOM + 0.18, f"{shapes.count(part):,} parameters", color=line)
     return left, width
 
 
-def _source(
-    axes: Axes, x: float, y: float, symbol: str, shape: tuple[int, ...], end: tuple[float, float]
-) -> None:
+def _source(axes: Axes, x: float, y: float, symbol: str, shape: tuple[int, ...], end: float) -> None:
     """A box that names an input, and its arrow with the size above."""
     _box(axes, (x, y - _CHIP[1] / 2), _CHIP, None)
     _text(axes, x + _CHIP[0] / 2, y, symbol)
-    _arrow(axes, (x + _CHIP[0], y), end)
+    _arrow(axes, (x + _CHIP[0], y), (end, y))
     _text(axes, x + _CHIP[0] + 0.13, y + 0.12, _times(shape), size=7.5)
 
 
@@ -287,12 +290,3 @@ def _text(
 
 def _shape_of(shapes: Shapes, layer: str) -> str:
     return str(shapes.parameters.set_index("layer")["shape"][layer]).replace(" x ", "×")
-
-
-def _power_of_ten(value: float) -> str:
-    """Mathematical text of a number: 1e-4 as a power, 0.25 as it is."""
-    mantissa, _, exponent = f"{value:g}".partition("e")
-    if not exponent:
-        power = np.log10(value) if value > 0 else 0.0
-        return rf"10^{{{power:.0f}}}" if power < -2 and power == round(power) else mantissa
-    return rf"10^{{{int(exponent)}}}" if mantissa == "1" else rf"{mantissa} \cdot 10^{{{int(exponent)}}}"

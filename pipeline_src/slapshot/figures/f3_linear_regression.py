@@ -58,16 +58,20 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
 
 def draw_phi(axes: Axes, belief: pd.DataFrame, samples: int) -> None:
     """The belief about (phi_1, phi_2) as ellipses of 1 and 2 standard deviations, the prior faint behind."""
-    for row in belief[belief["samples"] == 0].itertuples() if samples else ():
+    for row in _rows(belief, 0) if samples else []:
         for sd in (1, 2):
             label = "learned prior, 1 and 2 sd" if sd == 1 else None
             axes.add_patch(_ellipse(row, sd, fill=False, edgecolor=_PRIOR, lw=1, ls=(0, (4, 3)), label=label))
-    for row in belief[belief["samples"] == samples].itertuples():
+    for row in _rows(belief, samples):
         for sd, alpha in ((2, 0.18), (1, 0.35)):
             label = r"belief over $\phi$, 1 and 2 sd" if sd == 1 else None
             axes.add_patch(_ellipse(row, sd, facecolor=_KALMAN, alpha=alpha, lw=0, label=label))
             axes.add_patch(_ellipse(row, sd, fill=False, edgecolor=_KALMAN, lw=1))
         axes.plot(row.mean_1, row.mean_2, "o", ms=3, color=_KALMAN)
+
+
+def _rows(belief: pd.DataFrame, samples: int) -> list[Any]:
+    return list(belief[belief["samples"] == samples].itertuples())
 
 
 def _ellipse(row: Any, sd: float, **style: Any) -> Ellipse:

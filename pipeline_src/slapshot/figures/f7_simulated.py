@@ -69,7 +69,7 @@ def _row(
     last: int | None,
 ) -> None:
     """Panels with one scale, a case each: its title and which rows of the summary it shows."""
-    top = 105 * summary["mean_high_m"].max()
+    top = 110 * summary["error_m"].max()
     panels = figure.subplots(1, len(cases), sharey=True, squeeze=False)[0]
     for i, (axes, (title, rows)) in enumerate(zip(panels, cases, strict=True)):
         draw_curves(axes, summary[rows], last, band="mean", label=False)

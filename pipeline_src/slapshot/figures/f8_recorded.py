@@ -34,7 +34,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
         unit = "rig" if rigs > 1 else "model"
         overall = summarise(own, ["method"], unit)
         by_object = summarise(own, ["method", "object"], unit)
-        top = 105 * by_object["mean_high_m"].max()
+        top = 120 * by_object["error_m"].max()
         stand_in = own["stand_in"].any()
         kind = STAND_IN if stand_in else "real recording"
         draw_curves(row[0], overall, band="mean")

@@ -60,7 +60,7 @@ def _conditions(axes: Axes, seen: pd.DataFrame) -> pd.DataFrame:
     cloud = simulated[simulated["name"] == ""]
     axes.scatter(cloud["pc1"], cloud["pc2"], s=3, color="#D5D5D5", label="drawn conditions", lw=0)
     shown = [cloud]
-    names = [name for name in dict.fromkeys(simulated["name"]) if name]
+    names = [name for name in dict.fromkeys(simulated.sort_values("condition")["name"]) if name]
     for name, colour in zip(names, _COLOURS, strict=False):
         rows = simulated[simulated["name"] == name]
         axes.scatter(rows["pc1"], rows["pc2"], s=14, color=colour, label=name, lw=0)

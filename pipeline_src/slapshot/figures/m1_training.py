@@ -21,7 +21,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
         by_step = losses.groupby("step")["validation"]
         colour = method_colour(method)
         curves.plot(by_step.mean(), color=colour, linestyle=method_line(method), label=method_name(method))
-        curves.fill_between(by_step.min().index, by_step.min(), by_step.max(), color=colour, alpha=0.15, lw=0)
+        curves.fill_between(by_step.min().index, by_step.min(), by_step.max(), color=colour, alpha=0.08, lw=0)
         sizes.barh(method_name(method), described["parameters_per_model"] / 1000, color=colour)
         tables.append(losses.assign(method=method, parameters=described["parameters_per_model"]))
     curves.set_yscale("log")

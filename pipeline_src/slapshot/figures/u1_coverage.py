@@ -30,14 +30,14 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
             label = kind if level == levels[0] else None
             _line(a, rows, colour, label)
     _nominal(a, levels)
-    a.legend(loc="center right")
+    a.legend(loc="upper right", bbox_to_anchor=(1.0, 0.88))
     a.set_title("(a) simulated, noise as in training", loc="left")
     for (variance, rows), colour in zip(by_noise.groupby("noise_variance"), _NOISE_COLOURS, strict=False):
         for level in levels:
             label = f"noise variance {variance:g}" if level == levels[0] else None
             _line(b, rows[rows["level"] == level], colour, label)
     _nominal(b, levels)
-    b.legend(loc="center right")
+    b.legend(loc="upper right", bbox_to_anchor=(1.0, 0.88))
     b.set_title("(b) simulated, calibrated, by noise", loc="left")
     for level in levels:
         _line(c, recorded[recorded["level"] == level], _KINDS["calibrated"], None)

@@ -14,6 +14,7 @@ from slapshot.figures.drawing import METHOD_COLOURS, STAND_IN, Drawing
 _SIMULATED, _RECORDED = "#8A8A8A", METHOD_COLOURS["kalman"]
 QUANTILE = 0.95
 _CELL = 0.15  # m, of the map
+_FEWEST = 8  # samples in a cell that is shown
 
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
@@ -94,4 +95,4 @@ def _cells(recorded: pd.DataFrame) -> pd.DataFrame:
         x_m=(recorded["x_m"] / _CELL).round() * _CELL, y_m=(recorded["y_m"] / _CELL).round() * _CELL
     )
     table = cells.groupby(["x_m", "y_m"], as_index=False).agg(beyond=("beyond", "mean"), n=("nis", "size"))
-    return table[table["n"] >= 30]
+    return table[table["n"] >= _FEWEST]

@@ -11,12 +11,13 @@ import os
 import shutil
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from slapshot.errors import InputError
 from slapshot.store.content import content_digest
+from slapshot.store.lock import held
 from slapshot.store.recipe import Recipe, canonical_json
 
 VERSION_FILE = "version.json"
@@ -44,6 +45,12 @@ class Store:
         """The file that a process holds a lock on while it makes the version."""
         return self.root / stage / f".lock-{version_id}"
 
+    def locked(self, stage: str, version_id: str) -> AbstractContextManager[None]:
+        """Hold the version's lock, after waiting for a process that makes the version."""
+        path = self.lock(stage, version_id)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return held(path, f"makes {stage}/{version_id}")
+
     def is_being_made(self, stage: str, version_id: str) -> bool:
         """True while a process makes the version."""
         path = self.lock(stage, version_id)
@@ -70,14 +77,36 @@ class Store:
 
     def put_mark(self, stage: str, version_id: str) -> None:
         """Tell Snakemake that the version is there."""
-        self.mark(stage, version_id).write_text(f"{version_id}\n")
+        mark = self.mark(stage, version_id)
+        if not mark.exists():  # a finished store may be read-only
+            mark.write_text(f"{version_id}\n")
 
     def drop_stale_marks(self, versions: dict[str, set[str]]) -> None:
-        """Remove marks of versions whose folder is gone, so that they are made again."""
+        """Remove marks of versions whose folder is gone, so that they are made again.
+
+        Raises:
+            InputError: a version is to be made, but the store cannot be written.
+        """
         for stage, ids in versions.items():
             for version_id in ids:
-                if not self.is_whole(stage, version_id):
-                    self.mark(stage, version_id).unlink(missing_ok=True)
+                mark = self.mark(stage, version_id)
+                # In this order: a version that another process finishes right now is whole before its mark.
+                marked = mark.exists()
+                if self.is_whole(stage, version_id):
+                    continue
+                # Here, because Snakemake's own words for it would not say what to do.
+                if not self._is_writable():
+                    raise InputError(
+                        f"{self.root} is read-only, but {stage}/{version_id} is to be made there: "
+                        "make the folder writable for you, or work in a copy of the repository elsewhere"
+                    )
+                if marked:
+                    mark.unlink(missing_ok=True)
+
+    def _is_writable(self) -> bool:
+        """Whether this user may write to the root, or to where it would be made."""
+        root = self.root.absolute()
+        return os.access(next(p for p in (root, *root.parents) if p.exists()), os.W_OK)
 
     def inputs(self, recipe: Recipe) -> dict[str, Path]:
         """Role -> folder of the versions that a recipe reads.
@@ -105,65 +134,43 @@ class Store:
     def new_version(self, recipe: Recipe, resume: bool = False) -> Iterator[Path]:
         """A folder to write the payload to; when the block ends without error it becomes the version.
 
+        Hold the version's lock meanwhile: two processes must not write to one folder.
+
         Args:
             recipe: what the version is made from.
             resume: keep what an interrupted run left there, and what this one leaves if it fails.
-
-        Raises:
-            InputError: another process is making this version right now.
         """
         final = self.folder(recipe.stage, recipe.id)
         partial = final.with_name(f".partial-{recipe.id}")
         final.parent.mkdir(parents=True, exist_ok=True)
-        with _locked(self.lock(recipe.stage, recipe.id)):
-            if not resume:
-                shutil.rmtree(partial, ignore_errors=True)
-            partial.mkdir(exist_ok=True)
-            (partial / VERSION_FILE).unlink(missing_ok=True)  # of a run that ended just before the rename
-            started = time.time()
-            try:
-                yield partial
-                version = {
-                    "id": recipe.id,
-                    "recipe": json.loads(recipe.to_json()),
-                    "content": {
-                        path.relative_to(partial).as_posix(): content_digest(path)
-                        for path in sorted(partial.rglob("*"))
-                        if path.is_file()
-                    },
-                    "seconds": round(time.time() - started, 1),
-                    "made_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-                }
-            except BaseException as error:
-                # Bad input leaves nothing to go on from; a crash or Ctrl-C does, if the stage can.
-                if not resume or isinstance(error, InputError):
-                    shutil.rmtree(partial, ignore_errors=True)
-                raise
+        if not resume:
+            shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir(exist_ok=True)
+        (partial / VERSION_FILE).unlink(missing_ok=True)  # of a run that ended just before the rename
+        started = time.time()
+        try:
+            yield partial
+            version = {
+                "id": recipe.id,
+                "recipe": json.loads(recipe.to_json()),
+                "content": {
+                    path.relative_to(partial).as_posix(): content_digest(path)
+                    for path in sorted(partial.rglob("*"))
+                    if path.is_file()
+                },
+                "seconds": round(time.time() - started, 1),
+                "made_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            }
             (partial / VERSION_FILE).write_text(canonical_json(version) + "\n")
             _sync(partial)
-            if final.exists():  # but not whole: somebody removed files from it
-                shutil.rmtree(final)
-            partial.rename(final)
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Hold an exclusive lock that the system releases however the process ends."""
-    with path.open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            # Whoever held it before may have removed the file since it was opened here.
-            if os.fstat(file.fileno()).st_ino != path.stat().st_ino:
-                raise OSError
-        except OSError:
-            raise InputError(
-                f"{path.parent.name}/{path.name.removeprefix('.lock-')} is being made by another "
-                "process: wait for it, or end it"
-            ) from None
-        try:
-            yield
-        finally:
-            path.unlink(missing_ok=True)
+        except BaseException as error:
+            # Bad input leaves nothing to go on from; a crash, a full disk or Ctrl-C does, if the stage can.
+            if not resume or isinstance(error, InputError):
+                shutil.rmtree(partial, ignore_errors=True)
+            raise
+        if final.exists():  # but not whole: somebody removed files from it
+            shutil.rmtree(final)
+        partial.rename(final)
 
 
 def _sync(folder: Path) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from slapshot.errors import InputError
+from slapshot.errors import InputError, writing
 from slapshot.store.folder import Store
 
 
@@ -42,6 +42,9 @@ def collect_garbage(store: Store, keep: Mapping[str, set[str]], really: bool) ->
 
     Returns:
         Folder and size in bytes of each; they are removed only if `really`.
+
+    Raises:
+        InputError: one of them cannot be removed.
     """
     removed = []
     for folder in sorted(store.root.glob("*/*")):
@@ -53,8 +56,9 @@ def collect_garbage(store: Store, keep: Mapping[str, set[str]], really: bool) ->
         size = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
         removed.append((folder, size))
         if really:
-            # The mark goes first: a mark without its version would hide that it is gone.
-            store.mark(stage, version_id).unlink(missing_ok=True)
-            shutil.rmtree(folder)
-            store.lock(stage, version_id).unlink(missing_ok=True)
+            with writing(folder):
+                # The mark goes first: a mark without its version would hide that it is gone.
+                store.mark(stage, version_id).unlink(missing_ok=True)
+                shutil.rmtree(folder)
+                store.lock(stage, version_id).unlink(missing_ok=True)
     return removed

@@ -1,6 +1,7 @@
 """What a recording of one hit holds, entity by entity."""
 
 import numpy as np
+import pandas as pd
 import rerun as rr
 from numpy.typing import NDArray
 
@@ -60,8 +61,9 @@ def _log_object(recording: rr.RecordingStream, hit: Hit, info: SceneInfo) -> Non
     recording.log("object", shape, static=True)
     if not len(hit.track):
         return
-    times, places, yaw = hit.track[:, 0], on_board(hit.track[:, 1:3], info.object_height / 2), hit.track[:, 3]
-    half = np.nan_to_num(yaw) / 2
+    times, places = hit.track[:, 0], on_board(hit.track[:, 1:3], info.object_height / 2)
+    # Where the turn was not measured the last one stays.
+    half = pd.Series(hit.track[:, 3]).ffill().bfill().fillna(0.0).to_numpy() / 2
     nothing = np.zeros_like(half)
     recording.send_columns(
         "object",
@@ -99,7 +101,7 @@ def _log_belief(
     covariance = belief[["cov_xx", "cov_xy", "cov_xy", "cov_yy"]].to_numpy(float).reshape(2, 2)
     outlines = [outline(mean, covariance, belief[f"radius2_{share}"]) for share in (50, 90)]
     strips = [on_board(corners, _REGION_HEIGHT) for corners in outlines]
-    regions = rr.LineStrips3D(strips, colors=[colour], radii=[_THICK, _THIN])
+    regions = rr.LineStrips3D(strips, colors=[colour], radii=np.array([_THICK, _THIN]))
     recording.log(f"{name}/regions", regions, static=True)
     place = on_board(mean[None], _REGION_HEIGHT)
     recording.log(f"{name}/point", rr.Points3D(place, colors=[colour], radii=_DOT), static=True)
@@ -110,7 +112,7 @@ def _log_learning(recording: rr.RecordingStream, hit: Hit) -> None:
     places = on_board(hit.beliefs[["x_m", "y_m"]].to_numpy(float), _REGION_HEIGHT)
     index = [rr.TimeColumn(STEP, sequence=hit.beliefs["samples"].to_numpy(np.int64))]
     shades = np.linspace(PRIOR_COLOUR, ADAPTED_COLOUR, len(places)).round().astype(np.uint8)
-    columns = rr.Points3D.columns(positions=places, colors=shades, radii=[_DOT] * len(places))
+    columns = rr.Points3D.columns(positions=places, colors=shades, radii=np.full(len(places), _DOT))
     recording.send_columns("learning", index, columns)
 
 

@@ -18,6 +18,7 @@ from slapshot.viewer.layout import Stage, scene_view
 
 HOST = "127.0.0.1"  # Rerun's default is every interface
 _LINK = "recording link"  # the viewer's own column of a dataset's table
+_NAME = "rerun_segment_id"
 _TITLE = "property:RecordingInfo:name"
 _FIELDS = {
     "note": "what it is",
@@ -31,7 +32,7 @@ def save_cards(path: Path, application: str, stage: Stage) -> None:
     """Write how the gallery looks: a card a hit, with a small picture that can be played."""
     facts = [rrb.table.Column(f"property:hit:{key}", name=label) for key, label in _FIELDS.items()]
     title = rrb.table.Column(_TITLE, name="hit")
-    picture = rrb.table.PreviewCell(scene_view(stage))
+    picture = rrb.table.PreviewCell(scene_view(stage, distance=0.8))
     rrb.TableBlueprint(
         card_layout=rrb.table.CardLayout(
             title=_TITLE,
@@ -40,7 +41,7 @@ def save_cards(path: Path, application: str, stage: Stage) -> None:
         ),
         table_layout=rrb.table.TableLayout(columns=[title, rrb.table.Column(_LINK), *facts]),
         default_layout="cards",
-        sort_by=_TITLE,
+        sort_by=_NAME,
         # Pictures that stand still show how the hit ended.
         previews_config=rrb.table.PreviewsConfig(timeline=TIME, start_point=0.6),
     ).save(application, path)

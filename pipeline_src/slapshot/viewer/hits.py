@@ -1,5 +1,6 @@
 """The hits that are shown, gathered from the versions that know something about them."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +20,10 @@ from slapshot.viewer.choice import choose_evenly
 
 Array = NDArray[np.float64]
 
-GROUPS = {"simulated": ["condition"], "recorded": ["rig", "object"]}
-_KEY = ["source", "condition", "name", "rig", "object", "hit"]
+GROUPS = {"simulated": ["condition"], "recorded": ["recording", "rig", "object"]}
+_KEY = ["source", "condition", "name", "recording", "rig", "object", "hit"]
+# The words of the figures, so that nobody takes such a hit for one of a robot.
+STAND_IN = "stand-in rig (simulated), not a real robot"
 # A gap between camera frames is one that lasts longer than this many of its periods.
 _GAP = 1.5
 
@@ -32,8 +35,8 @@ class Hit:
     Attributes:
         id: unique among all hits, the same in every run.
         title: what it is, in a few words.
-        facts: what a table of hits says about it; the keys of _KEY and the note.
-        object: what was hit, by name; "" in simulation.
+        note: where it comes from.
+        facts: source, group in words, condition, name, rig, object, hit: what tells it apart.
         joint_times: (k,).
         joints: (k, joints) of the arm; k is 0 if nobody recorded them.
         track: (n, 4) t, x, y, yaw of the object; yaw is NaN where not measured.
@@ -62,31 +65,48 @@ class Hit:
         return np.linalg.norm(self.beliefs[["x_m", "y_m"]].to_numpy(float) - self.truth, axis=1)
 
 
-def gather(inputs: Mapping[str, Path], info: SceneInfo, counts: Mapping[str, int]) -> Iterator[Hit]:
-    """The hits to show, `counts` of each source at most.
+def choose(predictions: pd.DataFrame, inputs: Mapping[str, Path], counts: Mapping[str, int]) -> pd.DataFrame:
+    """(hits, _KEY) to show: `counts` of each source at most, evenly over its groups.
+
+    Recorded ones only of rigs that are among the inputs.
+    """
+    hits = predictions[_KEY].drop_duplicates().sort_values(_KEY, ignore_index=True)
+    rigs = zip(hits["recording"], hits["rig"], strict=True)
+    known = np.array([_role(inputs, recording, rig) in inputs for recording, rig in rigs], dtype=bool)
+    hits = hits[known | (hits["source"] == "simulated").to_numpy()]
+    return pd.concat(
+        [
+            choose_evenly(hits[hits["source"] == source], groups, counts[source])
+            for source, groups in GROUPS.items()
+        ]
+    )
+
+
+def read_hits(
+    inputs: Mapping[str, Path], info: SceneInfo, chosen: pd.DataFrame, predictions: pd.DataFrame
+) -> Iterator[Hit]:
+    """What is known of the chosen hits.
 
     Args:
-        inputs: folders by role: rollouts, swings, predictions, and lab/0, lab/1, ...
+        inputs: folders by role: rollouts, swings, and lab/<recording>/<rig> (or lab/<rig>, if there is
+            but one recording).
         info: of the scene.
-        counts: source -> number of hits.
+        chosen: from `choose`.
+        predictions: of all hits.
     """
-    predictions = pd.read_parquet(inputs["predictions"] / "predictions.parquet")
-    chosen = {
-        source: choose_evenly(_hits_of(predictions, source), groups, counts[source])
-        for source, groups in GROUPS.items()
-    }
     beliefs = dict(iter(predictions.sort_values("samples").groupby(_KEY)))
-    if len(chosen["simulated"]):
-        yield from _simulated(inputs, info, chosen["simulated"], beliefs)
-    for rig, rows in chosen["recorded"].groupby("rig"):
-        recording = read_recording(inputs[f"lab/{rig}"] / "recording")
+    simulated = chosen[chosen["source"] == "simulated"]
+    if len(simulated):
+        yield from _simulated(inputs, info, simulated, beliefs)
+    for (name, rig), rows in chosen[chosen["source"] == "recorded"].groupby(["recording", "rig"]):
+        recording = read_recording(inputs[_role(inputs, name, rig)] / "recording")
         yield from _recorded(recording, rows, beliefs)
 
 
-def _hits_of(predictions: pd.DataFrame, source: str) -> pd.DataFrame:
-    """(hits, _KEY) of a source, in order."""
-    rows = predictions.loc[predictions["source"] == source, _KEY]
-    return rows.drop_duplicates().sort_values(_KEY, ignore_index=True)
+def _role(inputs: Mapping[str, Path], recording: object, rig: object) -> str:
+    """Role of the version that holds a rig's recording."""
+    role = f"lab/{recording}/{rig}"
+    return role if role in inputs else f"lab/{rig}"
 
 
 def _simulated(
@@ -100,17 +120,19 @@ def _simulated(
     swing_of = table.to_pandas().set_index(["condition", "hit"])["swing"]
     parts = [part[part["split"] == "test"] for part in iterate_tracks(inputs["rollouts"])]
     tracks = dict(iter(pd.concat(parts).groupby(["condition", "hit"])))
-    for row in rows.to_dict("records"):
+    for row in _records(rows):
         key = (row["condition"], row["hit"])
-        track = tracks[key][["t", "x", "y", "yaw"]].to_numpy(float)
+        # Rounded, so that a time is 0.65 s and not the nearest single-precision number.
+        track = tracks[key][["t", "x", "y", "yaw"]].to_numpy(float).round(6)
         positions = follow(swings.targets[swing_of.loc[key]], info.control_period / info.servo_time)
         named = f" ({row['name']})" if row["name"] else ""
+        times = np.arange(len(positions), dtype=np.float64) * info.control_period
         yield Hit(
             id=f"simulated-{row['condition']:04d}-{row['hit']:03d}",
             title=f"Simulated, condition {row['condition']}{named}, hit {row['hit']}",
             note="simulation, a condition that training did not see",
             facts=row | {"group": f"condition {row['condition']}{named}"},
-            joint_times=np.arange(len(positions)) * info.control_period,
+            joint_times=times,
             joints=positions,
             track=track,
             longest_step=np.inf,
@@ -125,14 +147,20 @@ def _recorded(
     arms = {} if arm is None else dict(iter(arm.groupby("hit")))
     tracks = {} if recording.tracks is None else dict(iter(recording.tracks.groupby("hit")))
     nothing = pd.DataFrame(columns=["t", "x", "y", "yaw"], dtype=float)
-    for row in rows.to_dict("records"):
+    kind = "Stand-in" if recording.stand_in else "Recorded"
+    for row in _records(rows):
+        group = f"{row['recording']} rig {row['rig']:02d}, {row['object']}"
         motion = arms.get(row["hit"])
         joints = np.empty((0, 0)) if motion is None else motion[joint_columns(motion)].to_numpy(float)
         yield Hit(
-            id=f"recorded-{row['rig']:02d}-{row['object']}-{row['hit']:04d}",
-            title=f"Rig {row['rig']}, {row['object']} object, hit {row['hit']}",
+            id=re.sub(
+                r"[^\w.-]+",
+                "_",
+                f"recorded-{row['recording']}-{row['rig']:02d}-{row['object']}-{row['hit']:04d}",
+            ),
+            title=f"{kind}, {group}, hit {row['hit']}",
             note=STAND_IN if recording.stand_in else f"recorded on {recording.rig}",
-            facts=row | {"group": f"rig {row['rig']}, {row['object']}"},
+            facts=row | {"group": group},
             joint_times=np.empty(0) if motion is None else motion["t"].to_numpy(float),
             joints=joints,
             track=tracks.get(row["hit"], nothing)[["t", "x", "y", "yaw"]].to_numpy(float),
@@ -141,8 +169,8 @@ def _recorded(
         )
 
 
-# The words of the figures, so that nobody takes such a hit for one of a robot.
-STAND_IN = "stand-in rig (simulated), not a real robot"
+def _records(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    return [{str(key): value for key, value in row.items()} for row in rows.to_dict("records")]
 
 
 def follow(targets: Array, share: float) -> Array:

@@ -54,14 +54,17 @@ def hit_layout(stage: Stage) -> rrb.Blueprint:
     )
 
 
-def scene_view(stage: Stage) -> rrb.Spatial3DView:
-    """From the side, a little above."""
-    return _view("Scene", stage, np.array([0.0, -0.72, 0.6]), np.array([-0.04, -0.03, 0.0]), (0.0, 0.0, 1.0))
+def scene_view(stage: Stage, distance: float = 1.0) -> rrb.Spatial3DView:
+    """From the side, a little above; `distance` below 1 is nearer."""
+    eye, target = np.array([-0.02, -0.7, 0.58]), np.array([-0.02, -0.04, 0.0])
+    return _view("Scene", stage, target + distance * (eye - target), target, (0.0, 0.0, 1.0))
 
 
 def board_view(stage: Stage) -> rrb.Spatial3DView:
     """From above, as the ceiling camera sees it: x to the right, y up."""
-    return _view("Board from above", stage, np.array([0.0, 0.0, 0.75]), np.zeros(3), (0.0, 1.0, 0.0))
+    return _view(
+        "Board from above", stage, np.array([-0.03, 0.0, 0.8]), np.array([-0.03, 0.0, 0.0]), (0.0, 1.0, 0.0)
+    )
 
 
 def _view(

@@ -1,0 +1,76 @@
+"""The same search of the learning rate for every method: short trainings, judged on validation conditions.
+
+`snakemake tuning` runs it and writes figures/tuning.csv; the best rate of each method is what
+config/default.yaml holds. Test conditions and recordings have no part in it.
+"""
+
+import argparse
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import torch
+
+from slapshot.adaptation.train import train_ensemble
+from slapshot.config import load_config
+from slapshot.plan import make_plan
+from slapshot.store.folder import Store
+
+RATES = (0.0005, 0.001, 0.002, 0.004)
+STEPS = 600
+MODELS = 2
+
+
+def main() -> None:
+    """Try every rate on every method of every domain."""
+    parser = argparse.ArgumentParser(prog="python -m slapshot.benchmark.tuning", description=__doc__)
+    parser.add_argument("--cores", type=int, default=1)
+    parser.add_argument("--config", type=Path)
+    parser.add_argument("--store", type=Path, default=Path("data/store"))
+    parser.add_argument("--out", type=Path, default=Path("figures/tuning.csv"))
+    args = parser.parse_args()
+    config = load_config(args.config)
+    plan = make_plan(config)
+    trials = []
+    for name, domain in config["domains"].items():
+        recipe = plan.recipes[f"rollouts/{name}"]
+        rollouts = Store(args.store).folder(recipe.stage, recipe.id)
+        trials += [(name, domain, rollouts, m, rate) for m in domain["methods"] for rate in RATES]
+    # A trial a process: on one thread each they finish sooner than on all threads one after another.
+    with get_context("spawn").Pool(args.cores) as pool:
+        table = pd.DataFrame(pool.map(_try, trials, chunksize=1))
+    table.to_csv(args.out, index=False, float_format="%.6g")
+    shown = table.pivot(index=["domain", "method"], columns="learning_rate", values="validation_loss")
+    print(f"validation loss after {STEPS} steps by learning rate, mean of {MODELS} models")
+    print(shown.assign(**{"in use": _in_use(config)}).to_string(float_format="%.4g"))
+
+
+def _in_use(config: dict[str, Any]) -> pd.Series:
+    rates = {
+        (name, method): settings["learning_rate"]
+        for name, domain in config["domains"].items()
+        for method, settings in domain["methods"].items()
+    }
+    return pd.Series(rates)
+
+
+def _try(trial: tuple[str, dict[str, Any], Path, str, float]) -> dict[str, Any]:
+    """Train a small ensemble for a while; return its row of the table."""
+    name, domain, rollouts, method, rate = trial
+    torch.set_num_threads(1)
+    settings = {k: v for k, v in domain["methods"][method].items() if k != "learning_rate"}
+    short = {"seed": domain["seed"], "models": MODELS, "steps": STEPS, "learning_rate": rate}
+    losses = train_ensemble(rollouts, method, settings, domain["training"] | short, torch.device("cpu"))[2]
+    last = losses[losses["step"] == losses["step"].max()]["validation"]
+    return {
+        "domain": name,
+        "method": method,
+        "learning_rate": rate,
+        "steps": STEPS,
+        "validation_loss": last.mean(),
+    }
+
+
+if __name__ == "__main__":
+    main()
