@@ -6,10 +6,8 @@ import pytest
 import torch
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.evaluate import error_table
-from slapshot.adaptation.evaluate_recording import split_hits
 from slapshot.adaptation.method import AdaptationMethod, Sizes
 from slapshot.adaptation.scoring import errors_against_samples
-from slapshot.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -79,21 +77,3 @@ def test_error_table_keeps_errors_with_their_tasks():
     table = error_table(errors, pd.DataFrame({"condition": [7, 8, 9]}))
     row = table.query("model == 1 and condition == 8 and samples == 2")
     assert row["error_m"].item() == errors[1, 1, 2]
-
-
-def test_queries_share_no_command_with_adaptation_hits():
-    commands = pd.array([0, 0, 0, 1, 1, 2, 3, 4, 5, None, None, 6], dtype="Int64")
-    hits = pd.DataFrame({"command_id": commands})
-    adapt, query = split_hits(hits, 5, 50, np.random.default_rng(0), "here")
-    for a, q in zip(adapt, query, strict=True):
-        assert len(a) == len(set(a)) == 5
-        assert not set(a) & set(q)
-        known = commands.isna()
-        assert not set(commands[a][~known[a]]) & set(commands[q][~known[q]])
-    assert len({tuple(a) for a in adapt}) > 40
-
-
-def test_too_few_hits_are_a_clear_error():
-    hits = pd.DataFrame({"command_id": pd.array([0, 1, 2], dtype="Int64")})
-    with pytest.raises(InputError, match="3 hits with a rest point are too few for 3 samples"):
-        split_hits(hits, 3, 1, np.random.default_rng(0), "rig: object red")

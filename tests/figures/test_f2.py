@@ -67,10 +67,14 @@ def test_no_text_runs_into_another_or_off_the_figure(hidden):
     figure = drawing.figure
     figure.canvas.draw()
     boxes = [(t.get_text(), t.get_window_extent()) for t in figure.axes[0].texts]
-    assert figure.axes[0].findobj(FancyBboxPatch)
+    frames = [patch.get_window_extent() for patch in figure.axes[0].findobj(FancyBboxPatch)]
     for i, (text, box) in enumerate(boxes):
         assert box.x0 >= 0, text
         assert box.x1 <= figure.bbox.width, text
+        # A text is in a box or out of it, not across its edge.
+        for frame in frames:
+            inside = frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
+            assert inside or not box.padded(-1).overlaps(frame), text
         for other, other_box in boxes[:i]:
             # Neighbours may share a pixel row of their generous boxes.
             assert not box.padded(-1).overlaps(other_box.padded(-1)), (text, other)

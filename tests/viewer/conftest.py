@@ -9,12 +9,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from recordings.builder import make_recording
-from rerun.experimental import RrdReader
+from rerun.chunk import RrdReader
 from slapshot.command import Run
 from slapshot.recordings.format import Recording
 from slapshot.recordings.write import write_recording
 from slapshot.viewer.__main__ import produce
-from slapshot.viewer.files import read_index
+from slapshot.viewer.names import read_index
 
 CONFIG = {"simulated": 3, "recorded": 4, "domain": "hockey"}
 SAMPLES = (0, 1, 2, 8)
@@ -77,7 +77,12 @@ def read(file: Path, index: str | None) -> pd.DataFrame:
 
 def values(table: pd.DataFrame, column: str) -> list[np.ndarray]:
     """Rows of a column that are not null, as float arrays."""
-    return [np.array(np.asarray(v).tolist(), float) for v in table[column] if v is not None]
+    return [_array(value) for value in table[column] if value is not None]
+
+
+def _array(value) -> np.ndarray:  # Rerun's lists come as arrays of arrays
+    nested = isinstance(value, np.ndarray) and value.dtype == object
+    return np.stack([_array(v) for v in value]) if nested else np.asarray(value, float)
 
 
 def _write_rollouts(folder: Path, swings: int) -> None:
@@ -91,7 +96,7 @@ def _write_rollouts(folder: Path, swings: int) -> None:
         columns = {"t": t, "x": 0.55 + slid[:, 0], "y": slid[:, 1], "yaw": slid[:, 0]}
         tracks.append(pd.DataFrame({"split": "test", "condition": condition, "hit": hit, **columns}))
     foreign = tracks[0].assign(split="train", x=9.0)
-    table = pd.concat([foreign, *tracks]).astype({k: "float32" for k in ("t", "x", "y", "yaw")})
+    table = pd.concat([foreign, *tracks]).astype(dict.fromkeys(("t", "x", "y", "yaw"), "float32"))
     table.to_parquet(folder / "tracks.parquet", index=False)
     hits = pd.DataFrame(keys, columns=["condition", "hit"]).assign(swing=rng.integers(0, swings, len(keys)))
     pq.write_table(pa.Table.from_pandas(hits), folder / "hits-test.parquet")

@@ -45,3 +45,19 @@ def upstream(stage):
 def recipe(stage):
     """Params function: the recipe, in one canonical string."""
     return lambda wildcards: plan.by_id(stage, wildcards.id).to_json()
+
+
+def mark_of(label):
+    """Mark of the version with that label."""
+    return str(store.mark(plan.recipes[label].stage, plan.recipes[label].id))
+
+
+def folder_of(label):
+    """Folder of the version with that label."""
+    return str(store.folder(plan.recipes[label].stage, plan.recipes[label].id))
+
+
+def reported():
+    """What the report shows of this configuration."""
+    copies = [f"data/report/{name}.png" for name in plan.names_of("figure")]
+    return copies + ["data/report/claims.html"] * ("claims" in plan.recipes)

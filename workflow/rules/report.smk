@@ -1,18 +1,6 @@
 # What `snakemake --report report.html` shows. Copies, because a version's folder is not Snakemake's own.
 
 
-def shown(label):
-    """Version of a figure or of the claims, as <stage>/<id>."""
-    return f"{plan.recipes[label].stage}/{plan.recipes[label].id}"
-
-
-def reported():
-    """Every copy that the configuration asks for."""
-    labels = [label.split("/") for label in plan.of_stage("figure")]
-    copies = [f"data/report/{domain}-{figure}.png" for _, domain, figure in labels]
-    return copies + (["data/report/claims.html"] if "claims" in plan.recipes else [])
-
-
 report: "../report/workflow.rst"
 
 
@@ -23,7 +11,7 @@ for figure in FIGURES:
             f"report_{figure}"
         input:
             lambda wildcards, figure=figure: ancient(
-                f"data/store/{shown(f'figure/{wildcards.domain}/{figure}')}.ok"
+                mark_of(f"figure/{wildcards.domain}/{figure}")
             ),
         output:
             report(
@@ -36,16 +24,16 @@ for figure in FIGURES:
             f"logs/report/{{domain}}-{figure}.log",
         localrule: True
         params:
-            version=lambda wildcards, figure=figure: shown(
+            folder=lambda wildcards, figure=figure: folder_of(
                 f"figure/{wildcards.domain}/{figure}"
             ),
         shell:
-            "cp data/store/{params.version}/*.png {output} 2> {log}"
+            "cp {params.folder}/*.png {output} 2> {log}"
 
 
 rule report_claims:
     input:
-        lambda wildcards: ancient(f"data/store/{shown('claims')}.ok"),
+        lambda wildcards: ancient(mark_of("claims")),
     output:
         report(
             "data/report/claims.html",
@@ -57,6 +45,6 @@ rule report_claims:
         "logs/report/claims.log",
     localrule: True
     params:
-        version=lambda wildcards: shown("claims"),
+        folder=lambda wildcards: folder_of("claims"),
     shell:
-        "cp data/store/{params.version}/claims.html {output} 2> {log}"
+        "cp {params.folder}/claims.html {output} 2> {log}"

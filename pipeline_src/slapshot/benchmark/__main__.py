@@ -10,6 +10,7 @@ import torch
 from rich.console import Console
 from rich.table import Table
 
+from slapshot.adaptation.names import method_settings
 from slapshot.benchmark.measures import (
     Measure,
     hit_measures,
@@ -33,7 +34,6 @@ def measure(store: Store, cores: int) -> list[Measure]:
     rows: list[Measure] = []
     configs = {name: load_config(Path(f"config/{name}.yaml")) for name in SCALES}
     plan = make_plan(configs["default"])
-    torch.set_num_threads(cores)
     for domain, config in configs["default"]["domains"].items():
         inputs = store.inputs(plan.recipes[f"rollouts/{domain}"])
         folders = {**inputs, **store.inputs(plan.recipes[f"swings/{domain}"])}
@@ -42,11 +42,12 @@ def measure(store: Store, cores: int) -> list[Measure]:
         settings = plan.recipes[f"rollouts/{domain}"].config
         rows += hit_measures(domain, config["randomisation"], scene, model, swings)
         rows += memory_measures(domain, inputs, settings)
+        torch.set_num_threads(1)  # as the stage does
         for name in SCALES:
             scale = configs[name]["domains"][domain]
             for method, own in scale["methods"].items():
                 action = scale["trajectory_model"]["latent"]
-                timed = training_measures(domain, method, own, scale["training"], action)
+                timed = training_measures(domain, method, method_settings(own), scale["training"], action)
                 rows += [Measure(f"{row.measure}_{name}", row.value, row.unit) for row in timed]
         measured = {row.measure: row.value for row in rows}
         for name in SCALES:

@@ -12,6 +12,7 @@ from typing import Any
 import pandas as pd
 import torch
 
+from slapshot.adaptation.names import method_settings
 from slapshot.adaptation.train import train_ensemble
 from slapshot.config import load_config
 from slapshot.plan import make_plan
@@ -59,7 +60,7 @@ def _try(trial: tuple[str, dict[str, Any], Path, str, float]) -> dict[str, Any]:
     """Train a small ensemble for a while; return its row of the table."""
     name, domain, rollouts, method, rate = trial
     torch.set_num_threads(1)
-    settings = {k: v for k, v in domain["methods"][method].items() if k != "learning_rate"}
+    settings = method_settings(domain["methods"][method])
     short = {"seed": domain["seed"], "models": MODELS, "steps": STEPS, "learning_rate": rate}
     losses = train_ensemble(rollouts, method, settings, domain["training"] | short, torch.device("cpu"))[2]
     last = losses[losses["step"] == losses["step"].max()]["validation"]

@@ -37,6 +37,8 @@ _SIZE = (10.6, 4.3)
 _BOTTOM, _TOP = 0.66, 4.2  # of the panels
 _AXIS = 2.45  # height at which the parts are joined
 _PANELS = {MEASUREMENT: (0.98, 2.1), INTEGRATION: (3.86, 3.0), PREDICTION: (7.66, 2.05)}  # left, width
+_TALLEST = 2.12  # the widest layer; the others' heights go with the logarithm of their widths
+_DIGIT = 0.09  # width of a digit
 _CHIP = (0.5, 0.32)  # width, height of a box that names one tensor
 
 
@@ -134,7 +136,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
         "numbers: widths of layers, sizes of tensors",
     )
     _text(axes, _SIZE[0] / 2, 0.32, "      ·      ".join(notes))
-    return Drawing("F2-method", figure, shapes.table())
+    return Drawing(f"F2-{config['domain']}-method", figure, shapes.table())
 
 
 def _measurement(axes: Axes, shapes: Shapes) -> None:
@@ -213,9 +215,9 @@ def _prediction(axes: Axes, shapes: Shapes) -> None:
         _AXIS + 0.44,
         rf"$\mu_\phi$  {_times(shapes.signals['mu_phi'])}",
     )
-    for name, symbol, offset in (("state", "$s_{i+1}$", -0.12), ("action", "$a_{i+1}$", -0.56)):
+    for name, symbol, offset in (("state", "$s_{i+1}$", -0.1), ("action", "$a_{i+1}$", -0.5)):
         _source(axes, start + 0.07, _AXIS + offset, symbol, shapes.signals[name], slabs[0])
-    _text(axes, start + 0.07 + _CHIP[0] / 2, _AXIS - 0.86, "query")
+    _text(axes, start + 0.07 + _CHIP[0] / 2, _AXIS - 0.8, "query")
     _arrow(axes, (slabs[1], _AXIS), (_SIZE[0] - 0.1 - _CHIP[0], _AXIS))
     _box(axes, (_SIZE[0] - 0.1 - _CHIP[0], _AXIS - _CHIP[1] / 2), _CHIP, None)
     _text(axes, _SIZE[0] - 0.1 - _CHIP[0] / 2, _AXIS, r"$\hat{s}_{i+1}^{\,\prime}$")
@@ -228,11 +230,12 @@ def _network(axes: Axes, part: str, shapes: Shapes, title: str, formula: str) ->
     widths = shapes.widths[part]
     pitch = (width - 0.3) / len(widths)
     slab = min(0.32, 0.7 * pitch)
+    widest = max(n for layers in shapes.widths.values() for n in layers)
     starts = [left + 0.15 + pitch * i + (pitch - slab) / 2 for i in range(len(widths))]
     for i, (x, n) in enumerate(zip(starts, widths, strict=True)):
-        height = 0.6 + 0.21 * np.log2(n + 1)
+        height = _TALLEST * (0.4 + 0.6 * np.log(n) / np.log(widest))
         _box(axes, (x, _AXIS - height / 2), (slab, height), part)
-        _text(axes, x + slab / 2, _AXIS, str(n), rotation=90 if n > 999 else 0)
+        _text(axes, x + slab / 2, _AXIS, str(n), rotation=90 if _DIGIT * len(str(n)) > slab else 0)
         if i:
             _arrow(axes, (starts[i - 1] + slab, _AXIS), (x, _AXIS))
     return starts[0], starts[-1] + slab

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from slapshot.adaptation.names import method_file
+from slapshot.adaptation.names import method_file, method_settings
 from slapshot.errors import InputError
 from slapshot.plan.recipes import Plan
 from slapshot.plan.simulation import rig_labels
@@ -23,15 +23,15 @@ def add_regression(plan: Plan, settings: Mapping[str, Any]) -> None:
 
 def add_method(plan: Plan, name: str, domain: Mapping[str, Any], method: str) -> None:
     """Training and evaluation, simulated and recorded, of one method."""
-    settings = dict(domain["methods"][method])
-    learning_rate = settings.pop("learning_rate")
-    training = {"seed": domain["seed"], **domain["training"], "learning_rate": learning_rate}
+    configured = domain["methods"][method]
+    learning_rate = {"learning_rate": configured["learning_rate"]}
+    training = {"seed": domain["seed"], **domain["training"], **learning_rate}
     train = f"train/{name}/{method}"
     try:
         plan.add(
             train,
             "train",
-            {"method": method, "settings": settings, "training": training},
+            {"method": method, "settings": method_settings(configured), "training": training},
             {"rollouts": f"rollouts/{name}"},
             modules=[method_module(method)],
         )

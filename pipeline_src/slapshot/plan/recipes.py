@@ -43,6 +43,10 @@ class Plan:
         """Label -> recipe of one stage."""
         return {label: r for label, r in self.recipes.items() if r.stage == stage}
 
+    def names_of(self, stage: str) -> list[str]:
+        """What tells the versions of a stage apart, such as hockey-F7."""
+        return [label.removeprefix(f"{stage}/").replace("/", "-") for label in self.of_stage(stage)]
+
     def by_id(self, stage: str, version_id: str) -> Recipe:
         """The recipe with that id.
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from slapshot.adaptation.names import method_settings
 from slapshot.errors import InputError
 from slapshot.plan.catalogue import CLAIMS, FIGURES
 from slapshot.plan.recipes import Plan
@@ -48,9 +49,8 @@ def _figure_inputs(
             return {"predictions": f"predictions/{name}", "scene": f"scene/{name}"}, {}
         case "F2":
             method = domain["uncertainty"]["method"]
-            settings = {k: v for k, v in domain["methods"][method].items() if k != "learning_rate"}
             sizes = {"state": 2, "action": domain["trajectory_model"]["latent"], "outcome": 2}
-            return {}, {"kalman": settings, "sizes": sizes}
+            return {}, {"kalman": method_settings(domain["methods"][method]), "sizes": sizes}
         case "F6":
             labs = {
                 recording: rig_labels(name, recording, s)[0] for recording, s in stand_ins(domain).items()

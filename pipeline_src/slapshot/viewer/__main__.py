@@ -10,7 +10,10 @@ from slapshot.errors import InputError
 from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
 from slapshot.viewer.bodies import Arm
-from slapshot.viewer.files import (
+from slapshot.viewer.gallery import save_cards
+from slapshot.viewer.hits import choose, read_hits
+from slapshot.viewer.layout import Stage, hit_layout, scene_view
+from slapshot.viewer.names import (
     APPLICATION,
     CARDS_FILE,
     HITS_FOLDER,
@@ -18,9 +21,6 @@ from slapshot.viewer.files import (
     INDEX_TABLE,
     LAYOUT_FILE,
 )
-from slapshot.viewer.gallery import save_cards
-from slapshot.viewer.hits import choose, read_hits
-from slapshot.viewer.layout import Stage, hit_layout
 from slapshot.viewer.write import write_hit, write_scene
 
 log = logging.getLogger("slapshot")
@@ -46,7 +46,7 @@ def produce(run: Run) -> None:
     ]
     write_scene(run.out, scene)
     hit_layout(stage).save(APPLICATION, run.out / LAYOUT_FILE)
-    save_cards(run.out / CARDS_FILE, APPLICATION, stage)
+    save_cards(run.out / CARDS_FILE, APPLICATION, scene_view(stage, distance=0.8))
     index = {"application": APPLICATION, "domain": run.config["domain"], "hits": rows}
     (run.out / INDEX_FILE).write_text(json.dumps(index, indent=1) + "\n")
     pd.DataFrame(rows).to_parquet(run.out / INDEX_TABLE, index=False)

@@ -13,10 +13,8 @@ from slapshot.config import load_config
 from slapshot.errors import InputError
 from slapshot.plan import make_plan
 from slapshot.store.folder import Store
-from slapshot.viewer.files import HITS_FOLDER, LAYOUT_FILE, SCENE_FILE, read_index
 from slapshot.viewer.gallery import HOST, serve
-
-_FIRST = "run `snakemake recordings` first"
+from slapshot.viewer.names import HITS_FOLDER, LAYOUT_FILE, SCENE_FILE, read_index
 
 
 def browse(config: Path | None, store: Path, hit: str | None, port: int) -> int:
@@ -58,21 +56,17 @@ def find_folders(store: Path, config: Path | None) -> dict[str, Path]:
     """Domain -> folder of its version of the stage `viewer`.
 
     Raises:
-        InputError: it is not made yet, or the configuration asks for none.
+        InputError: it is not made yet.
     """
-    recipes = make_plan(load_config(config)).of_stage("viewer")
-    if not recipes:
-        raise InputError(
-            f"browse: {config or 'the configuration'} has no `viewer` block; give it one, then {_FIRST}"
-        )
-    for recipe in recipes.values():
+    option = f" --configfile {config}" if config else ""
+    recipes = make_plan(load_config(config)).of_stage("viewer").values()
+    for recipe in recipes:
         if not Store(store).is_whole(recipe.stage, recipe.id):
             raise InputError(
-                f"browse: there are no hits to see yet ({recipe.id} is not in {store}): {_FIRST}"
+                f"browse: there are no hits to see yet ({recipe.stage}/{recipe.id} is not in {store}): "
+                f"run `snakemake recordings{option}` first"
             )
-    return {
-        recipe.config["domain"]: Store(store).folder(recipe.stage, recipe.id) for recipe in recipes.values()
-    }
+    return {recipe.config["domain"]: Store(store).folder(recipe.stage, recipe.id) for recipe in recipes}
 
 
 def find_hit(folders: Mapping[str, Path], part: str) -> Path:

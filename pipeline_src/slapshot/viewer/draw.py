@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from slapshot.scenes.scene import SceneInfo
 from slapshot.viewer.bodies import ROOT, SOLID, Arm
 from slapshot.viewer.hits import Hit
+from slapshot.viewer.names import STEP, TIME
 
 Array = NDArray[np.float64]
 
-TIME, STEP = "sim_time", "hit"  # timelines: seconds from the hit's start; hits that the belief has seen
 RATE = 30.0  # poses of the arm a second
 
 PRIOR_COLOUR, ADAPTED_COLOUR = (128, 128, 128), (0, 114, 178)  # the colours of the figures
@@ -97,28 +97,43 @@ def _log_belief(
     recording: rr.RecordingStream, name: str, hit: Hit, row: int, colour: tuple[int, int, int]
 ) -> None:
     belief = hit.beliefs.iloc[row]
-    mean = belief[["x_m", "y_m"]].to_numpy(float)
-    covariance = belief[["cov_xx", "cov_xy", "cov_xy", "cov_yy"]].to_numpy(float).reshape(2, 2)
-    outlines = [outline(mean, covariance, belief[f"radius2_{share}"]) for share in (50, 90)]
-    strips = [on_board(corners, _REGION_HEIGHT) for corners in outlines]
+    strips = [on_board(_outline_of(belief, share), _REGION_HEIGHT) for share in (50, 90)]
     regions = rr.LineStrips3D(strips, colors=[colour], radii=np.array([_THICK, _THIN]))
     recording.log(f"{name}/regions", regions, static=True)
-    place = on_board(mean[None], _REGION_HEIGHT)
+    place = on_board(belief[["x_m", "y_m"]].to_numpy(float)[None], _REGION_HEIGHT)
     recording.log(f"{name}/point", rr.Points3D(place, colors=[colour], radii=_DOT), static=True)
 
 
 def _log_learning(recording: rr.RecordingStream, hit: Hit) -> None:
-    """The prediction as it was after each number of hits seen, on the timeline of hits."""
-    places = on_board(hit.beliefs[["x_m", "y_m"]].to_numpy(float), _REGION_HEIGHT)
-    index = [rr.TimeColumn(STEP, sequence=hit.beliefs["samples"].to_numpy(np.int64))]
-    shades = np.linspace(PRIOR_COLOUR, ADAPTED_COLOUR, len(places)).round().astype(np.uint8)
-    columns = rr.Points3D.columns(positions=places, colors=shades, radii=np.full(len(places), _DOT))
-    recording.send_columns("learning", index, columns)
+    """Point and 90 % region as they were after each number of hits seen, on the timeline of hits."""
+    beliefs = milestones(hit.beliefs)
+    index = [rr.TimeColumn(STEP, sequence=beliefs["samples"].to_numpy(np.int64))]
+    count = len(beliefs)
+    shades = np.linspace(PRIOR_COLOUR, ADAPTED_COLOUR, count).round().astype(np.uint8)
+    places = on_board(beliefs[["x_m", "y_m"]].to_numpy(float), _REGION_HEIGHT)
+    points = rr.Points3D.columns(positions=places, colors=shades, radii=np.full(count, _DOT))
+    recording.send_columns("learning/point", index, points)
+    strips = [on_board(_outline_of(beliefs.iloc[k], 90), _REGION_HEIGHT) for k in range(count)]
+    regions = rr.LineStrips3D.columns(strips=strips, colors=shades, radii=np.full(count, _THIN))
+    recording.send_columns("learning/region_90", index, regions)
+
+
+def milestones(beliefs: pd.DataFrame) -> pd.DataFrame:
+    """Rows after 0, 1, 2, 4, 8, ... hits and after the most: what is worth a line."""
+    seen = beliefs["samples"].to_numpy(np.int64)
+    return beliefs[(seen & (seen - 1) == 0) | (seen == seen[-1])]
 
 
 def on_board(points: Array, height: float) -> Array:
     """(n, 3) m of points (n, 2) at a height."""
     return np.column_stack([points, np.full(len(points), height)])
+
+
+def _outline_of(belief: pd.Series, share: int) -> Array:
+    """(corners, 2) m of the region that holds the rest point in `share` % of cases."""
+    mean = belief[["x_m", "y_m"]].to_numpy(float)
+    covariance = belief[["cov_xx", "cov_xy", "cov_xy", "cov_yy"]].to_numpy(float).reshape(2, 2)
+    return outline(mean, covariance, belief[f"radius2_{share}"])
 
 
 def outline(mean: Array, covariance: Array, radius2: float) -> Array:
@@ -133,7 +148,7 @@ def outline(mean: Array, covariance: Array, radius2: float) -> Array:
 
 def describe(hit: Hit) -> str:
     """What a recording says about itself, in Markdown."""
-    seen = hit.beliefs["samples"].to_numpy()
+    most = hit.beliefs["samples"].iloc[-1]
     frames = ", a dot for each camera frame" if np.isfinite(hit.longest_step) else ""
     return f"""\
 # {hit.title}
@@ -141,11 +156,11 @@ def describe(hit: Hit) -> str:
 *{hit.note}*
 
 The predicted rest point was off by **{100 * hit.errors[0]:.1f} cm** before adaptation (grey) and by
-**{100 * hit.errors[-1]:.1f} cm** after {seen[-1]} other hits had been seen (blue).
+**{100 * hit.errors[-1]:.1f} cm** after {most} other hits had been seen (blue).
 
 | hits seen | error |
 |---:|---:|
-{_error_rows(seen, hit.errors)}
+{_error_rows(hit)}
 
 Thick ellipse: 50 % region, thin ellipse: 90 % region, calibrated on validation data.
 Black cross: where the object stopped. Orange: its track{frames}.
@@ -154,9 +169,8 @@ Timeline `{TIME}` plays the hit; timeline `{STEP}` steps through the number of h
 """
 
 
-def _error_rows(seen: NDArray[np.int64], errors: Array) -> str:
-    """Lines of a Markdown table: the first and last number of hits seen, and powers of two between."""
-    shown = {0, 1, *(2**k for k in range(1, 16)), int(seen[-1])}
-    return "\n".join(
-        f"| {n} | {100 * e:.1f} cm |" for n, e in zip(seen.tolist(), errors, strict=True) if n in shown
-    )
+def _error_rows(hit: Hit) -> str:
+    """Lines of a Markdown table."""
+    shown = milestones(hit.beliefs)["samples"].tolist()
+    errors = dict(zip(hit.beliefs["samples"].tolist(), hit.errors, strict=True))
+    return "\n".join(f"| {n} | {100 * errors[n]:.1f} cm |" for n in shown)

@@ -12,9 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from slapshot.errors import InputError
-from slapshot.viewer.draw import TIME
-from slapshot.viewer.files import CARDS_FILE, LAYOUT_FILE, SCENE_FILE, read_index
-from slapshot.viewer.layout import Stage, scene_view
+from slapshot.viewer.names import CARDS_FILE, LAYOUT_FILE, SCENE_FILE, TIME, read_index
 
 HOST = "127.0.0.1"  # Rerun's default is every interface
 _LINK = "recording link"  # the viewer's own column of a dataset's table
@@ -28,11 +26,11 @@ _FIELDS = {
 }
 
 
-def save_cards(path: Path, application: str, stage: Stage) -> None:
-    """Write how the gallery looks: a card a hit, with a small picture that can be played."""
+def save_cards(path: Path, application: str, view: rrb.View) -> None:
+    """Write how the gallery looks: a card a hit, with `view` of it, which can be played."""
     facts = [rrb.table.Column(f"property:hit:{key}", name=label) for key, label in _FIELDS.items()]
     title = rrb.table.Column(_TITLE, name="hit")
-    picture = rrb.table.PreviewCell(scene_view(stage, distance=0.8))
+    picture = rrb.table.PreviewCell(view)
     rrb.TableBlueprint(
         card_layout=rrb.table.CardLayout(
             title=_TITLE,

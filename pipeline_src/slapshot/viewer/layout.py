@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from slapshot.scenes.scene import Scene
 from slapshot.viewer.bodies import extent
-from slapshot.viewer.draw import TIME
+from slapshot.viewer.names import TIME
 
 Array = NDArray[np.float64]
 _BACKGROUND = (214, 220, 228)

@@ -8,8 +8,8 @@ import rerun as rr
 from slapshot.scenes.scene import Scene, SceneInfo
 from slapshot.viewer.bodies import Arm, log_shapes
 from slapshot.viewer.draw import log_hit
-from slapshot.viewer.files import APPLICATION, HITS_FOLDER, SCENE_FILE
 from slapshot.viewer.hits import Hit
+from slapshot.viewer.names import APPLICATION, HITS_FOLDER, SCENE_FILE
 
 
 def write_scene(folder: Path, scene: Scene) -> None:

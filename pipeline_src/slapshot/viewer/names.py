@@ -1,10 +1,12 @@
-"""Names of a viewer version's files."""
+"""Names that the viewer's modules share: files of a version, timelines of a recording."""
 
 import json
 from pathlib import Path
 from typing import Any
 
 APPLICATION = "slapshot"
+TIME, STEP = "sim_time", "hit"  # timelines: seconds from the hit's start; hits that the belief has seen
+
 HITS_FOLDER = "hits"
 SCENE_FILE = "scene.rrd"
 LAYOUT_FILE = "layout.rbl"  # of a hit that is opened from the gallery

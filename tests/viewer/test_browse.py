@@ -1,0 +1,214 @@
+"""`slapshot browse` as people call it, and the gallery that it serves."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+from slapshot import cli
+from slapshot.config import load_config
+from slapshot.errors import InputError
+from slapshot.plan import make_plan
+from slapshot.store.folder import Store
+from slapshot.viewer import browse
+from slapshot.viewer.gallery import serve
+from slapshot.viewer.names import INDEX_FILE, SCENE_FILE
+
+from .conftest import Made
+
+ROOT = Path(__file__).parents[2]
+HITS, LONGEST = 300, 10.0  # a gallery of that many must be open after so many seconds
+
+
+@pytest.fixture(autouse=True)
+def working_copy(tmp_path, monkeypatch) -> Path:
+    """Configurations and an empty store, no display; the current folder."""
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    shutil.copytree(ROOT / "workflow/schemas", tmp_path / "workflow/schemas")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    return tmp_path
+
+
+@pytest.fixture
+def slapshot(monkeypatch, capsys):
+    def run(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["slapshot", *arguments])
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        captured = capsys.readouterr()
+        return caught.value.code or 0, captured.out, captured.err
+
+    return run
+
+
+def put_into_store(made: Made, copies: int = 1) -> None:
+    """Make `made` the version that the tiny configuration asks for, each hit `copies` times."""
+    (recipe,) = make_plan(load_config(Path("config/tiny.yaml"))).of_stage("viewer").values()
+    with Store(Path("data/store")).new_version(recipe) as out:
+        shutil.copytree(made.folder, out, dirs_exist_ok=True)
+        if copies > 1:
+            _copy_hits(out, copies)
+
+
+def _copy_hits(folder: Path, copies: int) -> None:
+    """Fill a version with copies of its hits under other ids."""
+    index = json.loads((folder / INDEX_FILE).read_text())
+    hits = []
+    for hit in index["hits"]:
+        chunks = RrdReader(folder / hit["file"]).stream().collect()
+        for copy in range(copies):
+            name = f"{hit['recording_id']}-{copy}"
+            file = f"hits/{name}.rrd"
+            chunks.write_rrd(folder / file, application_id="slapshot", recording_id=name)
+            hits.append(hit | {"file": file, "recording_id": name})
+    (folder / INDEX_FILE).write_text(json.dumps(index | {"hits": hits}))
+
+
+def addresses_of(port: int) -> set[str]:
+    """Local addresses on which something listens at a port (Linux: as the kernel has them, hex)."""
+    lines = [
+        line.split()
+        for table in ("tcp", "tcp6")
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]
+    ]
+    ends = [fields[1].split(":") for fields in lines if fields[3] == "0A"]
+    return {address for address, number in ends if int(number, 16) == port}
+
+
+def test_the_gallery_has_all_hits_the_scene_and_both_layouts(made):
+    with serve({"hockey": made.folder}, 0) as address:
+        dataset = rr.catalog.CatalogClient(address.partition("/entry")[0]).get_dataset("hockey")
+        assert address.endswith(str(dataset.id))
+        ids = [hit["recording_id"] for hit in made.hits]
+        assert sorted(dataset.segment_ids()) == sorted(ids)
+        assert all(dataset.assets_for_segment(i) for i in ids)
+        assert dataset.default_blueprint()
+        assert dataset.default_segment_table_blueprint()
+        table = dataset.segment_table().to_pandas().set_index("rerun_segment_id")
+        for hit in made.hits:
+            row = table.loc[hit["recording_id"]]
+            assert row["property:RecordingInfo:name"][0] == hit["title"]
+            assert row["property:hit:error_after_cm"][0] == pytest.approx(
+                100 * hit["error_after_m"], abs=0.05
+            )
+        schema = dataset.segment_store(ids[0]).schema()
+        assert "/scene/link7/blade" in {c.entity_path for c in schema.component_columns()}
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux's /proc")
+def test_nobody_else_on_the_network_can_connect(made):
+    with serve({"hockey": made.folder}, 0) as address:
+        assert urlsplit(address).hostname == "127.0.0.1"
+        assert addresses_of(urlsplit(address).port) == {"0100007F"}
+
+
+def test_a_port_that_is_taken(made):
+    with serve({"a": made.folder}, 0) as address:
+        port = urlsplit(address).port
+        with pytest.raises(InputError, match=f"{port}.*--port"), serve({"b": made.folder}, port):
+            pass
+
+
+def open_gallery() -> tuple[float, int]:
+    """Start `slapshot browse` as a process of its own.
+
+    Returns:
+        Seconds until its catalogue had answered, and the number of hits in it.
+    """
+    code = "from slapshot.cli import main; main()"
+    command = [sys.executable, "-c", code, "browse", "--config", "config/tiny.yaml", "--port", "0"]
+    started = time.monotonic()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ}) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            server = line.removeprefix("gallery: ").partition("/entry")[0]
+            count = len(rr.catalog.CatalogClient(server).get_dataset("hockey").segment_ids())
+            return time.monotonic() - started, count
+        finally:
+            process.terminate()
+
+
+def test_a_gallery_of_300_hits_opens_in_time(made):
+    put_into_store(made, copies=-(-HITS // len(made.hits)))
+    seconds, count = open_gallery()
+    print(f"{count} hits after {seconds:.1f} s")
+    assert count >= HITS
+    assert seconds < LONGEST
+
+
+def test_without_hits_the_message_says_what_to_run(slapshot):
+    code, _, error = slapshot("browse", "--config", "config/tiny.yaml")
+    assert code == 1
+    assert "run `snakemake recordings --configfile config/tiny.yaml` first" in error
+    assert error.count("\n") == 1
+    assert "run `snakemake recordings` first" in slapshot("browse")[2]
+
+
+def test_one_hit_is_shown_with_scene_and_layout(made, slapshot):
+    put_into_store(made)
+    name = made.hits[0]["recording_id"]
+    code, out, _ = slapshot("browse", "--config", "config/tiny.yaml", "--hit", name)
+    assert code == 0
+    command = out.splitlines()[-1].split()
+    assert command[:2] == ["rerun", "--asset"]
+    assert [Path(c).name for c in command[2:]] == [SCENE_FILE, "layout.rbl", f"{name}.rrd"]
+    assert all(Path(c).is_file() for c in command[2:])
+    assert slapshot("browse", "--hit", command[-1])[1].splitlines()[-1].split() == command
+
+
+def test_a_hit_that_is_not_clear(made, slapshot):
+    put_into_store(made)
+    assert (
+        "no hit is called 'nothing'"
+        in slapshot("browse", "--config", "config/tiny.yaml", "--hit", "nothing")[2]
+    )
+    error = slapshot("browse", "--config", "config/tiny.yaml", "--hit", "simulated")[2]
+    assert "3 hits are called 'simulated'" in error
+
+
+def test_a_lone_file_is_shown_alone(made, tmp_path, slapshot):
+    shutil.copy(made.folder / made.hits[0]["file"], tmp_path / "one.rrd")
+    assert slapshot("browse", "--hit", "one.rrd")[1].splitlines()[-1] == "rerun one.rrd"
+
+
+def test_with_a_display_the_viewer_gets_the_address_and_listens_here_only(made, slapshot, monkeypatch):
+    put_into_store(made)
+    calls = []
+    monkeypatch.setenv("DISPLAY", ":7")
+    monkeypatch.setattr(
+        browse.subprocess, "run", lambda c, check: calls.append(c) or subprocess.CompletedProcess(c, 0)
+    )
+    code, out, _ = slapshot("browse", "--config", "config/tiny.yaml", "--port", "0")
+    assert code == 0
+    (command,) = calls
+    assert command[-1] == out.split()[1]
+    assert command[command.index("--bind") + 1] == "127.0.0.1"
+
+
+def test_the_viewer_is_not_needed_for_anything_else():
+    """A machine without Rerun can do all but browse."""
+    code = (
+        "import sys; sys.modules['rerun'] = None; sys.modules['rerun.blueprint'] = None\n"
+        "from slapshot.cli import main\n"
+        "sys.argv = ['slapshot', *sys.argv[1:]]; main()"
+    )
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-c", code, *arguments]
+        return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+    assert run("versions", "list").returncode == 0
+    done = run("browse")
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "pip install" in done.stderr
