@@ -8,16 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
-import yaml
 
 from slapshot.errors import InputError
 from slapshot.scenes.randomisation import CONDITION_PARAMETERS
+from slapshot.yaml_file import read_yaml
 
 DEFAULT_CONFIG = Path("config/default.yaml")
 SCHEMA = Path("workflow/schemas/config.schema.yaml")
 
 _NAME = re.compile(r"[A-Za-z0-9_-]+")  # of a domain or recording: it becomes part of file names
 _SAFE_SPREADS = 5  # a normal draw is taken to stay within so many standard deviations
+_INT64_LIMIT = 2**63
 _CONTROL_PERIOD = 0.001  # s; commands are sent at whole steps of integration
 
 # JSON's integers include 4.0, which range() refuses.
@@ -46,26 +47,6 @@ def load_config(path: Path | None = None, schema: Path = SCHEMA) -> dict[str, An
         config = merge(config, read_yaml(path))
     check_config(config, str(path or DEFAULT_CONFIG), schema)
     return config
-
-
-def read_yaml(path: Path) -> dict[str, Any]:
-    """A YAML file that holds a mapping."""
-    try:
-        value = yaml.safe_load(path.read_text("utf-8"))
-    except FileNotFoundError:
-        raise InputError(
-            f"{path}: no such file; give the path of a configuration, for example config/tiny.yaml"
-        ) from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a file") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        where = getattr(error, "problem_mark", None)
-        line, place = (f" line {where.line + 1}:", "that line") if where is not None else ("", "it")
-        problem = " ".join(str(getattr(error, "problem", None) or error).split())
-        raise InputError(f"{path}:{line} not valid YAML ({problem}); mend {place}") from None
-    if not isinstance(value, dict):
-        raise InputError(f"{path}: holds no keys; a configuration is a mapping of keys to values")
-    return value
 
 
 def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -102,13 +83,19 @@ def _checked_values(value: Any, source: str, path: tuple[str, ...] = ()) -> Any:
     if isinstance(value, Mapping):
         for key, item in value.items():
             if not isinstance(key, str):
-                raise InputError(f"{where}: key {key!r} is not a text; write it in quotes")
+                raise InputError(f"{where}: key {_short(key)} is not a text; write it in quotes")
+            if not _one_line(key).isprintable():
+                raise InputError(f"{where}: key {_short(key)} has an unprintable character; remove it")
             _checked_values(item, source, (*path, _one_line(key)))
     elif isinstance(value, list):
         for i, item in enumerate(value):
             _checked_values(item, source, (*path, str(i)))
+    elif isinstance(value, str) and not _one_line(value).isprintable():
+        raise InputError(f"{where}: {_short(value)} has an unprintable character; remove it")
     elif isinstance(value, float) and not math.isfinite(value):
         raise InputError(f"{where}: {value} is not a finite number; write one")
+    elif isinstance(value, int) and abs(value) >= _INT64_LIMIT:
+        raise InputError(f"{where}: the number has more than 18 digits; write a smaller one")
     elif value is not None and not isinstance(value, str | int | float):
         raise InputError(f"{where}: {_short(value)} is a {type(value).__name__}; write it in quotes")
     return value
@@ -191,7 +178,7 @@ def _impossible(name: str, domain: Mapping[str, Any]) -> Iterator[tuple[str, str
         for bad in (n for n in names if not _NAME.fullmatch(n)):
             yield key, f"{bad!r} is no good name; use letters, digits, _ and -"
     period = _CONTROL_PERIOD / domain["scene"]["timestep_s"]
-    if not math.isclose(period, round(period), rel_tol=1e-6):
+    if not (math.isfinite(period) and math.isclose(period, round(period), rel_tol=1e-6)):
         yield (
             "scene.timestep_s",
             (

@@ -61,10 +61,12 @@ class Projection:
         return (vectors - self.mean) @ self.axes.T
 
     def oriented(self, vectors: Array, *guides: Array) -> "Projection":
-        """The same axes, each turned so that it increases with its guide (one value a vector)."""
+        """The same axes, the first ones turned so that each increases with its guide (one value a vector)."""
         scores = self.apply(vectors)
-        pairs = zip(scores.T, guides, strict=False)
-        signs = np.array([-1.0 if np.corrcoef(s, guide)[0, 1] < 0 else 1.0 for s, guide in pairs])
+        signs = np.ones(len(self.axes))
+        for i, guide in enumerate(guides[: len(signs)]):
+            if np.corrcoef(scores[:, i], guide)[0, 1] < 0:
+                signs[i] = -1
         return Projection(self.mean, self.axes * signs[:, None], self.explained)
 
 

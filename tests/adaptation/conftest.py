@@ -89,7 +89,7 @@ def world(tmp_path_factory) -> World:
 
 def train_kalman(rollouts: Path, out: Path) -> None:
     training = {
-        "seed": 1, "models": 2, "steps": 150, "tasks": 24, "sequence": 8, "learning_rate": 1e-2,
+        "seed": 1, "models": 2, "steps": 300, "tasks": 24, "sequence": 12, "learning_rate": 1e-2,
         "noise_variance_max": NOISE_VARIANCE_MAX,
     }  # fmt: skip
     settings = {"latent": 3, "hidden": [32], "drift": 1e-4}
@@ -146,7 +146,7 @@ def draw_recording(seed: int) -> Recording:
     for number in range(5):  # a command is one action
         latent[(command == number).fillna(False)] = rng.normal(size=2)
     puck = np.where(np.arange(count) % 2 == 0, "red", "blue")
-    friction = np.where((puck == "red")[:, None], [0.6, 0.8], [1.5, 1.2]) * np.exp(rng.normal(0, 0.1, 2))
+    friction = np.where((puck == "red")[:, None], [0.45, 0.5], [2.0, 1.8]) * np.exp(rng.normal(0, 0.1, 2))
     ends = rest(latent, friction) + rng.normal(0, 0.03, (count, 2))
     hits = pd.DataFrame(
         {"hit": np.arange(count), "object_id": puck, "order": np.arange(count), "recorded_at": pd.NaT, "command_id": command,
@@ -182,7 +182,7 @@ def spy(monkeypatch) -> Any:
             def noted(**values: torch.Tensor) -> dict[str, np.ndarray]:
                 named = {"observed": "outcome"}
                 return {
-                    name: standardiser.restore(named.get(name, name), value)[0].numpy().round(5)
+                    name: standardiser.restore(named.get(name, name), value)[0].detach().numpy()
                     for name, value in values.items()
                 }
 
@@ -202,8 +202,3 @@ def spy(monkeypatch) -> Any:
         return calls
 
     return watch
-
-
-def rows(values: np.ndarray) -> set[tuple[float, ...]]:
-    """Actions (hits, size) as a set: two hits share one only if they repeat a command."""
-    return {tuple(row) for row in values.tolist()}

@@ -1,10 +1,11 @@
-"""The Kalman method: its filter against exact inference, its networks, a task with a known answer."""
+"""The Kalman method: its filter against exact inference, its networks, its innovations."""
 
 import math
 
 import numpy as np
 import pytest
 import torch
+from scipy import stats
 from slapshot.adaptation.kalman import (
     LARGEST_FACTOR,
     Kalman,
@@ -254,44 +255,76 @@ def test_parameter_count():
     assert method.parameter_count() == measurement + prediction + h * h + h + h * h
 
 
-def line_tasks(models: int, tasks: int, samples: int, g: torch.Generator) -> dict[str, Tensor]:
-    """y = w x with w, x ~ N(0, 1), observed with standard deviation 0.5."""
-    w = torch.randn(models, tasks, 1, 1, generator=g)
-    x = torch.randn(models, tasks, samples, 1, generator=g)
-    noise = 0.5 * torch.randn(models, tasks, samples, 1, generator=g)
-    return {"x": x, "none": x[..., :0], "observed": w * x + noise, "y": w * x}
+class Measures(Kalman):
+    """Its measurement is the outcome itself, with a precision of its own for each sample."""
+
+    def measure(self, state: Tensor, action: Tensor, observed: Tensor) -> tuple[Tensor, Tensor]:
+        # State and action carry the lower triangle of L, Sigma_z^-1 = L L'.
+        packed = torch.cat([state, action], -1)
+        L = torch.zeros(*packed.shape[:-1], 2, 2, dtype=packed.dtype)
+        L[..., 0, 0], L[..., 1, 0], L[..., 1, 1] = packed.unbind(-1)
+        return observed, L
 
 
-def test_learns_a_linear_gaussian_task():
-    g = generator(11)
-    method = Kalman(Sizes(1, 0, 1), KalmanSettings(2, (32, 32), 1e-6), 2, g)
-    optimiser = torch.optim.Adam(method.parameters(), lr=5e-3)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 1e-2, total_steps=400)
-    for _ in range(400):
-        data = line_tasks(2, 32, 11, g)
-        predicted = method.sequence_predictions(data["x"], data["none"], data["observed"])
-        optimiser.zero_grad()
-        method.sequence_loss(predicted, data["y"]).backward()
-        optimiser.step()
-        schedule.step()
-
-    tasks = 2000
-    data = line_tasks(2, tasks, 11, g)
+def measuring(tasks: int, drift: float) -> tuple[Measures, tuple[Tensor, Tensor, Tensor, Tensor]]:
+    """A filter of two dimensions, with sequences (M, B, N, ...) drawn from its own model: z and L."""
+    g, (M, N) = generator(9), (2, 5)
+    method = Measures(Sizes(1, 2, 2), KalmanSettings(2, (4,), drift), M, g).double()
     with torch.no_grad():
-        predicted = method.sequence_predictions(data["x"], data["none"], data["observed"])
-    # Exact posterior: precision 1 + sum x^2 / 0.25, mean = (sum x y / 0.25) / precision, from the
-    # samples before i.
-    precision = 1 + (data["x"].square().cumsum(2) - data["x"].square()) / 0.25
-    moment = data["x"] * data["observed"]
-    best = data["x"] * (moment.cumsum(2) - moment) / 0.25 / precision
-    error = (predicted - data["y"]).square()[..., 0]
-    exact = (best - data["y"]).square()[..., 0]
-    # E[error - exact] = E[(predicted - best)^2] >= 0 for any predictor that sees only the samples
-    # before i; the mean over independent tasks may miss that by some standard errors.
-    excess = error - exact
-    standard_error = excess.std(dim=1) / math.sqrt(tasks)
-    assert (excess.mean(1) > -6 * standard_error).all()
-    # The exact posterior goes from 1 to about 0.03: a model that adapts well comes near it.
-    start, end = error.mean(1)[:, 0], error.mean(1)[:, 10]
-    assert (end < 0.1 * start).all()
-    assert (end < 4 * exact.mean(1)[:, 10]).all()
+        method.C.normal_(generator=g)
+        method.prior_mean.normal_(generator=g)
+        method.prior_factor.normal_(generator=g)
+    packed = 0.5 + torch.rand(M, tasks, N, 3, generator=g, dtype=torch.float64)
+    L = torch.zeros(M, tasks, N, 2, 2, dtype=torch.float64)
+    L[..., 0, 0], L[..., 1, 0], L[..., 1, 1] = packed.unbind(-1)
+
+    def normal(*shape: int) -> Tensor:
+        return torch.randn(M, tasks, *shape, generator=g, dtype=torch.float64)
+
+    with torch.no_grad():
+        phi = method.sample_phi(method.prior(tasks), 1, g).double()
+        phi = phi + math.sqrt(drift) * normal(N, 2).cumsum(2)
+        # L'^-1 times white noise has the covariance (L L')^-1.
+        noise = torch.linalg.solve(L.mT, normal(N, 2)[..., None])[..., 0]
+        z = phi @ method.C[:, None].mT + noise
+    return method, (packed[..., :1], packed[..., 1:], z, L)
+
+
+def test_innovations_are_those_of_the_filter_before_whitening():
+    """r' S^-1 r with r = z - C mu and S = C (Sigma + Q) C' + Sigma_z."""
+    drift = 0.3
+    method, (state, action, z, L) = measuring(3, drift)
+    with torch.no_grad():
+        beliefs = method.adapt(state, action, z)
+        for i in range(z.shape[2]):
+            found = method.normalised_innovation_squared(
+                beliefs[i], *(x[:, :, i] for x in (state, action, z))
+            )
+            for m, b in np.ndindex(2, 3):
+                C, factor = method.C[m].numpy(), L[m, b, i].numpy()
+                P = beliefs[i].covariance[m, b].numpy() + drift * np.eye(2)
+                S = C @ P @ C.T + np.linalg.inv(factor @ factor.T)
+                r = z[m, b, i].numpy() - C @ beliefs[i].mean[m, b].numpy()
+                # Condition numbers below 1e4: float64 leaves some 1e-12.
+                assert found[m, b].item() == pytest.approx(r @ np.linalg.inv(S) @ r, rel=1e-9)
+
+
+def test_innovations_of_the_filters_own_model_are_chi_squared():
+    """And independent over time, so that all samples of a task count."""
+    tasks = 2000
+    method, (state, action, z, _) = measuring(tasks, 0.3)
+    with torch.no_grad():
+        beliefs = method.adapt(state, action, z)
+        nis = torch.stack(
+            [
+                method.normalised_innovation_squared(beliefs[i], *(x[:, :, i] for x in (state, action, z)))
+                for i in range(z.shape[2])
+            ]
+        ).numpy()
+    for n in (*nis, nis.ravel()):
+        # Dvoretzky, Kiefer, Wolfowitz: above this once in 1e6.
+        assert stats.kstest(n.ravel(), stats.chi2(2).cdf).statistic < math.sqrt(math.log(2e6) / (2 * n.size))
+    # Correlations of independent values: 0, give or take 1 / sqrt(count).
+    flat = nis.reshape(len(nis), -1)
+    correlations = np.corrcoef(flat)[~np.eye(len(nis), dtype=bool)]
+    assert np.abs(correlations).max() < 5 / math.sqrt(flat.shape[1])

@@ -1,13 +1,16 @@
 """The LSTM method, against the cell of PyTorch."""
 
+from pathlib import Path
+
 import pytest
 import torch
-from slapshot.adaptation.kalman import Kalman, KalmanSettings
 from slapshot.adaptation.lstm import Lstm, LstmSettings
-from slapshot.adaptation.method import Sizes
+from slapshot.adaptation.method import Sizes, load_method
+from slapshot.config import read_yaml
 from slapshot.errors import InputError
 from torch import nn
 
+ROOT = Path(__file__).parents[2]
 SIZES = Sizes(state=2, action=3, outcome=2)
 SETTINGS = LstmSettings(state=5, hidden=(8,))
 M, B, N = 2, 3, 6
@@ -93,9 +96,16 @@ def test_parameter_count(method):
     assert method.parameter_count() == cell + (5 + H + 1) * 8 + (8 + 1) * 2
 
 
-def test_size_is_that_of_the_kalman_method():
-    """The defaults, 80 units beside 16 latents, with heads of [128, 128]: within 3 % of each other."""
-    g = torch.Generator().manual_seed(0)
-    kalman = Kalman(SIZES, KalmanSettings(16, (128, 128), 1e-4), 1, g).parameter_count()
-    lstm = Lstm(SIZES, LstmSettings(80, (128, 128)), 1, g).parameter_count()
-    assert abs(lstm / kalman - 1) < 0.03
+def test_sizes_of_the_default_methods_are_alike():
+    """Differences between methods are not to be differences of size, as far as whole widths allow."""
+    methods = read_yaml(ROOT / "config/default.yaml")["domains"]["hockey"]["methods"]
+    counts = {}
+    for name, settings in methods.items():
+        own = {key: value for key, value in settings.items() if key != "learning_rate"}
+        g = torch.Generator().manual_seed(0)
+        counts[name] = load_method(name).from_configuration(SIZES, own, 1, g).parameter_count()
+    assert {"kalman", "lstm", "maml_1", "maml_4", "maml_8"} <= set(counts)
+    assert counts["lstm"] == pytest.approx(counts["kalman"], rel=0.03)
+    # Four layers of 128 are 12 % smaller.
+    for maml in ("maml_1", "maml_4", "maml_8"):
+        assert counts[maml] == pytest.approx(counts["kalman"], rel=0.15)

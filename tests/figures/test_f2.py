@@ -85,5 +85,5 @@ def test_same_drawing_gives_the_same_bytes(tmp_path):
         (tmp_path / name).mkdir()
         save(draw(), tmp_path / name)
     for suffix in ("png", "pdf", "csv"):
-        name = f"F2-method.{suffix}"
+        name = f"F2-hockey-method.{suffix}"
         assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes()

@@ -16,7 +16,7 @@ from slapshot.recordings.write import write_recording
 from slapshot.viewer.__main__ import produce
 from slapshot.viewer.names import read_index
 
-CONFIG = {"simulated": 3, "recorded": 4, "domain": "hockey"}
+CONFIG = {"simulated": 3, "recorded": 4, "domain": "hockey", "recordings": {"lab": {"rigs": 1}}}
 SAMPLES = (0, 1, 2, 8)
 HITS = 4  # of each condition
 
@@ -55,7 +55,7 @@ def inputs(rig, tmp_path_factory) -> dict[str, Path]:
         "swings": rig.folders["swings"],
         "rollouts": root / "rollouts",
         "predictions": root / "predictions",
-        "lab/0": root / "lab",
+        "lab/lab/0": root / "lab",
     }
 
 

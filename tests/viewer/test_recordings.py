@@ -98,6 +98,13 @@ def test_regions_and_points_are_those_predicted(made, source, name, samples):
     np.testing.assert_allclose(points[0, :2], mean, atol=SINGLE)
 
 
+def test_the_timeline_of_hits_shows_the_end_of_the_motion(made):
+    file = made.folder / made.hit("simulated")["file"]
+    for column in ("/object:Transform3D:translation", "/scene/link7:Transform3D:quaternion"):
+        end = values(read(file, TIME), column)[-1]
+        np.testing.assert_array_equal(values(read(file, STEP), column)[-1], end)
+
+
 def test_the_belief_can_be_followed_hit_by_hit(made):
     hit = made.hit("simulated")
     rows = read(made.folder / hit["file"], STEP).dropna(subset="/learning/point:Points3D:positions")
@@ -156,10 +163,13 @@ def test_following_the_targets_gives_the_joints_that_were_simulated(rig: Rig):
         assert off < 0.02  # rad; the blade is 1.3 m from the base
 
 
-def test_rigs_that_are_no_input_are_left_out(made, tmp_path):
-    inputs = {role: folder for role, folder in made.inputs.items() if role != "lab/0"}
-    produce(Run(CONFIG, inputs, tmp_path, 1))
-    assert set(pd.read_parquet(tmp_path / "index.parquet")["source"]) == {"simulated"}
+def test_a_recording_of_ones_own_is_shown_too(made, tmp_path):
+    inputs = dict(made.inputs)
+    folder = inputs.pop("lab/lab/0") / "recording"
+    produce(Run(CONFIG | {"recordings": {"lab": {"path": str(folder)}}}, inputs, tmp_path, 1))
+    pd.testing.assert_frame_equal(
+        pd.read_parquet(tmp_path / "index.parquet"), pd.read_parquet(made.folder / "index.parquet")
+    )
 
 
 def test_as_many_as_there_are_if_more_are_wanted(made, tmp_path):

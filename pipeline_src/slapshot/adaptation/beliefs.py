@@ -115,7 +115,7 @@ def _table(keys: pd.DataFrame, values: NDArray[np.float32], name: str, samples: 
         [range(models), range(tasks), samples], names=["model", "task", "samples"]
     )
     flat = values.reshape(-1, size)
-    table = pd.DataFrame({name: list(flat) if size > 1 else flat[:, 0]}, index=index).reset_index()
+    table = pd.DataFrame({name: list(flat) if name == "hidden" else flat[:, 0]}, index=index).reset_index()
     return table.join(keys.reset_index(drop=True), on="task").drop(columns="task")
 
 

@@ -73,7 +73,7 @@ def clip_gradients(method: AdaptationMethod[Any], largest: float) -> None:
     would shorten the step of the others.
     """
     gradients = [p.grad for p in method.parameters() if p.grad is not None]
-    norm = torch.cat([g.flatten(1) for g in gradients], dim=1).norm(dim=1)
+    norm = torch.cat([g.reshape(len(g), -1) for g in gradients], dim=1).norm(dim=1)
     scale = (largest / norm).clamp(max=1.0)
     for gradient in gradients:
         gradient.mul_(scale.view(-1, *[1] * (gradient.dim() - 1)))

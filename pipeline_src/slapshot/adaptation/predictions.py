@@ -122,7 +122,7 @@ def _predict(
                 cov_yy=covariance[:, 1, 1],
                 true_x_m=query["outcome"][0, :, 0],
                 true_y_m=query["outcome"][0, :, 1],
-                **{f"radius2_{100 * p:.0f}": calibration.radius2(MODEL, samples, p) for p in levels},
+                **{f"radius2_{100 * p:g}": calibration.radius2(MODEL, samples, p) for p in levels},
             )
         )
     return pd.concat(tables, ignore_index=True)

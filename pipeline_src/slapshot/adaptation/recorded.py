@@ -12,6 +12,7 @@ from slapshot.command import Run
 from slapshot.errors import InputError
 from slapshot.recordings.format import Recording
 from slapshot.recordings.read import read_recording
+from slapshot.recordings.sources import recording_folders
 from slapshot.trajectories.vae import TrajectoryVae
 
 # rad: commands that the trajectory model cannot reproduce are no samples of its latent space.
@@ -52,14 +53,11 @@ def recorded_tasks(run: Run) -> Iterator[RecordedTask]:
         InputError: a recording cannot be read, or its hits have no latents of the trajectory model.
     """
     model = TrajectoryVae.load(run.inputs["trajectory_model"])
-    for name, source in run.config["recordings"].items():
-        folders = [Path(source["path"])] if "path" in source else [
-            run.inputs[f"lab/{name}/{rig}"] / "recording" for rig in range(source["rigs"])
-        ]  # fmt: skip
-        for rig, folder in enumerate(folders):
-            recording = read_recording(folder)
-            latents = hit_latents(recording, model, run.config["trajectory_model_id"], folder)
-            yield from _tasks(name, rig, folder, recording, latents)
+    folders = recording_folders(run.config["recordings"], run.inputs)
+    for (name, rig), folder in folders.items():
+        recording = read_recording(folder)
+        latents = hit_latents(recording, model, run.config["trajectory_model_id"], folder)
+        yield from _tasks(name, rig, folder, recording, latents)
 
 
 def _tasks(

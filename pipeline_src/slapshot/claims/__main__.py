@@ -5,10 +5,14 @@ from importlib import import_module
 
 import pandas as pd
 
-from slapshot.claims.statement import ClaimModule
+from slapshot.claims.statement import ClaimModule, Statement
 from slapshot.command import Run, stage_command
+from slapshot.statistics import Interval
 
 log = logging.getLogger("slapshot")
+
+# Of a claim without statements, too: one about methods that the configuration lacks.
+_COLUMNS = list(Statement("", "", Interval(0, 0, 0)).row())
 
 
 def produce(run: Run) -> None:
@@ -16,7 +20,7 @@ def produce(run: Run) -> None:
     module: ClaimModule = import_module(run.config["module"])
     statements = module.judge(run.inputs)
     rows = [statement.row() for statement in statements]
-    table = pd.DataFrame(rows).assign(title=module.TITLE, domain=run.config["domain"])
+    table = pd.DataFrame(rows, columns=_COLUMNS).assign(title=module.TITLE, domain=run.config["domain"])
     table.to_parquet(run.out / "statements.parquet", index=False)
     for statement in statements:
         log.info("%s: %s", statement.verdict, statement.text)

@@ -1,5 +1,6 @@
 """C4: the comparison of methods in simulation (paper, section "Hockeypuck simulation experiments")."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -16,6 +17,7 @@ ALIKE = 0.1  # equivalence margin: errors within 10 % of each other
 NEAR = 1.5  # "near but behind": at most half as much error again
 FEW = 4  # samples: fewer than the larger of MAML's batches, which has not moved yet
 LOW_SAMPLES = 8  # the low-sample regime of figure 7
+FRICTIONS = ("low friction", "medium friction", "high friction")  # named conditions
 
 Array = NDArray[np.floating]
 
@@ -24,7 +26,7 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the errors of every method (role: method) on the same test conditions."""
     errors = {method: pd.read_parquet(folder / "errors.parquet") for method, folder in inputs.items()}
     drawn = {m: error_array(table[table["name"] == ""], "condition") for m, table in errors.items()}
-    mamls = sorted((m for m in drawn if m.startswith("maml_")), key=batch)
+    mamls = sorted((m for m in drawn if re.fullmatch(r"maml_\d+", m)), key=batch)
     statements = []
     if {"kalman", "lstm"} <= set(drawn):
         statements.append(_alike(drawn))
@@ -33,7 +35,9 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     if len(mamls) > 1 and "kalman" in drawn:
         statements += _by_batch(drawn, mamls[0], mamls[-1])
         statements.append(_noise_penalty(errors, mamls[0], mamls[-1]))
-    statements += [_low_friction(errors[m], m) for m in ("kalman", "lstm") if m in errors]
+    for method in (m for m in ("kalman", "lstm") if m in errors):
+        if set(FRICTIONS) <= set(errors[method]["name"]):
+            statements.append(_low_friction(errors[method], method))
     return statements
 
 
@@ -137,8 +141,7 @@ def _noise_penalty(errors: Mapping[str, pd.DataFrame], small: str, large: str) -
 
 
 def _low_friction(errors: pd.DataFrame, method: str) -> Statement:
-    named = ("low friction", "medium friction", "high friction")
-    low, medium, high = (error_array(errors[errors["name"] == name], "repeat") for name in named)
+    low, medium, high = (error_array(errors[errors["name"] == name], "repeat") for name in FRICTIONS)
     few = slice(1, LOW_SAMPLES + 1)
 
     def ratio(a: Array, b: Array, c: Array) -> float:

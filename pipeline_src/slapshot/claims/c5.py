@@ -27,6 +27,9 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
         own = pd.read_parquet(folder / "errors.parquet").assign(recording=recording)
         tables.setdefault(method, []).append(own)
     errors = {method: pd.concat(parts, ignore_index=True) for method, parts in tables.items()}
+    # Recordings can differ in their numbers of samples: as many as all of them have.
+    most = min(table.groupby("recording")["samples"].max().min() for table in errors.values())
+    errors = {method: table[table["samples"] <= most] for method, table in errors.items()}
     rigs = {m: error_array(table, ["recording", "rig"]) for m, table in errors.items()}
     count = next(iter(rigs.values())).shape[1]
     note = f"over {count} rigs, {'a stand-in each' if _stand_in(errors) else 'of which some are real'}"
@@ -65,20 +68,21 @@ def _curve(errors: Array) -> Array:
 
 
 def _few_samples(rigs: Mapping[str, Array], note: str) -> list[Statement]:
-    def ratio(lstm: Array, kalman: Array) -> float:
-        reached = _curve(kalman)[FEW]
-        return min(samples_to_reach(_curve(lstm), reached), lstm.shape[2] - 1) / FEW
-
     kalman, lstm = rigs["kalman"], rigs["lstm"]
-    few = slice(1, FEW + 1)
+    few, at = slice(1, FEW + 1), min(FEW, kalman.shape[2] - 1)
+
+    def ratio(lstm: Array, kalman: Array) -> float:
+        reached = _curve(kalman)[at]
+        return min(samples_to_reach(_curve(lstm), reached), lstm.shape[2] - 1) / at
+
     return [
         Statement(
-            text=f"LSTM needs more samples than Kalman for the error that Kalman has after {FEW}",
-            measure=f"LSTM's samples over Kalman's {FEW}",
+            text=f"LSTM needs more samples than Kalman for the error that Kalman has after {at}",
+            measure=f"LSTM's samples over Kalman's {at}",
             interval=bootstrap(ratio, lstm, kalman),
             above=1,
             paper="12 / 8 = 1.5, for 14 cm",
-            note=f"{note}; that error is {100 * _curve(kalman)[FEW]:.1f} cm here",
+            note=f"{note}; that error is {100 * _curve(kalman)[at]:.1f} cm here",
         ),
         Statement(
             text="Kalman is ahead of LSTM with few samples",

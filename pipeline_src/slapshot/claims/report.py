@@ -28,7 +28,8 @@ def produce(run: Run) -> None:
     for role, folder in run.inputs.items():
         claim = role.split("/")[1]
         tables.append(pd.read_parquet(folder / "statements.parquet").assign(claim=claim))
-    table = pd.concat(tables, ignore_index=True).sort_values("claim", kind="stable")
+    made = [table for table in tables if len(table)] or tables[:1]
+    table = pd.concat(made, ignore_index=True).sort_values("claim", kind="stable")
     first = [
         "claim",
         "domain",
@@ -42,7 +43,9 @@ def produce(run: Run) -> None:
         "below",
         "unit",
     ]
-    table[[*first, "paper", "note"]].to_csv(run.out / "claims.csv", index=False, float_format="%.6g")
+    numbers = ["value", "low", "high", "above", "below"]
+    scaled = table.assign(**{name: table["scale"] * table[name] for name in numbers})
+    scaled[[*first, "paper", "note"]].to_csv(run.out / "claims.csv", index=False, float_format="%.6g")
     (run.out / "claims.md").write_text(_markdown(table))
     (run.out / "claims.html").write_text(_html(table))
 
@@ -54,9 +57,10 @@ def _markdown(table: pd.DataFrame) -> str:
                   "|---|---|---|---|"]  # fmt: skip
         for _, row in rows.iterrows():
             note = f"<br>*{row['note']}*" if row["note"] else ""
-            parts.append(
-                f"| {row['text']}{note} | **{row['verdict']}** | {_measured(row)} | {row['paper']} |"
-            )
+            cells = (f"{row['text']}{note}", f"**{row['verdict']}**", _measured(row), row["paper"])
+            # A bar ends a cell, and |correlation| has two.
+            escaped = [cell.replace("|", r"\|") for cell in cells]
+            parts.append(f"| {' | '.join(escaped)} |")
         parts.append("")
     return "\n".join(parts)
 

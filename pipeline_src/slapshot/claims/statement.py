@@ -42,7 +42,9 @@ class Statement:
     def verdict(self) -> str:
         """Holds, or does not, if the whole interval says so; undecided if it does not."""
         low, high = self.interval.low, self.interval.high
-        if low > self.above and high < self.below:
+        # Without a limit an infinite number is no reason to doubt: a method that diverged is behind.
+        above_it = self.above == -math.inf or low > self.above
+        if above_it and (self.below == math.inf or high < self.below):
             return "holds"
         if high < self.above or low > self.below:
             return "does not hold"

@@ -1,13 +1,12 @@
 """Recipes of the adaptation methods: training, evaluation, uncertainty, latent analysis."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from slapshot.adaptation.names import method_file, method_settings
 from slapshot.errors import InputError
 from slapshot.plan.recipes import Plan
-from slapshot.plan.simulation import rig_labels
+from slapshot.plan.sources import Sources
 
 
 def method_module(method: str) -> str:
@@ -116,26 +115,9 @@ def add_recorded(
     settings: Mapping[str, Any],
     upstream: Mapping[str, str] | None = None,
 ) -> None:
-    """A recipe of a stage that puts recordings before a trained method.
-
-    Its configuration gets `recordings`: name -> {"rigs": count} of a stand-in, whose versions have the
-    roles lab/<name>/<rig>, or {"path": folder} of a recording of one's own.
-    """
+    """A recipe of a stage that puts recordings before a trained method."""
     model = f"trajectory_model/{name}"
-    roles = {"train": f"train/{name}/{method}", "trajectory_model": model, **(upstream or {})}
-    read: dict[str, Any] = {}
-    files: dict[str, Path] = {}
-    for recording in recordings:
-        source = domain["recordings"][recording]
-        if "lab" in source:
-            labels = rig_labels(name, recording, source)
-            roles |= {f"lab/{recording}/{rig}": label for rig, label in enumerate(labels)}
-            read[recording] = {"rigs": source["rigs"]}
-        else:
-            key = f"domains.{name}.recordings.{recording}.path"
-            found = _recording_files(source["path"], key)
-            files |= {f"{recording}/{file}": path for file, path in found.items()}
-            read[recording] = {"path": source["path"]}
+    sources = Sources.of(name, domain, recordings)
     plan.add(
         label,
         stage,
@@ -143,21 +125,10 @@ def add_recorded(
             "method": method,
             "seed": domain["seed"],
             "trajectory_model_id": plan.recipes[model].id,
-            "recordings": read,
+            "recordings": sources.described,
             **settings,
         },
-        roles,
+        {"train": f"train/{name}/{method}", "trajectory_model": model, **(upstream or {}), **sources.roles},
         [method_module(method)],
-        files,
+        sources.files,
     )
-
-
-def _recording_files(path: str, key: str) -> dict[str, Path]:
-    folder = Path(path)
-    files = {p.name: p for p in sorted(folder.glob("*")) if p.suffix in {".json", ".parquet"}}
-    if not files:
-        raise InputError(
-            f"{key}: {path} holds no recording (recording.json, hits.parquet, ...); "
-            "give the path of a recording's folder"
-        )
-    return files

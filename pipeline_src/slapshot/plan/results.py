@@ -8,6 +8,7 @@ from slapshot.errors import InputError
 from slapshot.plan.catalogue import CLAIMS, FIGURES
 from slapshot.plan.recipes import Plan
 from slapshot.plan.simulation import rig_labels, stand_ins
+from slapshot.plan.sources import Sources
 
 
 def add_figures(plan: Plan, config: Mapping[str, Any]) -> None:
@@ -17,11 +18,8 @@ def add_figures(plan: Plan, config: Mapping[str, Any]) -> None:
     for name, domain in config["domains"].items():
         known = [figure for figure in FIGURES if figure != "F3"]
         for figure in _known(domain["figures"], FIGURES, f"domains.{name}.figures", only=known):
-            if figure == "F8" and not domain["recordings"]:
-                raise InputError(
-                    f"domains.{name}.figures: F8 shows recordings, but domains.{name}.recordings is empty; "
-                    "name a recording or remove F8"
-                )
+            if figure == "F8":
+                _need_recordings(name, domain, "figures", figure)
             _add_figure(plan, name, figure, *_figure_inputs(plan, name, domain, figure))
 
 
@@ -81,6 +79,8 @@ def add_claims(plan: Plan, config: Mapping[str, Any]) -> None:
     for name, domain in config["domains"].items():
         known = [claim for claim in CLAIMS if claim != "C1"]
         for claim in _known(domain["claims"], CLAIMS, f"domains.{name}.claims", only=known):
+            if claim == "C5":
+                _need_recordings(name, domain, "claims", claim)
             labels.append(_add_claim(plan, name, claim, _claim_inputs(name, domain, claim)))
     if labels:
         plan.add("claims", "claims", {}, {label.removeprefix("claim/"): label for label in labels})
@@ -114,18 +114,22 @@ def _known(
     return wanted
 
 
+def _need_recordings(name: str, domain: Mapping[str, Any], key: str, wanted: str) -> None:
+    if not domain["recordings"]:
+        raise InputError(
+            f"domains.{name}.{key}: {wanted} needs recordings, but domains.{name}.recordings is empty; "
+            f"name a recording or remove {wanted}"
+        )
+
+
 def add_viewer(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
-    """Rerun recordings of simulated hits and of those of the stand-in rigs."""
-    labs = [label for r, s in stand_ins(domain).items() for label in rig_labels(name, r, s)]
+    """Rerun recordings of simulated and recorded hits."""
+    roles = {stage: f"{stage}/{name}" for stage in ("scene", "swings", "rollouts", "predictions")}
+    sources = Sources.of(name, domain, list(domain["recordings"]))
     plan.add(
         f"viewer/{name}",
         "viewer",
-        {"domain": name, **domain["viewer"]},
-        {
-            "scene": f"scene/{name}",
-            "swings": f"swings/{name}",
-            "rollouts": f"rollouts/{name}",
-            "predictions": f"predictions/{name}",
-            **{f"lab/{i}": label for i, label in enumerate(labs)},
-        },
+        {"domain": name, "recordings": sources.described, **domain["viewer"]},
+        roles | sources.roles,
+        files=sources.files,
     )

@@ -36,7 +36,7 @@ def read_parquet(file: Path) -> pa.Table:
             _ = field.name, getattr(field.type, "tz", None)
     # A damaged file makes pyarrow raise nearly anything, from OSError to MemoryError.
     except Exception as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        reason = _reason(error)
         raise InputError(
             f"{file}: cannot be read as Parquet, it is damaged, cut short or of another kind "
             f"({reason}): copy or export it again"
@@ -62,7 +62,7 @@ def table_from_frame(frame: pd.DataFrame, file: Path) -> pa.Table:
         try:
             arrays.append(pa.array(frame.iloc[:, position], from_pandas=True))
         except (pa.ArrowException, TypeError, ValueError, OverflowError) as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
+            reason = _reason(error)
             raise InputError(
                 f"{file}: column {name!r} mixes types ({reason}): give it values of one type"
             ) from error
@@ -162,7 +162,7 @@ def _conform_column(column: pa.ChunkedArray, field: pa.Field, file: Path) -> pa.
         # Not safe for times only: nanoseconds lose what a microsecond does not hold.
         array = array.cast(field.type, safe=not pa.types.is_timestamp(field.type))
     except pa.ArrowException as error:
-        reason = str(error).splitlines()[0][:200]
+        reason = _reason(error)
         raise InputError(
             f"{file}: column {field.name!r} does not fit {_type_word(field.type)} ({reason}): convert it"
         ) from error
@@ -221,6 +221,12 @@ def _type_word(type_: pa.DataType) -> str:
     if pa.types.is_timestamp(type_):
         return "a timestamp in UTC"
     return {pa.int64(): "a whole number", pa.float64(): "a float", pa.string(): "text"}[type_]
+
+
+def _reason(error: Exception) -> str:
+    """First line of what a library says, without the damaged bytes that it repeats."""
+    line = (str(error).splitlines() or [type(error).__name__])[0][:200]
+    return "".join(c if c.isprintable() else "?" for c in line)
 
 
 def _first(mask: np.ndarray) -> int:

@@ -8,6 +8,7 @@ import pandas as pd
 from slapshot.command import Run, stage_command
 from slapshot.errors import InputError
 from slapshot.progress import progress
+from slapshot.recordings.sources import recording_folders
 from slapshot.scenes.scene import Scene
 from slapshot.viewer.bodies import Arm
 from slapshot.viewer.gallery import save_cards
@@ -34,13 +35,14 @@ def produce(run: Run) -> None:
     """
     counts = {source: run.config[source] for source in ("simulated", "recorded")}
     predictions = pd.read_parquet(run.inputs["predictions"] / "predictions.parquet")
-    chosen = choose(predictions, run.inputs, counts)
+    chosen = choose(predictions, counts)
     if chosen.empty:
         raise InputError("viewer: no hit to show; let `simulated` and `recorded` not both be 0")
     scene = Scene.load(run.inputs["scene"])
     stage, arm = Stage.of(scene), Arm(scene)
     (run.out / HITS_FOLDER).mkdir()
-    hits = read_hits(run.inputs, scene.info, chosen, predictions)
+    recordings = recording_folders(run.config["recordings"], run.inputs)
+    hits = read_hits(run.inputs, recordings, scene.info, chosen, predictions)
     rows = [
         write_hit(run.out, hit, arm, scene.info) for hit in progress(hits, len(chosen), "recordings of hits")
     ]

@@ -24,6 +24,7 @@ _SCENE_OBJECT_COLOUR = (204, 31, 31)
 _REGION_HEIGHT, _TRACK_HEIGHT, _TRUTH_HEIGHT = 0.002, 0.004, 0.006
 _CORNERS = 64
 _CROSS = 0.035  # m, half a stroke
+_PIN = 0.12  # m, its height
 _THICK, _THIN, _DOT = (rr.Radius.ui_points(r) for r in (1.6, 0.9, 4.0))
 
 
@@ -48,9 +49,17 @@ def _log_arm(recording: rr.RecordingStream, hit: Hit, arm: Arm) -> None:
     for name, places, quaternions in arm.poses(joints):
         recording.send_columns(
             rr.new_entity_path([ROOT, name]),
-            [rr.TimeColumn(TIME, duration=times)],
+            _moments(times),
             rr.Transform3D.columns(translation=places, quaternion=quaternions),
         )
+
+
+def _moments(times: Array) -> list[rr.TimeColumn]:
+    """Timelines of what moves: on that of hits seen, everything is as it was in the end."""
+    return [
+        rr.TimeColumn(TIME, duration=times),
+        rr.TimeColumn(STEP, sequence=np.zeros(len(times), np.int64)),
+    ]
 
 
 def _log_object(recording: rr.RecordingStream, hit: Hit, info: SceneInfo) -> None:
@@ -67,7 +76,7 @@ def _log_object(recording: rr.RecordingStream, hit: Hit, info: SceneInfo) -> Non
     nothing = np.zeros_like(half)
     recording.send_columns(
         "object",
-        [rr.TimeColumn(TIME, duration=times)],
+        _moments(times),
         rr.Transform3D.columns(
             translation=places,
             quaternion=np.stack([nothing, nothing, np.sin(half), np.cos(half)], axis=1),
@@ -88,9 +97,11 @@ def _log_track(recording: rr.RecordingStream, hit: Hit) -> None:
 
 
 def _log_truth(recording: rr.RecordingStream, truth: Array) -> None:
+    """A cross, and a pin in it that is seen even when the object lies on the cross."""
     stroke = np.array([[-1.0, -1.0], [1.0, 1.0]]) * _CROSS / np.sqrt(2)
-    cross = [on_board(truth + s, _TRUTH_HEIGHT) for s in (stroke, stroke * [1, -1])]
-    recording.log("rest", rr.LineStrips3D(cross, colors=[TRUTH_COLOUR], radii=_THICK), static=True)
+    strips = [on_board(truth + s, _TRUTH_HEIGHT) for s in (stroke, stroke * [1, -1])]
+    strips.append(np.append(np.tile(truth, (2, 1)), [[0.0], [_PIN]], axis=1))
+    recording.log("rest", rr.LineStrips3D(strips, colors=[TRUTH_COLOUR], radii=_THICK), static=True)
 
 
 def _log_belief(
@@ -163,7 +174,7 @@ The predicted rest point was off by **{100 * hit.errors[0]:.1f} cm** before adap
 {_error_rows(hit)}
 
 Thick ellipse: 50 % region, thin ellipse: 90 % region, calibrated on validation data.
-Black cross: where the object stopped. Orange: its track{frames}.
+Black cross and pin: where the object stopped. Orange: its track{frames}.
 
 Timeline `{TIME}` plays the hit; timeline `{STEP}` steps through the number of hits seen.
 """

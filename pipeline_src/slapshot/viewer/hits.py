@@ -65,15 +65,9 @@ class Hit:
         return np.linalg.norm(self.beliefs[["x_m", "y_m"]].to_numpy(float) - self.truth, axis=1)
 
 
-def choose(predictions: pd.DataFrame, inputs: Mapping[str, Path], counts: Mapping[str, int]) -> pd.DataFrame:
-    """(hits, _KEY) to show: `counts` of each source at most, evenly over its groups.
-
-    Recorded ones only of rigs that are among the inputs.
-    """
+def choose(predictions: pd.DataFrame, counts: Mapping[str, int]) -> pd.DataFrame:
+    """(hits, _KEY) to show: `counts` of each source at most, evenly over its groups."""
     hits = predictions[_KEY].drop_duplicates().sort_values(_KEY, ignore_index=True)
-    rigs = zip(hits["recording"], hits["rig"], strict=True)
-    known = np.array([_role(inputs, recording, rig) in inputs for recording, rig in rigs], dtype=bool)
-    hits = hits[known | (hits["source"] == "simulated").to_numpy()]
     return pd.concat(
         [
             choose_evenly(hits[hits["source"] == source], groups, counts[source])
@@ -83,13 +77,17 @@ def choose(predictions: pd.DataFrame, inputs: Mapping[str, Path], counts: Mappin
 
 
 def read_hits(
-    inputs: Mapping[str, Path], info: SceneInfo, chosen: pd.DataFrame, predictions: pd.DataFrame
+    inputs: Mapping[str, Path],
+    recordings: Mapping[tuple[str, int], Path],
+    info: SceneInfo,
+    chosen: pd.DataFrame,
+    predictions: pd.DataFrame,
 ) -> Iterator[Hit]:
     """What is known of the chosen hits.
 
     Args:
-        inputs: folders by role: rollouts, swings, and lab/<recording>/<rig> (or lab/<rig>, if there is
-            but one recording).
+        inputs: folders by role: rollouts and swings.
+        recordings: folders by recording and rig.
         info: of the scene.
         chosen: from `choose`.
         predictions: of all hits.
@@ -98,15 +96,11 @@ def read_hits(
     simulated = chosen[chosen["source"] == "simulated"]
     if len(simulated):
         yield from _simulated(inputs, info, simulated, beliefs)
-    for (name, rig), rows in chosen[chosen["source"] == "recorded"].groupby(["recording", "rig"]):
-        recording = read_recording(inputs[_role(inputs, name, rig)] / "recording")
-        yield from _recorded(recording, rows, beliefs)
-
-
-def _role(inputs: Mapping[str, Path], recording: object, rig: object) -> str:
-    """Role of the version that holds a rig's recording."""
-    role = f"lab/{recording}/{rig}"
-    return role if role in inputs else f"lab/{rig}"
+    recorded = chosen[chosen["source"] == "recorded"]
+    for key, folder in recordings.items():
+        rows = recorded[(recorded["recording"] == key[0]) & (recorded["rig"] == key[1])]
+        if len(rows):
+            yield from _recorded(read_recording(folder), rows, beliefs)
 
 
 def _simulated(
