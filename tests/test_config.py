@@ -2,6 +2,7 @@
 
 import copy
 import datetime
+import functools
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from slapshot.config import check_config, load_config, merge, read_yaml
 from slapshot.errors import InputError
 from slapshot.plan import make_plan
+from slapshot.store.closure import code_digest
 from snakemake.utils import update_config
 
 ROOT = Path(__file__).parents[1]
@@ -22,9 +24,22 @@ DOMAIN = "domains.hockey"
 DELETE = object()
 
 
+_digest_once = functools.cache(code_digest)
+
+
 @pytest.fixture(autouse=True)
 def _in_root(monkeypatch):
     monkeypatch.chdir(ROOT)
+    # No test here edits code or the schema; to follow all imports, or to read YAML, takes most of the time.
+    monkeypatch.setattr("slapshot.store.recipe.code_digest", _digest_once)
+    monkeypatch.setattr(
+        "slapshot.config.read_yaml", lambda path: _schema() if path == SCHEMA else read_yaml(path)
+    )
+
+
+@functools.cache
+def _schema() -> dict:
+    return read_yaml(SCHEMA)
 
 
 def changed(path: str, value: object) -> dict:
@@ -72,14 +87,26 @@ def test_a_file_is_laid_over_the_default(tmp_path):
     ("path", "value", "key", "problem"),
     [
         # Unknown and missing keys.
-        ("nme", "x", "top level", r"unknown key 'nme'; write 'name', or use one of: domains, name"),
-        ("zzz", "x", "top level", r"unknown key 'zzz'; remove it, or use one of: domains, name"),
+        ("nme", "x", "top level", r"unknown key 'nme'; write 'name', or use one of: domains, name, regr"),
+        ("zzz", "x", "top level", r"unknown key 'zzz'; remove it, or use one of: domains, name, regression"),
         (".trainnig", {}, DOMAIN, "unknown key 'trainnig'; write 'training'"),
         (".rollouts.hit", 3, ".rollouts", "unknown key 'hit'; write 'hits'"),
         (".randomisation.gravity", {}, ".randomisation", "unknown key 'gravity'"),
         (".randomisation.mass.mean", 1, ".randomisation.mass", "unknown key 'mean'"),
         (".methods.kalman.layers", 1, ".methods.kalman", "unknown key 'layers'"),
-        (".methods.kalmann", {}, ".methods", "unknown key 'kalmann'; write 'kalman'"),
+        (".methods.kalmann", {}, ".methods", "unknown key 'kalmann'; write 'kalman', or .*: kalman, lstm, m"),
+        (".methods.gru", {}, ".methods", "unknown key 'gru'; remove it, or use one of: kalman, lstm, maml$"),
+        # What follows the first underscore tells methods of one kind apart; nothing else may follow.
+        (".methods.maml_", {}, ".methods", "unknown key 'maml_'; write 'maml'"),
+        (".methods.lstm-2", {}, ".methods", "unknown key 'lstm-2'; write 'lstm'"),
+        (".methods.maml_16", {"batch": 16}, ".methods.maml_16", "key 'learning_rate' is missing"),
+        (".methods.lstm_small", {"state": 0}, ".methods.lstm_small.state", "must be >= 1"),
+        (".methods.maml_8.state", 80, ".methods.maml_8", "unknown key 'state'"),
+        ("regression.kalman.learning_rate", 0.1, "regression.kalman", "unknown key 'learning_rate'"),
+        (".recordings.lab.rig", 2, ".recordings.lab", "unknown key 'rig'; write 'rigs'"),
+        ("regression", DELETE, "top level", "key 'regression' is missing; add it"),
+        (".uncertainty", DELETE, DOMAIN, "key 'uncertainty' is missing; add it"),
+        (".viewer.recorded", DELETE, ".viewer", "key 'recorded' is missing"),
         ("name", DELETE, "top level", "key 'name' is missing; add it"),
         (".seed", DELETE, DOMAIN, "key 'seed' is missing; add it"),
         (".rollouts.hits", DELETE, ".rollouts", "key 'hits' is missing; add it"),
@@ -91,9 +118,16 @@ def test_a_file_is_laid_over_the_default(tmp_path):
         (".rollouts.hits", "many", ".rollouts.hits", "'many' is not a whole number"),
         (".rollouts.hits", 64.0, ".rollouts.hits", "64.0 is not a whole number"),
         (".rollouts.hits", True, ".rollouts.hits", "True is not a whole number"),
-        (".training.learning_rate", "1e-3", ".training.learning_rate", "not a number; .* such as 0.001"),
+        (
+            ".methods.kalman.learning_rate",
+            "1e-3",
+            ".methods.kalman.learning_rate",
+            "not a number; .* such as 0.001",
+        ),
         (".methods.kalman.hidden", 128, ".methods.kalman.hidden", "128 is not a list"),
         (".methods.kalman.hidden.0", "a", ".methods.kalman.hidden.0", "'a' is not a whole number"),
+        (".claims", "C4", ".claims", "'C4' is not a list"),
+        (".uncertainty.samples", 4, ".uncertainty.samples", "4 is not a list"),
         (".figures.1", 7, ".figures.1", "7 is not a text; write a text"),
         (".scene.puck", "round", ".scene.puck", "'round' is not allowed; use one of: inline, ice"),
         ("name", datetime.date(2026, 1, 1), "name", "is a date; write it in quotes"),
@@ -107,12 +141,25 @@ def test_a_file_is_laid_over_the_default(tmp_path):
         (".seed", -1, ".seed", "-1 is out of range; it must be >= 0"),
         (".rollouts.hits", 0, ".rollouts.hits", "must be >= 1"),
         (".rollouts.track_share", 1.5, ".rollouts.track_share", "must be <= 1"),
-        (".training.learning_rate", 0, ".training.learning_rate", "must be > 0"),
-        (".training.learning_rate", float("nan"), ".training.learning_rate", "nan is not a finite number"),
+        (".methods.lstm.learning_rate", 0, ".methods.lstm.learning_rate", "must be > 0"),
+        (
+            ".methods.maml_1.step_size",
+            float("nan"),
+            ".methods.maml_1.step_size",
+            "nan is not a finite number",
+        ),
         (".scene.start_m.0", float("inf"), ".scene.start_m.0", "inf is not a finite number"),
         (".scene.start_m", [0.1], ".scene.start_m", "has 1 values; write at least 2"),
         (".scene.start_m", [0.1, 0, 0], ".scene.start_m", "has 3 values; write at most 2"),
         (".figures", ["F7", "F7"], ".figures", "names something twice; name it once"),
+        (".latents.methods", [], ".latents.methods", "has 0 values; write at least 1"),
+        (".latents.samples", [1, 1], ".latents.samples", "names something twice"),
+        (".uncertainty.levels.0", 1, ".uncertainty.levels.0", "must be < 1"),
+        (".uncertainty.levels.0", 0, ".uncertainty.levels.0", "must be > 0"),
+        (".uncertainty.draws", 3, ".uncertainty.draws", "must be >= 4"),
+        (".recordings.lab.rigs", 0, ".recordings.lab.rigs", "must be >= 1"),
+        ("regression.kalman.latent", 1, "regression.kalman.latent", "must be >= 2"),
+        ("regression.walkthrough.samples.0", -1, "regression.walkthrough.samples.0", "must be >= 0"),
         (".scene.timestep_s", 0.002, ".scene.timestep_s", "0.002 is out of range; it must be <= 0.001"),
         (".scene.timestep_s", 0.0003, ".scene.timestep_s", "does not divide 0.001 s; use 0.001"),
         (".demonstrations.speed_m_s", [1.9, 0.8], ".demonstrations.speed_m_s", "write 0 < low <= high"),
@@ -158,6 +205,15 @@ def test_a_bad_value_gets_one_line_with_file_key_and_advice(path, value, key, pr
     assert "\n" not in message
     assert len(message) < 300
     assert re.search(problem, message)
+
+
+@pytest.mark.parametrize("name", ["kalman", "kalman_2", "maml_16", "maml_wide", "lstm_64"])
+def test_a_method_may_have_several_settings_under_names_that_begin_alike(name):
+    methods = DEFAULT["domains"]["hockey"]["methods"]
+    settings = methods[{"kalman": "kalman", "maml": "maml_1", "lstm": "lstm"}[name.partition("_")[0]]]
+    config = changed(f".methods.{name}", settings)
+    check_config(config, "my.yaml", SCHEMA)
+    assert f"train/hockey/{name}" in make_plan(config).recipes
 
 
 def test_odd_keys_and_long_values_still_give_one_short_line():

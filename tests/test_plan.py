@@ -1,6 +1,7 @@
 """The plan: which versions a configuration asks for, and what each depends on."""
 
 import copy
+import functools
 import shutil
 import subprocess
 import sys
@@ -9,26 +10,61 @@ from pathlib import Path
 import pytest
 from slapshot.config import read_yaml
 from slapshot.errors import InputError
-from slapshot.plan import FIGURES, LIBRARIES, STAGES, make_plan
+from slapshot.plan import CLAIMS, FIGURES, LIBRARIES, ON_DEMAND, STAGES, make_plan
+from slapshot.store.closure import code_digest
 from slapshot.store.recipe import Recipe, file_digest
 
 ROOT = Path(__file__).parents[1]
-DOMAIN = read_yaml(ROOT / "config/default.yaml")["domains"]["hockey"]
+DEFAULT = read_yaml(ROOT / "config/default.yaml")
+DOMAIN = DEFAULT["domains"]["hockey"]
+METHODS = ("kalman", "lstm", "maml_8")
+IN_DOMAIN = [figure for figure in FIGURES if figure != "F3"]
 
-EVALUATIONS = {"evaluate/hockey/kalman", "figure/hockey/F7"}
-RECORDED = {
-    "evaluate_recording/hockey/kalman/rig",
-    "evaluate_recording/hockey/kalman/own",
-    "figure/hockey/F8",
-}
-FROM_TRAIN = {"train/hockey/kalman"} | EVALUATIONS | RECORDED
+
+def each(pattern: str, methods: tuple[str, ...] = METHODS) -> set[str]:
+    return {pattern.format(method) for method in methods}
+
+
+def figures(*names: str) -> set[str]:
+    return {f"figure/hockey/{name}" for name in names}
+
+
+def claims(*names: str) -> set[str]:
+    return {"claims", *(f"claim/hockey/{name}" for name in names)}
+
+
+def of_method(method: str) -> set[str]:
+    """What is made from one method, as any method has it."""
+    own = {f"train/hockey/{method}", f"evaluate/hockey/{method}"}
+    own |= {f"evaluate_recording/hockey/{method}/{recording}" for recording in ("rig", "own")}
+    return own | figures("F7", "F8", "M1") | claims("C4", "C5")
+
+
+REGRESSION = {"regression", "figure/regression/F3", "claim/regression/C1", "claims"}
+EVALUATIONS = each("evaluate/hockey/{}") | figures("F7") | claims("C4")
+OWN = each("evaluate_recording/hockey/{}/own") | figures("F8") | claims("C5")
+RIG = each("evaluate_recording/hockey/{}/rig") | figures("F8") | claims("C5")
+PREDICTIONS = {"predictions/hockey", "viewer/hockey"} | figures("F1", "U1")
+CALIBRATION = {"calibrate/hockey"} | PREDICTIONS
+BELIEFS = each("beliefs/hockey/{}", ("kalman", "lstm")) | figures("F9", "U2") | claims("C7")
+FROM_KALMAN = of_method("kalman") | CALIBRATION | (BELIEFS - {"beliefs/hockey/lstm"})
+FROM_TRAIN = each("train/hockey/{}") | EVALUATIONS | RIG | OWN | CALIBRATION | BELIEFS | figures("M1")
 FROM_ROLLOUTS = {"rollouts/hockey"} | FROM_TRAIN
 FROM_SWINGS = {"swings/hockey"} | FROM_ROLLOUTS
-FROM_LAB = {"lab/hockey/rig", "evaluate_recording/hockey/kalman/rig", "figure/hockey/F6", "figure/hockey/F8"}
+LABS = {"lab/hockey/rig/0", "lab/hockey/rig/1"}
+FROM_LAB = LABS | RIG | PREDICTIONS | BELIEFS | figures("F6")
 FROM_MODEL = {"trajectory_model/hockey"} | FROM_SWINGS | FROM_LAB
 FROM_DEMONSTRATIONS = {"demonstrations/hockey"} | FROM_MODEL
 FROM_SCENE = {"scene/hockey"} | FROM_DEMONSTRATIONS
-ALL = FROM_SCENE | {"figure/hockey/T2"}
+ALL = FROM_SCENE | figures("T2", "F2") | REGRESSION
+
+_digest_once = functools.cache(code_digest)
+
+
+@pytest.fixture(autouse=True)
+def unchanged_code(monkeypatch):
+    """No test here edits code, and to follow all imports takes most of the time of a plan."""
+    monkeypatch.setattr("slapshot.store.recipe.code_digest", _digest_once)
 
 
 @pytest.fixture
@@ -43,23 +79,30 @@ def own(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def config(own) -> dict:
-    """A domain with every figure, a stand-in's recording and one's own."""
+    """A domain with every figure, three methods, a stand-in's recording of two rigs and one's own."""
     domain = copy.deepcopy(DOMAIN)
-    domain["figures"] = list(FIGURES)
+    domain["figures"] = IN_DOMAIN
+    domain["methods"] = {method: domain["methods"][method] for method in METHODS}
     domain["recordings"] = {
-        "rig": {"lab": {"hits": 10, "blade": {"segments": 3}}, "samples": 5, "repeats": 2},
+        "rig": {"lab": {"hits": 10, "blade": {"segments": 3}}, "rigs": 2, "samples": 5, "repeats": 2},
         "own": {"path": str(own), "samples": 5, "repeats": 2},
     }
-    return {"name": "test", "domains": {"hockey": domain}}
+    return {"name": "test", "regression": copy.deepcopy(DEFAULT["regression"]), "domains": {"hockey": domain}}
 
 
 def ids(config: dict) -> dict[str, str]:
     return {label: recipe.id for label, recipe in make_plan(config).recipes.items()}
 
 
+def changed(before: dict[str, str], after: dict[str, str]) -> set[str]:
+    """Labels of versions that are new or other than before."""
+    return {label for label in after if after[label] != before.get(label)}
+
+
 def put(config: dict, path: str, value: object) -> None:
+    """Change a value of the domain, or of the regression if the path begins with it."""
     *above, last = path.split(".")
-    place = config["domains"]["hockey"]
+    place = config if above[:1] == ["regression"] else config["domains"]["hockey"]
     for key in above:
         place = place[key]
     place[last] = value
@@ -75,8 +118,15 @@ def test_the_plan_holds_every_stage_once_for_each_instance(config):
     assert set(plan.recipes) == ALL
     assert {recipe.stage for recipe in plan.recipes.values()} == set(STAGES)
     assert set(LIBRARIES) == set(STAGES)
+    assert set(ON_DEMAND) < set(STAGES)
     assert all(plan.by_id(r.stage, r.id) == r for r in plan.recipes.values())
-    assert plan.ids()["figure"] == {plan.recipes[f"figure/hockey/{figure}"].id for figure in FIGURES}
+    assert plan.ids()["figure"] == {plan.recipes[label].id for label in ALL if label.startswith("figure/")}
+    assert len(plan.ids()["figure"]) == len(FIGURES)
+    assert len(plan.ids()["claim"]) == len(CLAIMS)
+    # Rigs of one block of settings differ in nothing but their number.
+    rigs = [plan.recipes[label].config for label in sorted(LABS)]
+    assert [rig["rig"] for rig in rigs] == [0, 1]
+    assert {**rigs[0], "rig": 1} == rigs[1]
 
 
 def test_upstream_comes_first_and_is_part_of_the_plan(config):
@@ -99,33 +149,54 @@ def test_the_recipes_survive_the_command_line(config):
     ("path", "value", "expected"),
     [
         ("evaluation.samples", 3, EVALUATIONS),
-        ("evaluation.noise_variances", [0.5], EVALUATIONS),
-        ("recordings.rig.samples", 6, {"evaluate_recording/hockey/kalman/rig", "figure/hockey/F8"}),
-        ("recordings.own.repeats", 6, {"evaluate_recording/hockey/kalman/own", "figure/hockey/F8"}),
+        ("evaluation.noise_variances", [0.5], EVALUATIONS | CALIBRATION | BELIEFS),
+        ("recordings.rig.samples", 6, RIG),
+        ("recordings.own.repeats", 6, OWN),
         ("recordings.rig.lab.blade.segments", 4, FROM_LAB),
+        ("recordings.rig.rigs", 3, {"lab/hockey/rig/2"} | FROM_LAB - LABS - figures("F6")),
         ("training.steps", 7, FROM_TRAIN),
-        ("methods.kalman.drift", 0.5, FROM_TRAIN),
+        ("training.noise_variance_max", 0.3, FROM_TRAIN),
+        ("methods.kalman.drift", 0.5, FROM_KALMAN | figures("F2")),
+        ("methods.kalman.learning_rate", 0.5, FROM_KALMAN),
+        ("methods.lstm.state", 7, of_method("lstm") | {"beliefs/hockey/lstm"} | figures("F9")),
+        ("methods.maml_8.batch", 7, of_method("maml_8")),
+        ("uncertainty.draws", 7, CALIBRATION),
+        ("uncertainty.levels", [0.8], CALIBRATION),
+        ("uncertainty.queries", 7, CALIBRATION),
+        ("uncertainty.samples", [0, 7], CALIBRATION),
+        ("uncertainty.shown_noise_variance", 0.7, PREDICTIONS),
+        ("uncertainty.method", "lstm", CALIBRATION | figures("F2", "U2") | claims("C7")),
+        ("latents.samples", [0, 7], BELIEFS),
+        ("latents.repeats", 7, BELIEFS),
+        ("latents.methods", ["kalman"], figures("F9")),
+        ("viewer.simulated", 7, {"viewer/hockey"}),
         ("rollouts.hits", 100, FROM_ROLLOUTS),
         ("rollouts.named_conditions.low friction.friction_x", 0.21, FROM_ROLLOUTS),
-        ("randomisation.mass.uniform", [0.02, 0.1], FROM_ROLLOUTS | {"figure/hockey/T2"}),
-        ("randomisation.friction_y.times", "mass", FROM_ROLLOUTS | {"figure/hockey/T2"}),
-        ("randomisation.mass.label", "Weight", {"figure/hockey/T2"}),
-        ("randomisation.mass.unit", "g", {"figure/hockey/T2"}),
+        ("randomisation.mass.uniform", [0.02, 0.1], FROM_ROLLOUTS | figures("T2")),
+        ("randomisation.friction_y.times", "mass", FROM_ROLLOUTS | figures("T2")),
+        ("randomisation.mass.label", "Weight", figures("T2")),
+        ("randomisation.mass.unit", "g", figures("T2")),
         ("swings.test", 9, FROM_SWINGS),
         ("trajectory_model.steps", 9, FROM_MODEL),
+        ("trajectory_model.latent", 2, FROM_MODEL | figures("F2")),
         ("demonstrations.count", 100, FROM_DEMONSTRATIONS),
         ("demonstrations.duration_s", 0.9, FROM_DEMONSTRATIONS),
         ("scene.timestep_s", 0.001, FROM_SCENE),
         ("scene.start_m", [0.5, 0.0], FROM_SCENE),
         ("seed", 2, FROM_DEMONSTRATIONS),
         ("figures", ["F7"], set()),
+        ("claims", ["C4"], {"claims"}),
+        ("regression.tasks", 7, REGRESSION),
+        ("regression.kalman.drift", 0.5, REGRESSION),
+        ("regression.claims", [], {"claims"}),
+        ("regression.figures", [], set()),
     ],
 )
 def test_a_parameter_changes_what_depends_on_it_and_nothing_else(config, path, value, expected):
     before = ids(config)
     put(config, path, value)
     after = ids(config)
-    assert {label for label in after if after[label] != before[label]} == expected
+    assert changed(before, after) == expected
 
 
 def test_the_name_of_a_configuration_changes_nothing(config):
@@ -140,7 +211,7 @@ def test_swapped_values_are_another_version(config):
     swings["validation"], swings["test"] = swings["test"], swings["validation"]
     assert swings["validation"] != swings["test"]
     after = ids(config)
-    assert {label for label in after if after[label] != before[label]} == FROM_SWINGS
+    assert changed(before, after) == FROM_SWINGS
     swings["validation"], swings["test"] = swings["test"], swings["validation"]
     assert ids(config) == before
 
@@ -150,12 +221,13 @@ def test_the_order_of_keys_changes_nothing(config):
     assert ids(reordered(config)) == before
 
 
-def test_a_recording_adds_versions_and_changes_only_the_figures_that_show_it(config, own):
+def test_a_recording_adds_versions_and_changes_only_what_shows_all_recordings(config, own):
     before = ids(config)
     config["domains"]["hockey"]["recordings"]["more"] = {"path": str(own), "samples": 3, "repeats": 1}
     after = ids(config)
-    assert set(after) - set(before) == {"evaluate_recording/hockey/kalman/more"}
-    assert {label for label in before if after[label] != before[label]} == {"figure/hockey/F8"}
+    new = each("evaluate_recording/hockey/{}/more")
+    assert set(after) - set(before) == new
+    assert changed(before, after) == new | figures("F8") | claims("C5") | PREDICTIONS | BELIEFS
 
 
 def test_a_second_domain_shares_what_is_equal_and_leaves_the_first_alone(config):
@@ -164,18 +236,20 @@ def test_a_second_domain_shares_what_is_equal_and_leaves_the_first_alone(config)
     put(config, "seed", 1)
     config["domains"]["second"]["seed"] = 2
     after = ids(config)
-    assert {label: after[label] for label in before} == before
-    assert len(after) == 2 * len(before)
-    assert after["scene/second"] == after["scene/hockey"]
+    assert changed(before, {label: after[label] for label in before}) == {"claims"}
+    shared = REGRESSION - {"claims"}
+    assert set(after) - set(before) == {
+        label.replace("hockey", "second") for label in ALL - shared - {"claims"}
+    }
     others = {label for label in before if after[label.replace("hockey", "second")] == after[label]}
-    assert others == {"scene/hockey"}
+    assert others == {"scene/hockey", "claims"} | shared
 
 
 def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
     label = "evaluate_recording/hockey/kalman/own"
     recipe = make_plan(config).recipes[label]
     names = ("recording.json", "hits.parquet", "tracks.parquet")
-    assert recipe.files == {name: file_digest(own / name) for name in names}
+    assert recipe.files == {f"own/{name}": file_digest(own / name) for name in names}
     before = ids(config)
 
     (own / "notes.txt").write_text("other notes")
@@ -188,7 +262,7 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
         last = ids(config)
         change()
         now = ids(config)
-        assert {name for name in now if now[name] != last[name]} == {label, "figure/hockey/F8"}
+        assert changed(last, now) == OWN | PREDICTIONS | BELIEFS
     shutil.rmtree(own)
     with pytest.raises(InputError):
         make_plan(config)
@@ -197,8 +271,26 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        ("figures", ["F7", "F99"], r"domains\.hockey\.figures: no figure 'F99'; use some of: F6, "),
-        ("methods", {"lstmm": {}}, r"domains\.hockey\.methods\.lstmm: no such method; a method is a file"),
+        (
+            "figures",
+            ["F7", "F99"],
+            r"domains\.hockey\.figures: 'F99' cannot be made here; use some of: F1, F2, ",
+        ),
+        ("figures", ["F3"], r"domains\.hockey\.figures: 'F3' cannot be made here"),
+        ("claims", ["C9"], r"domains\.hockey\.claims: 'C9' cannot be made here; use some of: C4, C5, C7"),
+        ("regression.figures", ["F7"], r"regression\.figures: 'F7' cannot be made here; use some of: F3"),
+        ("regression.claims", ["C4"], r"regression\.claims: 'C4' cannot be made here; use some of: C1"),
+        (
+            "methods.lstmm",
+            {"learning_rate": 0.1},
+            r"domains\.hockey\.methods\.lstmm: no such method; a method is a file",
+        ),
+        (
+            "uncertainty.method",
+            "maml_4",
+            r"uncertainty\.method: 'maml_4' is not among domains\.hockey\.methods; use one of: kalman, lstm",
+        ),
+        ("latents.methods", ["lstm", "gru"], r"domains\.hockey\.latents\.methods: 'gru' is not among"),
         (
             "scene.domain",
             "curling",
@@ -222,11 +314,37 @@ def test_what_does_not_exist_is_named_in_one_line(config, path, value, message):
     assert "\n" not in str(caught.value)
 
 
-def test_f8_without_recordings_is_refused(config):
-    config["domains"]["hockey"]["recordings"] = {}
-    with pytest.raises(InputError, match=r"domains\.hockey\.figures: F8 .*; ") as caught:
+@pytest.mark.parametrize(
+    ("key", "shown", "message"),
+    [
+        ("figures", ["F7", "F8"], r"domains\.hockey\.figures: F8 needs recordings, .*; name a recording"),
+        ("claims", ["C4", "C5"], r"domains\.hockey\.claims: C5 needs recordings, .* or remove C5"),
+    ],
+)
+def test_what_shows_recordings_is_refused_without_any(config, key, shown, message):
+    domain = config["domains"]["hockey"]
+    domain |= {"recordings": {}, "figures": ["F7"], "claims": ["C4"]}
+    # All else can do without.
+    assert not make_plan(config).of_stage("lab")
+    domain[key] = shown
+    with pytest.raises(InputError, match=message) as caught:
         make_plan(config)
     assert "\n" not in str(caught.value)
+
+
+def test_without_claims_there_is_no_report_of_them(config):
+    put(config, "claims", [])
+    put(config, "regression.claims", [])
+    assert not {"claim", "claims"} & {recipe.stage for recipe in make_plan(config).recipes.values()}
+
+
+def test_a_method_in_several_sizes_is_one_file(config):
+    plan = make_plan(config)
+    put(config, "methods", DOMAIN["methods"])
+    more = make_plan(config)
+    codes = {more.recipes[f"train/hockey/maml_{batch}"].code for batch in (1, 4, 8)}
+    assert codes == {plan.recipes["train/hockey/maml_8"].code}
+    assert more.recipes["train/hockey/kalman"].code not in codes
 
 
 def test_a_version_that_nobody_asks_for_is_named(config):

@@ -149,8 +149,9 @@ def draw_recording(seed: int) -> Recording:
     friction = np.where((puck == "red")[:, None], [0.45, 0.5], [2.0, 1.8]) * np.exp(rng.normal(0, 0.1, 2))
     ends = rest(latent, friction) + rng.normal(0, 0.03, (count, 2))
     hits = pd.DataFrame(
-        {"hit": np.arange(count), "object_id": puck, "order": np.arange(count), "recorded_at": pd.NaT, "command_id": command,
-         "start_x": 0.0, "start_y": 0.0, "rest_x": ends[:, 0], "rest_y": ends[:, 1], "latent": list(latent)}
+        {"hit": np.arange(count), "object_id": puck, "order": np.arange(count), "recorded_at": pd.NaT,
+         "command_id": command, "start_x": 0.0, "start_y": 0.0, "rest_x": ends[:, 0], "rest_y": ends[:, 1],
+         "latent": list(latent)}
     )  # fmt: skip
     hits.loc[4, ["rest_x", "rest_y"]] = np.nan  # one that the camera lost
     info = ObjectInfo("cylinder", (0.076, 0.025), 0.1, 0.001)

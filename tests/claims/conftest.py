@@ -19,6 +19,10 @@ def decay(start: float, end: float, scale: float = 4.0) -> Curve:
     return lambda n: end + (start - end) * np.exp(-n / scale)
 
 
+def times(factor: float, curve: Curve) -> Curve:
+    return lambda n: factor * curve(n)
+
+
 def error_rows(
     curve: Curve, samples: int, keys: pd.DataFrame, seed: int, noise: float = 0.02
 ) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""C1 on tables of contraction whose truth is known: with drift the variance stops, without it goes as 1 / n."""
+"""C1 on tables of a known filter: with drift its variance comes to rest, without it goes as 1 / n."""
 
 import numpy as np
 import pandas as pd

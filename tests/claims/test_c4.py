@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from slapshot.claims import c4
 
-from .conftest import Curve, decay, error_rows
+from .conftest import Curve, decay, error_rows, times
 
 SAMPLES, CONDITIONS, REPEATS = 32, 12, 2
 VARIANCES = (0.0, 0.5)
@@ -31,8 +31,11 @@ def table(curve: Curve, seed: int, noise_costs: float = 1.0, named: dict[str, fl
                 [(c, r) for c in conditions for r in range(REPEATS)], columns=["condition", "repeat"]
             )
             keys = keys.assign(name=name, noise_variance=variance)
-            scaled = lambda n, k=cost * factor: k * curve(n)  # noqa: E731
-            parts.append(error_rows(scaled, SAMPLES, keys, seed=hash_of(name) + seed + int(10 * variance)))
+            parts.append(
+                error_rows(
+                    times(cost * factor, curve), SAMPLES, keys, seed=hash_of(name) + seed + int(10 * variance)
+                )
+            )
     return pd.concat(parts, ignore_index=True)
 
 
@@ -122,8 +125,8 @@ def test_named_conditions_have_no_part_in_the_comparison(judge):
     verdicts = judge(AS_CLAIMED, named=dict.fromkeys(NAMED, 1e3))
     assert verdicts["MAML with 1 sample an update stays above 20 cm"] == "holds"
     assert verdicts["Kalman and LSTM perform alike"] == "holds"
-    assert judge({"maml_1": decay(0.5, 0.1), "maml_8": decay(0.5, 0.1), "kalman": decay(0.5, 0.05)},
-                 named=dict.fromkeys(NAMED, 1e3))["MAML with 1 sample an update stays above 20 cm"] == "does not hold"  # fmt: skip
+    better = judge(AS_CLAIMED | {"maml_1": decay(0.5, 0.1)}, named=dict.fromkeys(NAMED, 1e3))
+    assert better["MAML with 1 sample an update stays above 20 cm"] == "does not hold"
 
 
 def test_methods_and_conditions_that_are_not_there_are_not_judged(judge):

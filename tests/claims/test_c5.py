@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from slapshot.claims import c5
 
-from .conftest import Curve, decay, error_rows
+from .conftest import Curve, decay, error_rows, times
 
 SAMPLES, RIGS = 32, 10
 FAST, SLOW = decay(0.5, 0.1, 4.0), decay(0.5, 0.1, 8.0)
@@ -25,8 +25,8 @@ def table(
     parts = []
     for number, name in enumerate(("red", "blue")):
         keys = pd.DataFrame([(rig, r) for rig in range(rigs) for r in (0, 1)], columns=["rig", "repeat"])
-        scaled = lambda n, k=red if name == "red" else 1.0: k * curve(n)  # noqa: E731
-        own = error_rows(scaled, samples, keys.assign(object=name), 100 * number + seed, noise)
+        factor = red if name == "red" else 1.0
+        own = error_rows(times(factor, curve), samples, keys.assign(object=name), 100 * number + seed, noise)
         parts.append(own.assign(stand_in=True))
     return pd.concat(parts, ignore_index=True)
 

@@ -43,8 +43,10 @@ def test_the_whole_interval_must_say_so(low, high, above, below, expected):
 
 def test_a_row_has_everything_that_is_shown():
     statement = Statement("t", "m", Interval(2.0, 1.0, 3.0), above=0.5, unit="cm", scale=100, paper="p")
-    expected = {"text": "t", "measure": "m", "value": 2.0, "low": 1.0, "high": 3.0, "above": 0.5,
-                "below": math.inf, "unit": "cm", "scale": 100, "paper": "p", "verdict": "holds", "note": ""}  # fmt: skip
+    expected = {
+        "text": "t", "measure": "m", "value": 2.0, "low": 1.0, "high": 3.0, "above": 0.5, "below": math.inf,
+        "unit": "cm", "scale": 100, "paper": "p", "verdict": "holds", "note": "",
+    }  # fmt: skip
     assert statement.row() == expected
 
 

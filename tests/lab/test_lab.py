@@ -14,12 +14,12 @@ from slapshot.recordings.read import read_recording
 
 @pytest.fixture
 def make(folders, lab_settings, tmp_path):
-    """name, seed, changed settings -> folder that the stage wrote."""
+    """name, seed, rig, changed settings -> folder that the stage wrote."""
 
-    def _make(name, seed=1, model="0123456789ab", **changed):
+    def _make(name, seed=1, model="0123456789ab", rig=0, **changed):
         out = tmp_path / name
         out.mkdir()
-        config = {"seed": seed, "trajectory_model_id": model, "lab": {**lab_settings, **changed}}
+        config = {"seed": seed, "rig": rig, "trajectory_model_id": model, "lab": {**lab_settings, **changed}}
         if model is None:
             del config["trajectory_model_id"]
         produce(Run(config, folders, out, 1))
@@ -98,6 +98,17 @@ def test_same_seed_same_recording_other_seed_another(make):
     assert first.objects == again.objects
     assert not first.hits["rest_x"].equals(other.hits["rest_x"])
     assert first.objects != other.objects
+
+
+def test_rigs_of_one_seed_are_different_rigs(make):
+    small = {"hits": 1, "repeats": {"commands": 0, "times": 0}}
+    # Rig 1 of seed 0 is not rig 0 of seed 1 either.
+    folders = [make(f"{seed}-{rig}", seed, rig=rig, **small) for seed, rig in ((1, 0), (1, 1), (0, 1))]
+    rigs = [truth_of(folder)["rig"] for folder in folders]
+    for part in ("objects", "blade", "board_height_m"):
+        assert rigs[0][part] != rigs[1][part] != rigs[2][part] != rigs[0][part]
+    hits = [read_recording(folder / "recording").hits for folder in folders]
+    assert not hits[0]["latent"].map(tuple).isin(hits[1]["latent"].map(tuple)).any()
 
 
 def test_parts_are_drawn_apart(lab_settings):

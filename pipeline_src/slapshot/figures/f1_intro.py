@@ -56,7 +56,7 @@ def region(row: pd.Series, colour: str) -> list[Ellipse]:
         width, height = 2 * np.sqrt(row[column] * variances[::-1])
         ellipses.append(
             Ellipse((row["x_m"], row["y_m"]), width, height, angle=angle, facecolor=colour, alpha=0.22,
-                    edgecolor=colour, lw=1.0, label=f"{_level(column):.0f} % region")
+                    edgecolor=colour, lw=1.0, label=f"{_level(column):g} % region")
         )  # fmt: skip
     return ellipses
 

@@ -49,7 +49,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
         d.plot(rows["samples"], 1e4 * rows["area_m2"], "o-", ms=3, color=colour, label=kind)
     d.set_yscale("log")
     d.set_ylabel("area (cm²)")
-    d.set_title(f"(d) median area of the {100 * levels[-1]:.0f} % region", loc="left")
+    d.set_title(f"(d) median area of the {100 * levels[-1]:g} % region", loc="left")
     d.legend()
     for axes in (a, b, c):
         axes.set_ylim(0, 1)
@@ -102,5 +102,5 @@ def _line(axes: Axes, rows: pd.DataFrame, colour: str, label: str | None) -> Non
 def _nominal(axes: Axes, levels: list[float]) -> None:
     for level in levels:
         axes.axhline(level, color="black", lw=0.8, ls=":")
-        axes.annotate(f"{100 * level:.0f} %", (1.0, level), xycoords=("axes fraction", "data"), fontsize=7,
+        axes.annotate(f"{100 * level:g} %", (1.0, level), xycoords=("axes fraction", "data"), fontsize=7,
                       ha="right", va="bottom")  # fmt: skip

@@ -69,10 +69,11 @@ def add_uncertainty(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
                 f"domains.{name}.{key}: {unknown!r} is not among domains.{name}.methods; "
                 f"use one of: {', '.join(domain['methods'])}"
             )
+    measured = {key: value for key, value in uncertainty.items() if key != "shown_noise_variance"}
     plan.add(
         f"calibrate/{name}",
         "calibrate",
-        {"seed": domain["seed"], **uncertainty, **_noise(domain)},
+        {"seed": domain["seed"], **measured, **_noise(domain)},
         {"train": f"train/{name}/{method}", "rollouts": f"rollouts/{name}"},
         modules=[method_module(method)],
     )

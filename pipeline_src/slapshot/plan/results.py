@@ -41,7 +41,7 @@ def _figure_inputs(
     """Upstream labels by role, and the configuration that a figure shows."""
     methods = list(domain["methods"])
     recorded = [(m, r) for m in methods for r in domain["recordings"]]
-    analysed = dict.fromkeys([*domain["latents"]["methods"], domain["uncertainty"]["method"]])
+    analysed = domain["latents"]["methods"]
     match figure:
         case "F1":
             return {"predictions": f"predictions/{name}", "scene": f"scene/{name}"}, {}
@@ -59,7 +59,7 @@ def _figure_inputs(
         case "F8":
             return {f"{m}/{r}": f"evaluate_recording/{name}/{m}/{r}" for m, r in recorded}, {}
         case "F9":
-            return {m: f"beliefs/{name}/{m}" for m in analysed}, {"methods": domain["latents"]["methods"]}
+            return {m: f"beliefs/{name}/{m}" for m in analysed}, {"methods": analysed}
         case "M1":
             return {m: f"train/{name}/{m}" for m in methods}, {}
         case "T2":

@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from slapshot.errors import InputError
+from slapshot.errors import InputError, writing
 from slapshot.store.content import content_digest
 from slapshot.store.lock import held
 from slapshot.store.recipe import Recipe, canonical_json
@@ -85,28 +85,15 @@ class Store:
         """Remove marks of versions whose folder is gone, so that they are made again.
 
         Raises:
-            InputError: a version is to be made, but the store cannot be written.
+            InputError: there is such a mark, but it cannot be removed.
         """
         for stage, ids in versions.items():
             for version_id in ids:
                 mark = self.mark(stage, version_id)
                 # In this order: a version that another process finishes right now is whole before its mark.
-                marked = mark.exists()
-                if self.is_whole(stage, version_id):
-                    continue
-                # Here, because Snakemake's own words for it would not say what to do.
-                if not self._is_writable():
-                    raise InputError(
-                        f"{self.root} is read-only, but {stage}/{version_id} is to be made there: "
-                        "make the folder writable for you, or work in a copy of the repository elsewhere"
-                    )
-                if marked:
-                    mark.unlink(missing_ok=True)
-
-    def _is_writable(self) -> bool:
-        """Whether this user may write to the root, or to where it would be made."""
-        root = self.root.absolute()
-        return os.access(next(p for p in (root, *root.parents) if p.exists()), os.W_OK)
+                if mark.exists() and not self.is_whole(stage, version_id):
+                    with writing(mark):
+                        mark.unlink(missing_ok=True)
 
     def inputs(self, recipe: Recipe) -> dict[str, Path]:
         """Role -> folder of the versions that a recipe reads.
