@@ -1,4 +1,5 @@
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
@@ -8,6 +9,8 @@ from slapshot.figures.drawing import save, use_style
 @pytest.fixture(autouse=True)
 def style():
     use_style()
+    yield
+    plt.close("all")
 
 
 @pytest.fixture
@@ -42,7 +45,7 @@ def assert_same_bytes(tmp_path):
     def check(draw) -> None:
         mpl.rcParams["savefig.dpi"] = 40
         for name in ("first", "second"):
-            (tmp_path / name).mkdir()
+            (tmp_path / name).mkdir(exist_ok=True)
             drawing = draw()
             save(drawing, tmp_path / name)
         for suffix in ("png", "pdf", "csv"):

@@ -81,7 +81,7 @@ def test_points_are_those_of_the_table(inputs, panel):
     for title, letter in (("(b)", "b"), ("(d)", "d")):
         table = drawing.table[drawing.table["panel"] == letter].sort_values(["pc1", "pc2"])
         points = panel(drawing.figure, title).collections[0]
-        drawn = np.column_stack([points.get_offsets(), points.get_array()])
+        drawn = np.column_stack([np.asarray(points.get_offsets()), np.asarray(points.get_array())])
         order = np.lexsort((drawn[:, 1], drawn[:, 0]))
         assert drawn[order] == pytest.approx(table[["pc1", "pc2", "samples"]].to_numpy(float))
         assert set(table["samples"]) == {0, 4, 20, 32}

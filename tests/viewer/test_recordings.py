@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import Rig
 from rerun.chunk import RrdReader
 from slapshot.command import Run
 from slapshot.errors import InputError
@@ -130,7 +129,7 @@ def test_the_cross_the_text_and_the_index_agree_with_the_truth(made, source):
     assert (STAND_IN in text) == (source == "recorded")
 
 
-def test_the_scene_is_there_once_and_the_arm_moves_as_its_kinematics_say(made, rig: Rig):
+def test_the_scene_is_there_once_and_the_arm_moves_as_its_kinematics_say(made, rig):
     scene = read(made.folder / SCENE_FILE, None)
     model = rig.scene.compile()
     shown = [
@@ -153,7 +152,7 @@ def test_the_scene_is_there_once_and_the_arm_moves_as_its_kinematics_say(made, r
     assert abs(turn @ np.roll(data.body("link7").xquat, -1)) == pytest.approx(1, abs=SINGLE)
 
 
-def test_following_the_targets_gives_the_joints_that_were_simulated(rig: Rig):
+def test_following_the_targets_gives_the_joints_that_were_simulated(rig):
     """An independent check: MuJoCo's servos against one Euler step a tick."""
     info = rig.scene.info
     for i in range(len(rig.swings.latents)):

@@ -26,9 +26,10 @@ _PLAN = """
 import json, sys
 from pathlib import Path
 from slapshot.config import load_config
-from slapshot.plan import make_plan
+from slapshot.plan import ON_DEMAND, make_plan
 recipes = make_plan(load_config(Path(sys.argv[1]))).recipes
-print(json.dumps({label: [r.stage, r.id, list(r.upstream.values())] for label, r in recipes.items()}))
+asked = {label: r for label, r in recipes.items() if r.stage not in ON_DEMAND}
+print(json.dumps({label: [r.stage, r.id, list(r.upstream.values())] for label, r in asked.items()}))
 """
 
 
@@ -79,7 +80,7 @@ class Workspace:
         return jobs
 
     def plan(self, config: Path | None = None) -> dict[str, Version]:
-        """Label -> version, by the copy's own code."""
+        """Label -> version of all that `figures` makes, by the copy's own code."""
         done = self.python("-c", _PLAN, config or self.config)
         assert done.returncode == 0, done.stdout
         return {
@@ -149,12 +150,13 @@ def snakemake_command(*targets: str, config: Path) -> tuple[str, ...]:
 
 
 def job_counts(output: str) -> dict[str, int]:
-    """Rule -> jobs, from the first table that snakemake prints."""
+    """Rule -> jobs, from the first table that snakemake prints, without the copies for the report."""
     if "Nothing to be done" in output:
         return {}
     table = re.search(r"^job +count\n[- ]+\n(.*?)^total ", output, re.DOTALL | re.MULTILINE)
     assert table, output
-    return {rule: int(count) for rule, count in re.findall(r"^(\w+) +(\d+)$", table[1], re.MULTILINE)}
+    counts = re.findall(r"^(\w+) +(\d+)$", table[1], re.MULTILINE)
+    return {rule: int(count) for rule, count in counts if not rule.startswith("report_")}
 
 
 def copy_repository(folder: Path) -> Workspace:

@@ -43,8 +43,9 @@ def manifest_ids(workspace: Workspace) -> set[str]:
     return set(workspace.manifest().values())
 
 
-def figure_ids(versions: dict[str, Version]) -> set[str]:
-    return {f"figure/{versions[label].id}" for label in of_stages(versions, "figure")}
+def shown_ids(versions: dict[str, Version]) -> set[str]:
+    """Versions whose files are published."""
+    return {f"{versions[n].stage}/{versions[n].id}" for n in of_stages(versions, "figure", "claims")}
 
 
 def fewer_queries(domain: dict) -> None:
@@ -75,10 +76,11 @@ def test_everything_is_made_and_published_and_nothing_is_left_over(workspace):
         log = workspace.root / "logs" / version.stage / f"{version.id}.log"
         assert f"{version.id} made" in log.read_text()
         assert log.with_suffix(".tsv").read_text().startswith("s\t")
-    assert manifest_ids(workspace) == figure_ids(versions)
-    for version_id in figure_ids(versions):
+    assert manifest_ids(workspace) == shown_ids(versions)
+    for version_id in shown_ids(versions):
         files = {name for name, source in workspace.manifest().items() if source == version_id}
-        assert {Path(name).suffix for name in files} == {".png", ".pdf", ".csv"}
+        kinds = {".md", ".html", ".csv"} if version_id.startswith("claims/") else {".png", ".pdf", ".csv"}
+        assert {Path(name).suffix for name in files} == kinds
         assert len({Path(name).stem for name in files}) == 1
     assert not list((workspace.root / "data/store").glob("*/.*"))
 
@@ -101,7 +103,7 @@ def test_the_default_target_is_the_figures(workspace):
 
 
 def test_every_stage_can_be_asked_for_by_its_name(workspace):
-    stages = {version.stage for version in workspace.plan().values()} - {"figure"}
+    stages = {version.stage for version in workspace.plan().values()} - {"figure", "claim"}
     assert job_counts(workspace.snakemake("--dry-run", *sorted(stages)).stdout) == {}
 
 
@@ -112,12 +114,12 @@ def test_every_stage_can_be_asked_for_by_its_name(workspace):
     ("change", "stages", "figures"),
     [
         (fewer_queries, {"evaluate"}, {"F7"}),
-        (lambda d: d["evaluation"].update(noise_variances=[0.3]), {"evaluate"}, {"F7"}),
         (
-            lambda d: d["training"].update(steps=149),
-            {"train", "evaluate", "evaluate_recording"},
-            {"F7", "F8"},
+            lambda d: d["evaluation"].update(noise_variances=[0.3]),
+            {"evaluate", "calibrate", "beliefs"},
+            {"F1", "F7", "F9", "U1", "U2"},
         ),
+        (lambda d: d["training"].update(steps=149), {"train"}, {"M1", "F7", "F8"}),
         (lambda d: d.update(randomisation={"mass": {"label": "Weight"}}), set(), {"T2"}),
     ],
 )
@@ -126,13 +128,14 @@ def test_a_parameter_reruns_what_depends_on_it(workspace, change, stages, figure
     versions = workspace.plan(config)
     labels = of_stages(versions, *stages) | figure(versions, *figures)
     assert labels
-    assert workspace.to_do(config=config) == jobs_of(versions, labels)
+    assert workspace.to_do(config=config) == jobs_of(versions, downstream(versions, labels))
 
 
-def test_a_parameter_of_the_scene_reruns_everything_but_its_table(workspace):
+def test_a_parameter_of_the_scene_reruns_everything_that_needs_a_scene(workspace):
     config = workspace.variant("scene", lambda d: d.update(scene={"start_m": [0.56, 0.0]}))
     versions = workspace.plan(config)
-    assert workspace.to_do(config=config) == jobs_of(versions, set(versions) - figure(versions, "T2"))
+    none = figure(versions, "T2", "F2") | downstream(versions, of_stages(versions, "regression")) - {"claims"}
+    assert workspace.to_do(config=config) == jobs_of(versions, set(versions) - none)
 
 
 def test_swapped_values_rerun_and_flipping_back_reruns_nothing(workspace):
@@ -146,14 +149,16 @@ def test_swapped_values_rerun_and_flipping_back_reruns_nothing(workspace):
         evaluation["samples"], evaluation["queries"] = evaluation["queries"], evaluation["samples"]
 
     second = workspace.variant("swapped", swap)
-    jobs = {"evaluate_version": 1, "figure_version": 1, "figures": 1}
+    versions = workspace.plan(first)
+    jobs = jobs_of(versions, downstream(versions, of_stages(versions, "evaluate")))
+    assert jobs["figure_version"] == jobs["claim_version"] == 1
     original = workspace.manifest()
     bytes_of = {name: (workspace.published / name).read_bytes() for name in original}
-    assert job_counts(workspace.snakemake("figures", config=first).stdout) == jobs
+    assert job_counts(workspace.snakemake("figures", config=first).stdout) == jobs | {"figures": 1}
     after_first = workspace.manifest()
-    changed = {name.split("-")[0] for name in original if original[name] != after_first[name]}
-    assert changed == {"F7"}
-    assert workspace.to_do(config=second) == {"evaluate_version": 1, "figure_version": 1}
+    changed = {name for name in original if original[name] != after_first[name]}
+    assert changed == {name for name in original if name.startswith(("F7-", "claims."))}
+    assert workspace.to_do(config=second) == jobs
 
     assert workspace.to_do(config=first) == {}
     assert job_counts(workspace.snakemake("figures").stdout) == {"figures": 1}
@@ -169,6 +174,8 @@ def test_swapped_values_rerun_and_flipping_back_reruns_nothing(workspace):
     [
         ("adaptation/scoring.py", {"evaluate", "evaluate_recording"}, set()),
         ("adaptation/train.py", {"train"}, set()),
+        ("adaptation/intervals.py", {"calibrate", "predictions"}, set()),
+        ("statistics.py", {"claim"}, {"F9"}),
         ("figures/curves.py", set(), {"F7", "F8"}),
         ("rollouts/slide.py", {"rollouts"}, set()),
     ],
@@ -184,7 +191,7 @@ def test_an_edited_module_reruns_exactly_what_imports_it(workspace, file, stages
 def test_comments_and_modules_that_no_result_depends_on_rerun_nothing(workspace):
     with (
         workspace.edited("config.py", no_operation),
-        workspace.edited("plan.py", no_operation),
+        workspace.edited("plan/results.py", no_operation),
         workspace.edited("publish.py", no_operation),
         workspace.edited("adaptation/scoring.py", comment),
         workspace.edited("scenes/scene.py", comment),
@@ -218,7 +225,7 @@ def made_again(workspace: Workspace, lose: Callable[[Path], None]) -> None:
     lose(folder)
     # Snakemake also calls the stages below; they find their versions whole and leave them alone.
     jobs = job_counts(workspace.snakemake("figures").stdout)
-    assert set(jobs) == {"evaluate_version", "figure_version", "figures"}
+    assert set(jobs) == {"evaluate_version", "figure_version", "claim_version", "claims_version", "figures"}
     assert workspace.content(versions[label]) == content
     assert workspace.manifest() == manifest
     for name, version in versions.items():
@@ -261,33 +268,28 @@ def test_fail_mend_rerun_leaves_nothing_stale(workspace):
 
     def change(domain: dict) -> None:
         fewer_queries(domain)
-        domain["evaluation"]["noise_variances"] = [0.0, 0.4]
         domain["randomisation"] = {"mass": {"label": "Weight of the puck"}}
 
     config = workspace.variant("two figures", change)
     with workspace.edited("figures/t2_randomisation.py", lambda text: text + "\n1 / 0\n"):
         broken = workspace.plan(config)
-        failed = figure(broken, "T2")
+        kept = shown_ids(broken) - {f"figure/{broken[n].id}" for n in figure(broken, "T2")}
         done = workspace.snakemake("figures", config=config, good=False)
         assert "[figure] ZeroDivisionError: division by zero; the traceback is in logs/figure/" in done.stdout
-        assert manifest_ids(workspace) == {f"figure/{broken[n].id}" for n in figure_labels(broken) - failed}
+        assert manifest_ids(workspace) == kept
         # The same call again still fails, and does not forget.
         workspace.snakemake("figures", config=config, good=False)
-        assert manifest_ids(workspace) == {f"figure/{broken[n].id}" for n in figure_labels(broken) - failed}
+        assert manifest_ids(workspace) == kept
         assert not list((workspace.root / "data/store").glob("*/.*"))
     workspace.snakemake("figures", config=config)
     mended = workspace.plan(config)
-    assert manifest_ids(workspace) == figure_ids(mended)
+    assert manifest_ids(workspace) == shown_ids(mended)
     table = pd.read_csv(next(workspace.published.glob("T2-*.csv")))
     assert "Weight of the puck" in set(table["label"])
     assert workspace.to_do(config=config) == {}
 
     workspace.snakemake("figures")
-    assert manifest_ids(workspace) == figure_ids(workspace.plan())
-
-
-def figure_labels(versions: dict[str, Version]) -> set[str]:
-    return of_stages(versions, "figure")
+    assert manifest_ids(workspace) == shown_ids(workspace.plan())
 
 
 def test_without_a_gl_library_only_what_renders_fails_and_names_the_package(workspace, can_render):
@@ -305,10 +307,9 @@ def test_without_a_gl_library_only_what_renders_fails_and_names_the_package(work
         assert workspace.to_do() == jobs_of(versions, rendered)
         done = workspace.snakemake("figures", good=False)
         assert "[figure] no GL library to render with: install libegl1" in done.stdout
-        kept = {f"figure/{versions[n].id}" for n in figure_labels(versions) - rendered}
-        assert manifest_ids(workspace) == kept
+        assert manifest_ids(workspace) == shown_ids(versions) - {f"figure/{versions[n].id}" for n in rendered}
     workspace.snakemake("figures")
-    assert manifest_ids(workspace) == figure_ids(workspace.plan())
+    assert manifest_ids(workspace) == shown_ids(workspace.plan())
 
 
 @pytest.mark.parametrize(
@@ -323,7 +324,7 @@ def test_without_a_gl_library_only_what_renders_fails_and_names_the_package(work
             "name: tiny\ndomains: {hockey: {training: {sequence: 1000}}}\n",
             "domains.hockey.training.sequence: 1000 is more than rollouts.hits",
         ),
-        ("name: tiny\ndomains: {hockey: {figures: [F99]}}\n", "domains.hockey.figures: no figure 'F99'; use"),
+        ("name: tiny\ndomains: {hockey: {figures: [F99]}}\n", "domains.hockey.figures: 'F99' cannot be made"),
     ],
 )
 def test_a_bad_configuration_is_refused_in_one_line(workspace, text, message):

@@ -34,7 +34,7 @@ def _student(count: pd.Series) -> pd.Series:
 def draw_curves(
     axes: Axes, summary: pd.DataFrame, last: int | None = None, band: str = "", label: bool = True
 ) -> None:
-    """One line a method, in cm.
+    """One line a method, in cm; nothing for an empty summary.
 
     Args:
         axes: to draw on.
@@ -43,6 +43,8 @@ def draw_curves(
         band: sd (one standard deviation), mean (95 % interval of the mean), or none.
         label: whether lines get an entry in a legend.
     """
+    if summary.empty:
+        return
     for method, rows in summary.groupby("method", sort=False):
         name = str(method)
         shown = rows if last is None else rows[rows["samples"] <= last]

@@ -34,7 +34,8 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     panel_title(axes, "a", "all test conditions and noise levels")
     axes.legend(loc="upper right", handlelength=2.6)
     shown = [name for name in FRICTIONS if (friction["name"] == name).any()]
-    _row(right, "b", friction, [(name, friction["name"] == name) for name in shown], LOW_SAMPLES)
+    if shown:
+        _row(right, "b", friction, [(name, friction["name"] == name) for name in shown], LOW_SAMPLES)
     levels = noise[["noise_variance", "noise_sd_m"]].drop_duplicates().sort_values("noise_variance")
     _row(
         rows[1],
