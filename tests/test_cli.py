@@ -109,40 +109,42 @@ def test_diff_of_an_unknown_version(slapshot):
 
 
 def test_why_says_that_a_version_is_there(slapshot):
-    train = fill()["train/hockey/kalman"]
-    code, out, _ = slapshot("versions", "why", "train")
-    assert (code, out) == (0, f"train/hockey/kalman: {train.id} is there\n")
+    rollouts = fill()["rollouts/hockey"]
+    code, out, _ = slapshot("versions", "why", "rollouts")
+    assert (code, out) == (0, f"rollouts/hockey: {rollouts.id} is there\n")
 
 
 def test_why_says_that_there_never_was_one(slapshot):
-    train = recipes()["train/hockey/kalman"]
-    code, out, _ = slapshot("versions", "why", "train")
+    rollouts = recipes()["rollouts/hockey"]
+    code, out, _ = slapshot("versions", "why", "rollouts")
     assert code == 0
-    assert out == f"train/hockey/kalman: {train.id} is to be made; there is no version of it yet\n"
+    assert out == f"rollouts/hockey: {rollouts.id} is to be made; there is no version of it yet\n"
 
 
 def test_why_shows_what_changed_since_the_nearest_version(slapshot):
     fill(TINY)
-    old = fill()["train/hockey/kalman"]
-    change_default("noise_variance_max: 0.5", "noise_variance_max: 0.25")
-    new = recipes()["train/hockey/kalman"]
-    code, out, _ = slapshot("versions", "why", "train")
+    old = fill()["rollouts/hockey"]
+    change_default("track_share: 0.03", "track_share: 0.05")
+    new = recipes()["rollouts/hockey"]
+    code, out, _ = slapshot("versions", "why", "rollouts")
     assert code == 0
-    assert out.splitlines()[0].startswith(f"train/hockey/kalman: {new.id} is to be made; the nearest version")
+    assert out.splitlines()[0].startswith(f"rollouts/hockey: {new.id} is to be made; the nearest version")
     assert [line.split() for line in out.splitlines()[1:]] == [
         ["key", old.id, new.id],
-        ["config.training.noise_variance_max", "0.5", "0.25"],
+        ["config.track_share", "0.03", "0.05"],
     ]
 
 
 def test_why_of_another_configuration_and_of_several(slapshot):
     fill()
-    assert "is to be made" in slapshot("versions", "why", "train", "--config", str(TINY))[1]
+    assert "is to be made" in slapshot("versions", "why", "rollouts", "--config", str(TINY))[1]
     fill(TINY)
-    assert "is there" in slapshot("versions", "why", "train", "--config", str(TINY))[1]
-    both = slapshot("versions", "why", "train", "--config", str(TINY), "--config", "config/default.yaml")[1]
+    assert "is there" in slapshot("versions", "why", "rollouts", "--config", str(TINY))[1]
+    both = slapshot("versions", "why", "rollouts", "--config", str(TINY), "--config", "config/default.yaml")[
+        1
+    ]
     assert len(both.splitlines()) == 2
-    assert "config/default.yaml:train/hockey/kalman" in both
+    assert "config/default.yaml:rollouts/hockey" in both
 
 
 def test_why_of_an_unknown_stage(slapshot):

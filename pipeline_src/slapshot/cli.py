@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from slapshot.store.housekeeping import collect_garbage, find_version, flatten
 from slapshot.store.verify import compare, make_lock
 
 LOCK = Path("data/pipeline.lock")
+_MOST_NAMED = 2  # versions of one stage that a list names one by one
 # Labels and values may hold brackets, which are no markup; lines of text are not folded at 80 columns.
 _WIDTH = None if sys.stdout.isatty() else 200
 console = Console(highlight=False, markup=False, soft_wrap=True, width=_WIDTH)
@@ -101,7 +103,7 @@ def _list(args: argparse.Namespace) -> int:
     table = _table("stage", "id", "made at", "took", "from")
     for _, version in Store(args.store).versions():
         recipe = version["recipe"]
-        sources = " ".join(f"{stage}/{i[:6]}" for stage, i in recipe["upstream"].values())
+        sources = _sources([(stage, i[:6]) for stage, i in recipe["upstream"].values()])
         table.add_row(
             recipe["stage"],
             version["id"],
@@ -111,6 +113,13 @@ def _list(args: argparse.Namespace) -> int:
         )
     console.print(table)
     return 0
+
+
+def _sources(upstream: list[tuple[str, str]]) -> str:
+    """Upstream versions in a few words; many of one stage are only counted."""
+    counts = Counter(stage for stage, _ in upstream)
+    few = [f"{stage}/{i}" for stage, i in upstream if counts[stage] <= _MOST_NAMED]
+    return " ".join([*few, *(f"{n} {stage}s" for stage, n in counts.items() if n > _MOST_NAMED)])
 
 
 def _diff(args: argparse.Namespace) -> int:
