@@ -1,4 +1,7 @@
 import os
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -7,6 +10,7 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 
 import pytest
 import torch
+import yaml
 from slapshot.command import Run
 from slapshot.config import load_config
 from slapshot.scenes.domain import load_domain
@@ -14,6 +18,7 @@ from slapshot.scenes.scene import Scene
 from slapshot.trajectories import demonstrations, fit, swings
 from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
+from workspace import Workspace, copy_repository
 
 ROOT = Path(__file__).parents[1]
 
@@ -69,3 +74,42 @@ def rig(scene, hockey_config, tmp_path_factory) -> Rig:
         produce(Run({**common, **config}, folders, folders[name], 2))
     model = TrajectoryVae.load(folders["trajectory_model"])
     return Rig(scene, model, Swings.load(folders["swings"]), folders)
+
+
+@pytest.fixture(scope="session")
+def can_render() -> bool:
+    """Whether this machine has a GL library for the figures that show the scene."""
+    code = (
+        "from slapshot.figures.rendering import render\nimport mujoco\n"
+        "model = mujoco.MjModel.from_xml_string("
+        "'<mujoco><worldbody><camera name=\"c\"/></worldbody></mujoco>')\n"
+        "data = mujoco.MjData(model)\nmujoco.mj_forward(model, data)\nrender(model, data, 'c', 32, 32)\n"
+    )
+    environment = {k: v for k, v in os.environ.items() if k != "MUJOCO_GL"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=False)
+    return done.returncode == 0
+
+
+@pytest.fixture(scope="session")
+def new_workspace(tmp_path_factory, can_render) -> Callable[[str], Workspace]:
+    """Makes a copy whose configuration is the tiny one, without what cannot be drawn here."""
+
+    def make(name: str) -> Workspace:
+        workspace = copy_repository(tmp_path_factory.mktemp(name))
+        config = yaml.safe_load((ROOT / "config/tiny.yaml").read_text())
+        default = yaml.safe_load((ROOT / "config/default.yaml").read_text())
+        for key, domain in config["domains"].items():
+            figures = domain.get("figures", default["domains"][key]["figures"])
+            domain["figures"] = [f for f in figures if can_render or f != "F6"]
+        workspace.config.write_text(yaml.safe_dump(config))
+        return workspace
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def workspace(new_workspace) -> Workspace:
+    """The copy in which everything has been made once."""
+    workspace = new_workspace("workflow")
+    workspace.snakemake("figures")
+    return workspace

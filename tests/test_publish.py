@@ -1,15 +1,19 @@
 """Publishing: only what is whole, and nothing stale beside it."""
 
+import errno
 import json
 import os
+import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 from slapshot.errors import InputError
 from slapshot.publish import MANIFEST, publish
 from slapshot.store.folder import Store
+from slapshot.store.lock import held
 from slapshot.store.recipe import Recipe
 
 
@@ -152,3 +156,36 @@ def test_the_command_says_in_one_line_what_is_missing(tmp_path):
     assert done.returncode == 1
     assert done.stderr == "[figures] data/store/figure/0123456789ab is missing: run `snakemake figures`\n"
     assert not (tmp_path / "figures").exists()
+
+
+def test_a_full_disk_is_one_line_and_what_was_published_stays_whole(store, target, monkeypatch):
+    publish(store, [f7(store, 1)], target)
+    before = published(target)
+
+    def full(source: Path, copy: Path) -> None:
+        copy.write_text("half")
+        raise OSError(errno.ENOSPC, "No space left on device", str(copy))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "copyfile", full)
+        with pytest.raises(InputError) as caught:
+            publish(store, [f7(store, 2, "new")], target)
+    message = str(caught.value)
+    assert message.startswith(f"{target} could not be written: No space left on device ({target}/.F7-")
+    assert "\n" not in message
+    assert {name: text for name, text in published(target).items() if name[0] != "."} == before
+    publish(store, [f7(store, 1)], target)
+    assert published(target) == before  # the half copy is gone, too
+
+
+def test_who_publishes_waits_for_who_publishes_to_the_same_folder(store, target):
+    version = f7(store, 1)
+    target.mkdir()
+    with held(target / ".lock", "publishes"):
+        thread = threading.Thread(target=publish, args=(store, [version], target), daemon=True)
+        thread.start()
+        thread.join(0.2)
+        assert thread.is_alive()
+        assert published(target).keys() == {".lock"}
+    thread.join(60)
+    assert set(published(target)) == {"F7-simulated.png", "F7-simulated.csv"}

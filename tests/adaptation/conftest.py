@@ -19,7 +19,7 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.method import Sizes, load_method
 from slapshot.recordings.format import ObjectInfo, Recording
 from slapshot.recordings.write import write_recording
-from slapshot.rollouts.dataset import read_sequences
+from slapshot.rollouts.reading import read_sequences
 from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
 
 HITS = 24  # of a condition, and of an object of a rig

@@ -12,7 +12,7 @@ from slapshot.adaptation.checkpoint import load_ensemble, save_ensemble
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.method import Sizes, load_method
 from slapshot.command import Run
-from slapshot.rollouts.dataset import read_sequences
+from slapshot.rollouts.reading import read_sequences
 
 MODELS, CONDITIONS, TASKS, REPEATS = 2, 22, 4, 3
 SAMPLES, VARIANCES, VARIANCE_MAX = [0, 1, 6], [0.0, 0.1, 0.4], 0.2

@@ -12,7 +12,7 @@ import pytest
 from slapshot.adaptation import calibrate
 from slapshot.adaptation.intervals import raw_radius2
 from slapshot.command import Run
-from slapshot.rollouts.dataset import read_sequences
+from slapshot.rollouts.reading import read_sequences
 
 MODELS, CONDITIONS, SAMPLES, QUERIES = 2, 22, [0, 2, 8], 6
 LEVELS, VARIANCES, VARIANCE_MAX = [0.5, 0.9], [0.0, 0.1, 0.4], 0.2

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 import torch
 from slapshot.adaptation.data import SequenceSampler, Standardiser
-from slapshot.rollouts.dataset import Sequences
+from slapshot.rollouts.reading import Sequences
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 from slapshot.adaptation import predictions
 from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.command import Run
-from slapshot.rollouts.dataset import read_sequences
+from slapshot.rollouts.reading import read_sequences
 
 SAMPLES, LEVELS = [0, 2, 8], [0.5, 0.975]
 CONDITIONS, ALL_TRACKED = 22, 3

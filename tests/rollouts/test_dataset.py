@@ -13,7 +13,8 @@ import pytest
 from slapshot.command import Run, make_version
 from slapshot.rollouts import plan as plan_module
 from slapshot.rollouts.__main__ import produce
-from slapshot.rollouts.dataset import ROWS_PER_GROUP, concatenate, hits_schema, read_sequences
+from slapshot.rollouts.dataset import ROWS_PER_GROUP, concatenate, hits_schema
+from slapshot.rollouts.reading import read_sequences
 from slapshot.store.content import content_digest
 from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe

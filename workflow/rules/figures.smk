@@ -6,7 +6,7 @@ all_versions = [
 # What could be made is published even when something could not, and nothing stale stays behind; but a
 # stage that was asked for alone leaves the figures as they are.
 onerror:
-    if workflow.dag_settings.targets <= {"figures"}:
+    if set(workflow.dag_settings.targets) <= {"figures"}:
         shell(
             "python -m slapshot.publish --available --name {config[name]:q} --log logs/publish.log {all_versions:q}"
         )

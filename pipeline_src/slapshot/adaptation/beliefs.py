@@ -17,7 +17,7 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.adaptation.recorded import recorded_tasks, split_hits
 from slapshot.command import Run, stage_command
-from slapshot.rollouts.dataset import read_sequences
+from slapshot.rollouts.reading import read_sequences
 
 log = logging.getLogger("slapshot")
 

@@ -14,7 +14,7 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.intervals import calibrate, predictive, raw_radius2
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.command import Run, stage_command
-from slapshot.rollouts.dataset import Sequences, read_sequences
+from slapshot.rollouts.reading import Sequences, read_sequences
 
 log = logging.getLogger("slapshot")
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from slapshot.rollouts.dataset import Sequences
+from slapshot.rollouts.reading import Sequences
 
 # A component that hardly varies (a start that is always the same) is centred but not scaled up.
 _CONSTANT = 1e-6

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.adaptation.scoring import errors_against_samples
 from slapshot.command import Run, stage_command
-from slapshot.rollouts.dataset import read_sequences
+from slapshot.rollouts.reading import read_sequences
 
 log = logging.getLogger("slapshot")
 

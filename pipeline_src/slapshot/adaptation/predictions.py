@@ -15,7 +15,7 @@ from slapshot.adaptation.intervals import Calibration, predictive
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.adaptation.recorded import recorded_tasks, split_hits
 from slapshot.command import Run, stage_command
-from slapshot.rollouts.dataset import iterate_tracks, read_sequences
+from slapshot.rollouts.reading import iterate_tracks, read_sequences
 
 log = logging.getLogger("slapshot")
 

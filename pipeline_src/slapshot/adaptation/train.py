@@ -14,7 +14,7 @@ from slapshot.adaptation.data import SequenceSampler, Standardiser
 from slapshot.adaptation.method import AdaptationMethod, Sizes, load_method
 from slapshot.adaptation.optimise import fit
 from slapshot.command import Run, stage_command
-from slapshot.rollouts.dataset import read_sequences
+from slapshot.rollouts.reading import read_sequences
 
 log = logging.getLogger("slapshot")
 

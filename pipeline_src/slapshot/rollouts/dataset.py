@@ -1,11 +1,9 @@
-"""The Parquet dataset: one table of hits a split, one of conditions, one of sampled tracks.
+"""Writing the Parquet dataset: one table of hits a split, one of conditions, one of sampled tracks.
 
 Every table's columns carry their unit in the field's metadata. `state`, `action` and `outcome` are what
 an adaptation method sees, whatever the domain; the other columns say how the outcome came about.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -130,38 +128,3 @@ def concatenate(parts: list[Path], path: Path, schema: pa.Schema) -> None:
         for table in waiting:
             if len(table):
                 writer.write_table(table)
-
-
-@dataclass(frozen=True)
-class Sequences:
-    """Hits of a split by condition: c conditions, n hits each.
-
-    Attributes:
-        state, action, outcome: (c, n, size) in the units of the dataset.
-        conditions: (c) rows of the table of conditions.
-    """
-
-    state: NDArray[np.float32]
-    action: NDArray[np.float32]
-    outcome: NDArray[np.float32]
-    conditions: pd.DataFrame
-
-
-def read_sequences(folder: Path, split: str) -> Sequences:
-    """The split's hits as arrays, in the order of conditions."""
-    conditions = pd.read_parquet(folder / "conditions.parquet")
-    conditions = conditions[conditions["split"] == split].reset_index(drop=True)
-    table = pq.read_table(folder / f"hits-{split}.parquet", columns=["state", "action", "outcome"])
-    arrays = {}
-    for name in table.column_names:
-        column = table[name].combine_chunks()
-        flat = column.flatten().to_numpy().copy()
-        arrays[name] = flat.reshape(len(conditions), -1, column.type.list_size)
-    return Sequences(**arrays, conditions=conditions)
-
-
-def iterate_tracks(folder: Path) -> Iterator[pd.DataFrame]:
-    """Sampled tracks, a row group at a time."""
-    with pq.ParquetFile(folder / "tracks.parquet") as file:
-        for group in range(file.num_row_groups):
-            yield file.read_row_group(group).to_pandas()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from slapshot.recordings.format import Recording, joint_columns
 from slapshot.recordings.read import read_recording
-from slapshot.rollouts.dataset import iterate_tracks
+from slapshot.rollouts.reading import iterate_tracks
 from slapshot.scenes.scene import SceneInfo
 from slapshot.trajectories.swings import Swings
 from slapshot.viewer.choice import choose_evenly

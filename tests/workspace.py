@@ -10,15 +10,16 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pytest
 import yaml
+from slapshot.store.folder import VERSION_FILE, Store
+from slapshot.store.verify import damaged_files
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 COPIED = ("Snakefile", "workflow", "profiles", "config", "pipeline_src", "pyproject.toml", "data")
 LONGEST = 600  # s, for one call; a call that hangs fails
 
@@ -99,6 +100,20 @@ class Workspace:
     def folder(self, version: Version) -> Path:
         return self.root / "data/store" / version.stage / version.id
 
+    def whole(self) -> dict[str, tuple[int, int]]:
+        """stage/id of all versions that the store calls whole -> what changes when one is made again.
+
+        Each must have the content that its version.json states.
+        """
+        store = Store(self.root / "data/store")
+        found = {}
+        for folder, _ in store.versions():
+            if store.is_whole(folder.parent.name, folder.name):
+                assert damaged_files(folder) == []
+                stat = (folder / VERSION_FILE).stat()
+                found[f"{folder.parent.name}/{folder.name}"] = (stat.st_ino, stat.st_mtime_ns)
+        return found
+
     def content(self, version: Version) -> dict[str, str]:
         """File -> digest of its content."""
         return json.loads((self.folder(version) / "version.json").read_text())["content"]
@@ -126,13 +141,16 @@ class Workspace:
         finally:
             path.write_text(before)
 
+    def start(self, *command: str, output: Path) -> subprocess.Popen[bytes]:
+        """A command in the copy, as the leader of a process group of its own."""
+        with output.open("w") as file:
+            return subprocess.Popen(
+                command, cwd=self.root, env=self.environment, stdout=file, stderr=file, start_new_session=True
+            )
+
     def kill_when(self, condition: Callable[[], bool], *command: str) -> bool:
         """Start a command and kill it with all its children once the condition holds; False if it ended."""
-        with (self.root / "killed.txt").open("w") as output:
-            process = subprocess.Popen(
-                command, cwd=self.root, env=self.environment, stdout=output, stderr=output,
-                start_new_session=True,
-            )  # fmt: skip
+        process = self.start(*command, output=self.root / "killed.txt")
         latest = time.monotonic() + LONGEST
         while process.poll() is None and time.monotonic() < latest:
             if condition():
@@ -143,6 +161,28 @@ class Workspace:
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()
         return not ended
+
+    def clone(self, folder: Path) -> "Workspace":
+        """Another copy with all that has been made in this one."""
+        shutil.copytree(self.root, folder, symlinks=True)
+        return Workspace(folder, folder / self.config.name)
+
+
+def downstream(versions: dict[str, Version], labels: set[str]) -> set[str]:
+    """The labels and those of all versions that are made from theirs."""
+    found = set(labels)
+    for label, version in versions.items():  # upstream comes first
+        if set(version.upstream) & {f"{versions[other].stage}/{versions[other].id}" for other in found}:
+            found.add(label)
+    return found
+
+
+def few(versions: dict[str, Version], made: Collection[str]) -> set[str]:
+    """Labels of one version and all that is made from it: few of them, of many stages."""
+    families = [downstream(versions, {label}) for label in versions]
+    families = [{n for n in family if f"{versions[n].stage}/{versions[n].id}" in made} for family in families]
+    small = [family for family in families if 0 < len(family) <= 5]
+    return max(small, key=lambda family: (len({versions[n].stage for n in family}), sorted(family)))
 
 
 def snakemake_command(*targets: str, config: Path) -> tuple[str, ...]:
@@ -170,42 +210,3 @@ def copy_repository(folder: Path) -> Workspace:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(ROOT / name, folder / name)
     return Workspace(folder, folder / "test.yaml")
-
-
-@pytest.fixture(scope="session")
-def can_render() -> bool:
-    """Whether this machine has a GL library for the figures that show the scene."""
-    code = (
-        "from slapshot.figures.rendering import render\nimport mujoco\n"
-        "model = mujoco.MjModel.from_xml_string("
-        "'<mujoco><worldbody><camera name=\"c\"/></worldbody></mujoco>')\n"
-        "data = mujoco.MjData(model)\nmujoco.mj_forward(model, data)\nrender(model, data, 'c', 32, 32)\n"
-    )
-    environment = {k: v for k, v in os.environ.items() if k != "MUJOCO_GL"}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=False)
-    return done.returncode == 0
-
-
-@pytest.fixture(scope="session")
-def new_workspace(tmp_path_factory, can_render) -> Callable[[str], Workspace]:
-    """Makes a copy whose configuration is the tiny one, without what cannot be drawn here."""
-
-    def make(name: str) -> Workspace:
-        workspace = copy_repository(tmp_path_factory.mktemp(name))
-        config = yaml.safe_load((ROOT / "config/tiny.yaml").read_text())
-        default = yaml.safe_load((ROOT / "config/default.yaml").read_text())
-        for key, domain in config["domains"].items():
-            figures = domain.get("figures", default["domains"][key]["figures"])
-            domain["figures"] = [f for f in figures if can_render or f != "F6"]
-        workspace.config.write_text(yaml.safe_dump(config))
-        return workspace
-
-    return make
-
-
-@pytest.fixture(scope="session")
-def workspace(new_workspace) -> Workspace:
-    """The copy in which everything has been made once."""
-    workspace = new_workspace("workflow")
-    workspace.snakemake("figures")
-    return workspace

@@ -1,0 +1,45 @@
+"""Reading the Parquet dataset; what reads it does not depend on the code that simulates."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Sequences:
+    """Hits of a split by condition: c conditions, n hits each.
+
+    Attributes:
+        state, action, outcome: (c, n, size) in the units of the dataset.
+        conditions: (c) rows of the table of conditions.
+    """
+
+    state: NDArray[np.float32]
+    action: NDArray[np.float32]
+    outcome: NDArray[np.float32]
+    conditions: pd.DataFrame
+
+
+def read_sequences(folder: Path, split: str) -> Sequences:
+    """The split's hits as arrays, in the order of conditions."""
+    conditions = pd.read_parquet(folder / "conditions.parquet")
+    conditions = conditions[conditions["split"] == split].reset_index(drop=True)
+    table = pq.read_table(folder / f"hits-{split}.parquet", columns=["state", "action", "outcome"])
+    arrays = {}
+    for name in table.column_names:
+        column = table[name].combine_chunks()
+        flat = column.flatten().to_numpy().copy()
+        arrays[name] = flat.reshape(len(conditions), -1, column.type.list_size)
+    return Sequences(**arrays, conditions=conditions)
+
+
+def iterate_tracks(folder: Path) -> Iterator[pd.DataFrame]:
+    """Sampled tracks, a row group at a time."""
+    with pq.ParquetFile(folder / "tracks.parquet") as file:
+        for group in range(file.num_row_groups):
+            yield file.read_row_group(group).to_pandas()
