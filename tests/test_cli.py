@@ -41,7 +41,7 @@ def slapshot(monkeypatch, capsys):
 
 
 def recipes(config: Path | None = None) -> dict[str, Recipe]:
-    return make_plan(load_config(config)).recipes
+    return make_plan(load_config(config)).of_figures()
 
 
 def fill(config: Path | None = None, store: Path = Path("data/store")) -> dict[str, Recipe]:

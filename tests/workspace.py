@@ -27,10 +27,9 @@ _PLAN = """
 import json, sys
 from pathlib import Path
 from slapshot.config import load_config
-from slapshot.plan import ON_DEMAND, make_plan
-recipes = make_plan(load_config(Path(sys.argv[1]))).recipes
-asked = {label: r for label, r in recipes.items() if r.stage not in ON_DEMAND}
-print(json.dumps({label: [r.stage, r.id, list(r.upstream.values())] for label, r in asked.items()}))
+from slapshot.plan import make_plan
+recipes = make_plan(load_config(Path(sys.argv[1]))).of_figures()
+print(json.dumps({label: [r.stage, r.id, list(r.upstream.values())] for label, r in recipes.items()}))
 """
 
 

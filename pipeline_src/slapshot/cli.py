@@ -172,15 +172,15 @@ def _gc(args: argparse.Namespace) -> int:
 
 
 def _lock(args: argparse.Namespace) -> int:
-    plan, store = make_plan(load_config()), Store(args.store)
-    for label, recipe in plan.recipes.items():
+    recipes, store = make_plan(load_config()).of_figures(), Store(args.store)
+    for label, recipe in recipes.items():
         if not store.is_whole(recipe.stage, recipe.id):
             raise InputError(f"{label} is not made yet: run `snakemake figures` first")
-    text = json.dumps(make_lock(store, plan.recipes), indent=1, sort_keys=True)
+    text = json.dumps(make_lock(store, recipes), indent=1, sort_keys=True)
     with writing(LOCK):
         LOCK.parent.mkdir(parents=True, exist_ok=True)
         LOCK.write_text(text + "\n")
-    console.print(f"{LOCK}: {len(plan.recipes)} versions")
+    console.print(f"{LOCK}: {len(recipes)} versions")
     return 0
 
 
@@ -191,8 +191,7 @@ def _verify(args: argparse.Namespace) -> int:
         lock = json.loads(LOCK.read_text())
     except ValueError as error:
         raise InputError(f"{LOCK} is damaged ({error}): restore it from git") from None
-    plan = make_plan(load_config())
-    verdicts = compare(Store(args.store), plan.recipes, lock)
+    verdicts = compare(Store(args.store), make_plan(load_config()).of_figures(), lock)
     for label, verdict in verdicts.items():
         console.print(f"{label}: {verdict}")
     good = all(v.startswith(("identical", "equal")) for v in verdicts.values())

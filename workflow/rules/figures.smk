@@ -1,6 +1,4 @@
-all_versions = [
-    f"{r.stage}/{r.id}" for r in plan.recipes.values() if r.stage not in ON_DEMAND
-]
+all_versions = [f"{r.stage}/{r.id}" for r in plan.of_figures().values()]
 
 
 # What could be made is published even when something could not, and nothing stale stays behind; but a

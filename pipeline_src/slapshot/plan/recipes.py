@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.errors import InputError
-from slapshot.plan.catalogue import LIBRARIES, STAGES
+from slapshot.plan.catalogue import LIBRARIES, ON_DEMAND, STAGES
 from slapshot.store.recipe import Recipe, make_recipe
 
 
@@ -42,6 +42,10 @@ class Plan:
     def of_stage(self, stage: str) -> dict[str, Recipe]:
         """Label -> recipe of one stage."""
         return {label: r for label, r in self.recipes.items() if r.stage == stage}
+
+    def of_figures(self) -> dict[str, Recipe]:
+        """Label -> recipe of all that `snakemake figures` makes."""
+        return {label: r for label, r in self.recipes.items() if r.stage not in ON_DEMAND}
 
     def names_of(self, stage: str) -> list[str]:
         """What tells the versions of a stage apart, such as hockey-F7."""
