@@ -114,24 +114,45 @@ def peak_memory(folders: Mapping[str, Path], settings: dict[str, Any], factor: i
 def training_measures(
     domain: str, method_name: str, settings: Mapping[str, Any], training: Mapping[str, Any], action: int
 ) -> list[Measure]:
-    """Seconds of a training step at the configured sizes, and against the plain per-sample loop."""
-    generator = torch.Generator().manual_seed(0)
-    models, tasks, length = training["models"], training["tasks"], training["sequence"]
-    method = load_method(method_name).from_configuration(Sizes(2, action, 2), settings, models, generator)
-    data = [torch.randn(models, tasks, length, size, generator=generator) for size in (2, action, 2)]
+    """Seconds of a training step at the configured sizes, and against a plain loop.
 
-    def step(predict: Callable[..., torch.Tensor]) -> None:
-        method.zero_grad()
-        method.sequence_loss(predict(*data), data[2]).backward()
-
-    plain = AdaptationMethod.sequence_predictions
-    step(method.sequence_predictions)
-    fast = min(seconds(lambda: step(method.sequence_predictions)) for _ in range(5))
-    slow = min(seconds(lambda: step(lambda *d: plain(method, *d))) for _ in range(3))
+    The plain loop trains one model after the other and goes through a sequence sample by sample.
+    """
+    models = training["models"]
+    together = _training_step(method_name, settings, training, action, models)
+    alone = _training_step(method_name, settings, training, action, 1, plain=True)
+    together()
+    fast = min(seconds(together) for _ in range(5))
+    slow = min(seconds(lambda: [alone() for _ in range(models)]) for _ in range(3))
     return [
         Measure(f"{domain}_{method_name}_training_step", fast, "s"),
         Measure(f"{domain}_{method_name}_training_step_ratio_to_plain_loop", slow / fast, "1"),
     ]
+
+
+def _training_step(
+    method_name: str,
+    settings: Mapping[str, Any],
+    training: Mapping[str, Any],
+    action: int,
+    models: int,
+    plain: bool = False,
+) -> Callable[[], None]:
+    """A forward and a backward pass through random sequences."""
+    generator = torch.Generator().manual_seed(0)
+    method = load_method(method_name).from_configuration(Sizes(2, action, 2), settings, models, generator)
+    shape = (models, training["tasks"], training["sequence"])
+    data = [torch.randn(*shape, size, generator=generator) for size in (2, action, 2)]
+
+    def step() -> None:
+        method.zero_grad()
+        if plain:
+            predicted = AdaptationMethod.sequence_predictions(method, *data)
+        else:
+            predicted = method.sequence_predictions(*data)
+        method.sequence_loss(predicted, data[2]).backward()
+
+    return step
 
 
 def seconds(work: Callable[[], object]) -> float:
