@@ -13,7 +13,7 @@ from rich.table import Table
 from slapshot.config import load_config
 from slapshot.errors import InputError, writing
 from slapshot.plan import Plan, make_plan
-from slapshot.recordings.__main__ import main as check_recording
+from slapshot.recordings.commands import run_check, run_import
 from slapshot.store.folder import Store
 from slapshot.store.housekeeping import collect_garbage, find_version, flatten
 from slapshot.store.verify import compare, make_lock
@@ -68,7 +68,12 @@ def _parser() -> argparse.ArgumentParser:
     config.set_defaults(run=_config)
     check = commands.add_parser("check", help="check a recording and say what is in it")
     check.add_argument("recording", help="folder")
-    check.set_defaults(run=lambda args: check_recording([args.recording]))
+    check.set_defaults(run=run_check)
+    importing = commands.add_parser("import", help="make a recording of tracks in CSV files")
+    importing.add_argument("mapping", type=Path, help="YAML file that says which column is what")
+    importing.add_argument("source", type=Path, help="folder of CSV files, one of them, or a path with *")
+    importing.add_argument("out", type=Path, help="folder of the recording, which must not exist yet")
+    importing.set_defaults(run=run_import)
     browse = commands.add_parser("browse", help="look at hits in the Rerun viewer")
     browse.add_argument("--config", type=Path, help="configuration whose hits are shown, else the default")
     browse.add_argument("--store", type=Path, default=Path("data/store"))

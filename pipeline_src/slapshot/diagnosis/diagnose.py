@@ -1,0 +1,212 @@
+"""From a recording and a scene to a verdict."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from slapshot.diagnosis.free_form import FREE_FORMS
+from slapshot.diagnosis.held_out import HeldOut, errors, noise_floor, predict_held_out
+from slapshot.diagnosis.judgement import found_effects, limits, location_of, mismatch_of, unknown_of
+from slapshot.diagnosis.next_hits import next_hits
+from slapshot.diagnosis.noise import estimate_noise
+from slapshot.diagnosis.search import ADD, CLASS, MOST, Candidate, Screen, Search
+from slapshot.diagnosis.slide_fit import Fit, SlideFitter
+from slapshot.diagnosis.slide_model import Point, SlideModel
+from slapshot.diagnosis.suitability import cannot_tell
+from slapshot.diagnosis.tracks import HitTracks, hit_tracks
+from slapshot.diagnosis.verdict import Errors, Verdict
+from slapshot.effects.catalogue import catalogue
+from slapshot.effects.effect import Effect
+from slapshot.recordings.format import Recording
+
+Array = NDArray[np.float64]
+
+HELD_OUT = 0.25  # share of commands
+LEAST_SHIFT = 0.003  # m, rms of rest points: less is not called missing physics
+P_VALUE = 0.01
+LEAST_EVIDENCE = 3.0  # nats
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a diagnosis knows of the scene.
+
+    Attributes:
+        radius: m, of the object as a disc.
+        camera: (2,) m, point of the plane that the camera looks at.
+        friction: nominal mu_x, mu_y and torsional friction in m.
+    """
+
+    radius: float
+    camera: Array
+    friction: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A verdict and what it was read from, for figures.
+
+    Attributes:
+        verdict: what was found.
+        search: with its fitter (of the hits that were used for it) and all that was refitted; None where
+            nothing could be told.
+        nominal, final: fits without and with the effects that were found.
+        screen: of all hypotheses at the nominal fit.
+        held_out: fitter of the held-out hits.
+    """
+
+    verdict: Verdict
+    search: Search | None = None
+    nominal: Candidate | None = None
+    final: Candidate | None = None
+    screen: Screen | None = None
+    held_out: SlideFitter | None = None
+
+
+def diagnose(
+    recording: Recording,
+    setting: Setting,
+    seed: int = 0,
+    effects: Mapping[str, Effect] | None = None,
+    threads: int = 1,
+) -> Diagnosis:
+    """Diagnose the slides of a recording.
+
+    Args:
+        recording: with tracks.
+        setting: of the nominal scene.
+        seed: of the split into hits to use and to hold out, of sign flips and of bootstraps.
+        effects: the catalogue; None for all effects there are.
+        threads: for simulations.
+    """
+    known = dict(effects if effects is not None else catalogue())
+    known = {name: e for name, e in known.items() if e.acts_on_slide or e.acts_on_camera}
+    tracks = hit_tracks(recording) if recording.tracks is not None else None
+    reason = cannot_tell(recording, tracks)
+    if reason is not None or tracks is None:
+        used = 0 if tracks is None else len(tracks)
+        return Diagnosis(
+            Verdict(
+                recording.rig, recording.kind, recording.stand_in, len(recording.hits), used, reason,
+                notes=_notes(tracks),
+            )
+        )  # fmt: skip
+    # Named in this order whatever the order in which the table lists them.
+    split_rng, flip_rng, resample_rng = np.random.default_rng(seed).spawn(3)
+    kept, held = _split(tracks, split_rng)
+    noise = estimate_noise(*tracks.resting)
+    everything = known | {effect.name: effect for effect in FREE_FORMS}
+    fitter = SlideFitter(
+        SlideModel(tracks.take(kept), everything, setting.radius, setting.camera, threads), noise
+    )
+    search = Search(fitter, list(known), [effect.name for effect in FREE_FORMS], flip_rng)
+    nominal = search.nominal()
+    screen = search.screen(nominal, [*search.catalogue, *search.free])
+    mismatch = mismatch_of(screen, P_VALUE, LEAST_EVIDENCE, LEAST_SHIFT)
+    final, leftover = nominal, screen
+    if mismatch.found:
+        final, leftover = _search(search, nominal, screen)
+    named = found_effects(search, final)
+    unknown = unknown_of(search, final, leftover, mismatch.found, LEAST_SHIFT)
+    rivals = list(named[0].members)[:2] if named else []
+    test = SlideFitter(
+        SlideModel(tracks.take(held), everything, setting.radius, setting.camera, threads), noise
+    )
+    test.drop_jumps(_start_of(test, nominal.fit))
+    verdict = Verdict(
+        rig=recording.rig,
+        kind=recording.kind,
+        stand_in=recording.stand_in,
+        hits=len(recording.hits),
+        used=len(tracks),
+        cannot_tell=None,
+        mismatch=mismatch,
+        location=location_of(named, unknown),
+        effects=named,
+        unknown=unknown,
+        limits=() if mismatch.found else limits(search, nominal),
+        noise_sd_m=noise.sd,
+        noise_time_s=noise.time,
+        friction_scatter=final.fit.friction_sd,
+        fit=_fit(test, nominal, final, setting, resample_rng),
+        next_hits=next_hits(search, final, rivals, setting, noise),
+        notes=_notes(tracks),
+    )
+    return Diagnosis(verdict, search, nominal, final, screen, test)
+
+
+def _search(search: Search, nominal: Candidate, screen: Screen) -> tuple[Candidate, Screen]:
+    """Add effects while the recording asks for them, then delete what became superfluous."""
+    best = search.grow(nominal, screen, search.catalogue)[0]
+    if best.log_evidence < ADD:
+        return nominal, screen
+    leftover = search.screen_beyond(best)
+    while len(best.effects) < MOST:
+        further = [n for n in search.catalogue if n not in best.effects]
+        strongest = leftover.best(further)[0]
+        # A screen is linear: what falls short of ADD by a class may still gain it in a refit.
+        asked = leftover.log_evidence[strongest] > ADD - CLASS and leftover.p_value < P_VALUE
+        if not asked or leftover.shift[strongest] < LEAST_SHIFT:
+            break
+        grown = search.grow(best, leftover, further)[0]
+        if grown.log_evidence < best.log_evidence + ADD:
+            break
+        best = search.prune(grown)
+        leftover = search.screen_beyond(best)
+    return best, leftover
+
+
+def _split(tracks: HitTracks, rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows to use and to hold out; repeats of one command are on one side."""
+    commands = np.unique(tracks.command)
+    held = rng.permutation(commands)[: max(2, round(HELD_OUT * len(commands)))]
+    mask = np.isin(tracks.command, held)
+    return np.flatnonzero(~mask), np.flatnonzero(mask)
+
+
+def _start_of(fitter: SlideFitter, fit: Fit) -> Point:
+    """Launches of other hits under a fit's shared parameters."""
+    start = fitter.start()
+    return Point(start.latents, fit.point.nuisance, fit.point.effects)
+
+
+def _fit(
+    test: SlideFitter,
+    nominal: Candidate,
+    final: Candidate,
+    setting: Setting,
+    rng: np.random.Generator,
+) -> dict[str, Errors]:
+    """Errors of the scenes on held-out hits."""
+    objects = len(nominal.fit.point.nuisance)
+    believed = Point(nominal.fit.point.latents, np.tile(np.log(setting.friction), (objects, 1)))
+    as_believed = Fit(
+        believed,
+        nominal.fit.friction_sd,
+        np.nan,
+        (),
+        np.empty((0, 0)),
+        nominal.fit.marginal,
+        1.0,
+        True,
+    )
+    refitted = predict_held_out(test, nominal.fit)
+    augmented = refitted if final is nominal else predict_held_out(test, final.fit)
+    found: dict[str, HeldOut] = {
+        "nominal": predict_held_out(test, as_believed),
+        "refitted": refitted,
+        "augmented": augmented,
+    }
+    judged = {name: errors(held, refitted.loglik, rng) for name, held in found.items()}
+    return judged | {"noise_floor": noise_floor(augmented, refitted.loglik, rng)}
+
+
+def _notes(tracks: HitTracks | None) -> tuple[str, ...]:
+    """Hits that were not used, by reason."""
+    if tracks is None:
+        return ()
+    reasons: dict[str, list[int]] = {}
+    for hit, why in tracks.dropped.items():
+        reasons.setdefault(why, []).append(hit)
+    return tuple(f"{len(hits)} hits were left out because {why}" for why, hits in sorted(reasons.items()))

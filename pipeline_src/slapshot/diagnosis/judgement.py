@@ -1,0 +1,158 @@
+"""From fits and evidence to sentences of a verdict: what is found, named, located, limited."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from slapshot.diagnosis.evidence import project
+from slapshot.diagnosis.search import ADD, CLASS, Candidate, Screen, Search
+from slapshot.diagnosis.slide_fit import Fit
+from slapshot.diagnosis.slide_model import Column
+from slapshot.diagnosis.verdict import (
+    Limit,
+    Location,
+    Mismatch,
+    NamedEffect,
+    ParameterValue,
+    Unknown,
+)
+
+Array = NDArray[np.float64]
+
+Z90, Z95 = 1.645, 1.96
+MOST_PARAMETERS = 4  # of an effect that are listed one by one
+
+
+def mismatch_of(screen: Screen, p_value: float, evidence: float, shift: float) -> Mismatch:
+    """Found if it cannot be chance, is worth its parameters, and is large enough to matter."""
+    best = max(screen.log_evidence, key=lambda name: screen.log_evidence[name])
+    large = max((screen.shift[n] for n, e in screen.log_evidence.items() if e > evidence), default=0.0)
+    found = screen.p_value < p_value and screen.log_evidence[best] > evidence and large >= shift
+    return Mismatch(found, screen.p_value, screen.log_evidence[best], screen.shift[best])
+
+
+def found_effects(search: Search, final: Candidate) -> tuple[NamedEffect, ...]:
+    """The effects of a fit, each with those that this recording cannot tell from it."""
+    found = []
+    for name in final.effects:
+        rest = tuple(n for n in final.effects if n != name)
+        members = _class(search, final, rest, name)
+        effect = search.fitter.model.effects[name]
+        without = search.seen.get(tuple(sorted(rest)))
+        gain = final.log_evidence - (without.log_evidence if without else 0.0)
+        found.append(
+            NamedEffect(
+                name=name,
+                phase=effect.phase,
+                variable=effect.follows,
+                members=members,
+                log_evidence=gain,
+                shift_m=search.rest_shift(final, name),
+                parameters=parameters_of(search, final.fit, name),
+                physics=" ".join(effect.physics.split("\n")),
+            )
+        )
+    return tuple(sorted(found, key=lambda e: -e.log_evidence))
+
+
+def _class(search: Search, final: Candidate, rest: tuple[str, ...], name: str) -> dict[str, float]:
+    """Probabilities of effects that could stand in the place of one, within CLASS nats of the best."""
+    evidence = {name: final.log_evidence}
+    for effects, candidate in search.seen.items():
+        other = set(effects) - set(rest)
+        if set(rest) <= set(effects) and len(effects) == len(rest) + 1:
+            (stand_in,) = other
+            if stand_in in search.catalogue:
+                evidence[stand_in] = candidate.log_evidence
+    best = max(evidence.values())
+    near = {n: float(np.exp(e - best)) for n, e in evidence.items() if e > best - CLASS}
+    near = near or {name: 1.0}
+    total = sum(near.values())
+    return dict(sorted(((n, p / total) for n, p in near.items()), key=lambda item: -item[1]))
+
+
+def parameters_of(search: Search, fit: Fit, name: str) -> tuple[ParameterValue, ...]:
+    """Values with 90 % intervals; of a field, its largest weights."""
+    effect = search.fitter.model.effects[name]
+    covariance = robust_covariance(fit)
+    values = []
+    for c, column in enumerate(fit.columns):
+        if column.owner == name:
+            p = next(q for q in effect.parameters if q.name == column.parameter)
+            value, sd = fit.point.effects[name][p.name], float(np.sqrt(covariance[c, c]))
+            values.append(
+                ParameterValue(p.name, p.unit, value, value - Z90 * sd, value + Z90 * sd, p.meaning)
+            )
+    if len(values) > MOST_PARAMETERS:
+        values = sorted(values, key=lambda v: -abs(v.value))[:MOST_PARAMETERS]
+    return tuple(values)
+
+
+def robust_covariance(fit: Fit) -> Array:
+    """Of shared parameters: what hits really scatter by, where that is more than the model says."""
+    scores = fit.marginal.scores - fit.marginal.scores.mean(0)
+    sandwich = fit.covariance @ (scores.T @ scores) @ fit.covariance
+    larger = np.maximum(np.diagonal(sandwich) / np.diagonal(fit.covariance), 1.0)
+    scale = np.sqrt(larger)
+    return fit.covariance * np.outer(scale, scale)
+
+
+def unknown_of(search: Search, final: Candidate, leftover: Screen, found: bool, shift: float) -> Unknown:
+    """Whether a free form says clearly more than the effects that were named."""
+    best = leftover.best(search.free)[0]
+    evidence, moved = leftover.log_evidence[best], leftover.shift[best]
+    flagged = found and evidence > ADD + CLASS and moved >= shift and leftover.p_value < 0.01
+    effect = search.fitter.model.effects[best]
+    if not flagged:
+        return Unknown(False, None, None, evidence, moved)
+    return Unknown(True, effect.phase, effect.follows, evidence, moved)
+
+
+def location_of(named: Sequence[NamedEffect], unknown: Unknown) -> Location:
+    """Phase and variable of the strongest thing that is missing."""
+    if named and not (unknown.flagged and unknown.log_evidence > named[0].log_evidence):
+        first = named[0]
+        return Location(first.phase, first.variable, _size(first.shift_m))
+    if unknown.flagged:
+        return Location(unknown.phase, unknown.variable, _size(unknown.shift_m))
+    return Location(None, None, "nothing is missing that this recording could show")
+
+
+def _size(shift: float) -> str:
+    return f"it moves rest points by {1e3 * shift:.0f} mm (rms)"
+
+
+def limits(search: Search, nominal: Candidate) -> tuple[Limit, ...]:
+    """What effects with few parameters could still be, at 95 %."""
+    few = [n for n in search.catalogue if len(search.fitter.model.effects[n].parameters) <= MOST_PARAMETERS]
+    columns, marginal, _ = search.fitter.quadratic(nominal.fit, few)
+    _, precision = search.fitter.prior(columns)
+    fixed = np.array([c for c, column in enumerate(columns) if column.object >= 0])
+    found = []
+    for name in few:
+        mine = [c for c, column in enumerate(columns) if column.owner == name]
+        some = np.concatenate([fixed, mine]).astype(int)
+        projected = project(
+            marginal.information.sum(0)[np.ix_(some, some)],
+            marginal.scores[:, some],
+            np.arange(len(fixed)),
+            np.diag(precision[fixed]),
+        )
+        information = projected.information + np.diag(precision[mine])
+        covariance = np.asarray(np.linalg.inv(information), float)
+        estimate = covariance @ projected.scores.sum(0)
+        found += _limits_of(search, [columns[c] for c in mine], estimate, covariance, name)
+    return tuple(found)
+
+
+def _limits_of(
+    search: Search, columns: Sequence[Column], estimate: Array, covariance: Array, name: str
+) -> list[Limit]:
+    units = {p.name: p for p in search.fitter.model.effects[name].parameters}
+    found = []
+    for i, column in enumerate(columns):
+        # A shape has no limit where there may be nothing that has it.
+        if units[column.parameter].neutral == 0:
+            most = abs(estimate[i]) + Z95 * float(np.sqrt(covariance[i, i]))
+            found.append(Limit(name, column.parameter, units[column.parameter].unit, most))
+    return found

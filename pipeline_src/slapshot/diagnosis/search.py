@@ -1,0 +1,206 @@
+"""From a fit of the nuisance to the effects that are there: screen, refit, add, delete.
+
+All hypotheses are screened at once on one quadratic (see `marginal`); the best are then refitted with
+their full nonlinearity, and compared by their evidence. While a recording asks for more, effects are added;
+any that the others make superfluous are deleted.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from slapshot.diagnosis.evidence import SIZES, LinearEvidence, project
+from slapshot.diagnosis.slide_fit import Fit, SlideFitter
+from slapshot.diagnosis.slide_model import Column
+from slapshot.effects.effect import Effect
+
+Array = NDArray[np.float64]
+
+REFITTED = 4  # best of a screen that are refitted
+CLASS = 3.0  # nats: a factor of 20 in probability
+ADD = 4.0  # nats that a further effect must add
+MOST = 3  # effects in one recording
+FLIPS = 4000
+
+
+@dataclass(frozen=True)
+class Screen:
+    """Every hypothesis judged on one quadratic.
+
+    Attributes:
+        log_evidence: hypothesis -> nats over no further effect.
+        shift: hypothesis -> rms shift of the rest points in m that its best values make.
+        p_value: of the largest, by sign flips of whole hits.
+        direction: hypothesis -> best change of its parameters.
+    """
+
+    log_evidence: Mapping[str, float]
+    shift: Mapping[str, float]
+    p_value: float
+    direction: Mapping[str, Mapping[str, float]]
+
+    def best(self, among: Sequence[str]) -> list[str]:
+        """Hypotheses, best first."""
+        return sorted(among, key=lambda name: -self.log_evidence[name])
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A set of effects, refitted.
+
+    Attributes:
+        effects: names.
+        fit: of them and the nuisance.
+        log_evidence: nats over the nominal scene with refitted nuisance.
+    """
+
+    effects: tuple[str, ...]
+    fit: Fit
+    log_evidence: float
+
+
+@dataclass
+class Search:
+    """The search and what it finds on the way.
+
+    Attributes:
+        fitter: of the recording's hits.
+        catalogue: names of effects that may be named.
+        free: names of free forms.
+        rng: of the sign flips.
+        seen: every set of effects that was refitted.
+    """
+
+    fitter: SlideFitter
+    catalogue: Sequence[str]
+    free: Sequence[str]
+    rng: np.random.Generator
+    seen: dict[tuple[str, ...], Candidate] = field(default_factory=dict)
+
+    @property
+    def _effects(self) -> Mapping[str, Effect]:
+        return self.fitter.model.effects
+
+    def nominal(self) -> Candidate:
+        """The scene as it is, with its nuisance fitted; mistracked frames are left out."""
+        fit = self.fitter.fit(self.fitter.start())
+        self.fitter.drop_jumps(fit.point)
+        fit = self.fitter.fit(fit.point, fit.friction_sd)
+        self.seen[()] = Candidate((), fit, 0.0)
+        return self.seen[()]
+
+    def screen(self, at: Candidate, hypotheses: Sequence[str]) -> Screen:
+        """Judge hypotheses beyond those of a fit, which are projected out with the nuisance."""
+        columns, marginal, rest = self.fitter.quadratic(at.fit, [*at.effects, *hypotheses])
+        _, precision = self.fitter.prior(columns)
+        fixed = np.array([c for c, column in enumerate(columns) if column.owner not in hypotheses])
+        projected = project(marginal.information.sum(0), marginal.scores, fixed, np.diag(precision[fixed]))
+        others = [column for column in columns if column.owner in hypotheses]
+        # Where the model leaves more than noise, all evidence shrinks alike.
+        inflation = max(1.0, at.fit.dispersion)
+        total = projected.scores.sum(0) / inflation
+        flipped = self.rng.choice([-1.0, 1.0], (FLIPS, len(projected.scores))) @ projected.scores / inflation
+        largest = np.full(FLIPS, -np.inf)
+        log_evidence, shift, direction = {}, {}, {}
+        # Beyond what another friction would have done to the rest points.
+        others_at = np.setdiff1d(np.arange(len(columns)), fixed)
+        rest = rest[..., others_at] - rest[..., fixed] @ projected.weights
+        for name in hypotheses:
+            mine = np.array([c for c, column in enumerate(others) if column.owner == name])
+            own = [others[c] for c in mine]
+            judge = self._judge(name, own, projected.information[np.ix_(mine, mine)] / inflation)
+            log_evidence[name] = float(judge.log_ratio(total[None, mine])[0])
+            estimate = judge.estimate(total[None, mine])[0]
+            direction[name] = {column.parameter: v for column, v in zip(own, estimate, strict=True)}
+            largest = np.maximum(largest, judge.log_ratio(flipped[:, mine]))
+            shift[name] = float(np.sqrt(((rest[..., mine] @ estimate) ** 2).sum(-1).mean()))
+        best = max(log_evidence.values(), default=-np.inf)
+        p_value = float((1 + (largest >= best).sum()) / (1 + FLIPS))
+        return Screen(log_evidence, shift, p_value, direction)
+
+    def screen_beyond(self, at: Candidate) -> Screen:
+        """Judge all other effects and all free forms beyond those of a fit."""
+        return self.screen(at, [n for n in (*self.catalogue, *self.free) if n not in at.effects])
+
+    def rest_shift(self, at: Candidate, name: str) -> float:
+        """Rms change of the last frames in m if one effect of a fit were absent, launches being the same."""
+        point = at.fit.point
+        without = replace(point, effects={n: v for n, v in point.effects.items() if n != name})
+        last = self.fitter.valid.sum(1) - 1
+        rows = np.arange(len(last))
+        moved = self.fitter.model.predict(point) - self.fitter.model.predict(without)
+        return float(np.sqrt((moved[rows, last] ** 2).sum(-1).mean()))
+
+    def refit(
+        self, at: Candidate, names: Sequence[str], direction: Mapping[str, Mapping[str, float]]
+    ) -> Candidate:
+        """Fit a set of effects nonlinearly, from a fit of fewer of them and a linear estimate."""
+        key = tuple(sorted(names))
+        if key in self.seen:
+            return self.seen[key]
+        effects = {}
+        for name in key:
+            values = dict(at.fit.point.effects.get(name, self._effects[name].neutral()))
+            if name not in at.fit.point.effects and name in direction:
+                for parameter in self._effects[name].parameters:
+                    start = values[parameter.name] + float(direction[name].get(parameter.name, 0.0))
+                    values[parameter.name] = float(np.clip(start, parameter.low, parameter.high))
+            effects[name] = values
+        begin = replace(at.fit.point, effects=effects)
+        fit = self.fitter.fit(begin, at.fit.friction_sd, key)
+        self.seen[key] = Candidate(key, fit, self._log_evidence(key, fit))
+        return self.seen[key]
+
+    def grow(self, at: Candidate, screen: Screen, hypotheses: Sequence[str]) -> list[Candidate]:
+        """Refits of the best hypotheses of a screen added to a fit, best first."""
+        best = screen.best(hypotheses)[:REFITTED]
+        best = [n for n in best if screen.log_evidence[n] > screen.log_evidence[best[0]] - 8 * CLASS]
+        found = [self.refit(at, [*at.effects, name], screen.direction) for name in best]
+        return sorted(found, key=lambda c: -c.log_evidence)
+
+    def prune(self, candidate: Candidate) -> Candidate:
+        """Delete effects while the evidence for the rest is no smaller by more than ADD."""
+        for name in candidate.effects:
+            fewer = tuple(n for n in candidate.effects if n != name)
+            if not fewer:
+                continue
+            without = self.refit(candidate, fewer, {})
+            if without.log_evidence > candidate.log_evidence - ADD:
+                return self.prune(without)
+        return candidate
+
+    def _judge(self, name: str, columns: Sequence[Column], information: Array) -> LinearEvidence:
+        parameters = {p.name: p for p in self._effects[name].parameters}
+        first = parameters[columns[0].parameter]
+        one_sided = len(parameters) == 1 and first.low == first.neutral
+        scales = np.array([parameters[column.parameter].scale for column in columns])
+        return LinearEvidence(information, scales, one_sided)
+
+    def _log_evidence(self, names: tuple[str, ...], fit: Fit) -> float:
+        """Laplace's approximation at the refit, averaged over sizes, against the nominal scene."""
+        nominal = self.seen[()].fit
+        columns = fit.columns
+        mean, precision = self.fitter.prior(columns)
+        own = np.array([c for c, column in enumerate(columns) if column.owner in names])
+        fixed = np.setdiff1d(np.arange(len(columns)), own)
+        inflation = max(1.0, fit.dispersion)
+        projected = project(
+            fit.marginal.information.sum(0), fit.marginal.scores, fixed, np.diag(precision[fixed])
+        )
+        information = projected.information / inflation
+        values = np.array([fit.point.effects[columns[c].owner][columns[c].parameter] for c in own])
+        offset = values - mean[own]
+        slope = projected.scores.sum(0) / inflation
+        scales = 1 / (3 * np.sqrt(precision[own]))
+        gain = (nominal.objective - fit.objective + float((precision[own] * offset**2).sum())) / 2 / inflation
+        # The quadratic about the refit, as if it stood about the neutral values.
+        constant = gain - slope @ offset - offset @ information @ offset / 2
+        score = slope + information @ offset
+        terms = []
+        for size in SIZES:
+            scaled = size * scales
+            inner = np.eye(len(own)) + information * np.outer(scaled, scaled)
+            part = scaled * score
+            terms.append(part @ np.linalg.solve(inner, part) / 2 - np.linalg.slogdet(inner)[1] / 2)
+        return float(constant + np.logaddexp.reduce(terms) - np.log(len(SIZES)))

@@ -1,0 +1,248 @@
+"""Fit of a recording's slides: launches of all hits, friction of all objects, and effects, at once.
+
+Damped Gauss-Newton on the marginal likelihood. Camera noise was estimated at rest; the scatter of friction
+from hit to hit is estimated on the way (expectation maximisation), never assumed.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from slapshot.diagnosis.marginal import Marginal, marginalise
+from slapshot.diagnosis.noise import CameraNoise, outliers
+from slapshot.diagnosis.slide_model import Column, Point, SlideModel, Values
+from slapshot.effects.effect import GRAVITY
+
+Array = NDArray[np.float64]
+
+ITERATIONS = 12
+CONVERGED = 0.02  # of the objective (nats): differences that matter are of order 1
+SPIN_SD = 8.0  # rad/s, of a launch; twice what oblique hits give
+FRICTION_SD = (0.002, 0.3)  # bounds of the scatter of log friction from hit to hit
+# Prior of the nuisance parameters: any dry surface.
+NUISANCE_MEAN = np.log([0.35, 0.35, 0.01])
+NUISANCE_SD = np.array([1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted recording.
+
+    Attributes:
+        point: latents, nuisance and effects.
+        friction_sd: of log friction from hit to hit.
+        objective: -2 log marginal likelihood minus constants; lower is better.
+        columns: of `covariance` and `marginal`.
+        covariance: (p, p) of the shared parameters.
+        marginal: at the point.
+        dispersion: of whitened residuals, 1 where the model holds.
+        converged: whether it did.
+    """
+
+    point: Point
+    friction_sd: float
+    objective: float
+    columns: tuple[Column, ...]
+    covariance: Array
+    marginal: Marginal
+    dispersion: float
+    converged: bool
+
+
+class SlideFitter:
+    """Fits one set of hits; frames that jump are left out."""
+
+    def __init__(self, model: SlideModel, noise: CameraNoise) -> None:
+        self.model, self.noise = model, noise
+        self.valid = model.tracks.valid.copy()
+
+    def start(self) -> Point:
+        """Launches from the first frames, friction from how far the object went."""
+        tracks = self.model.tracks
+        count = len(tracks)
+        latents = np.zeros((count, 6))
+        for i in range(count):
+            t, p = tracks.times[i][tracks.valid[i]], tracks.places[i][tracks.valid[i]]
+            first = slice(0, max(4, min(7, len(t) // 3)))
+            fit = np.polynomial.polynomial.polyfit(t[first], p[first], 1)
+            latents[i, :2], latents[i, 2:4] = fit[0], fit[1]
+        ends = np.array([p[v][-3:].mean(0) for p, v in zip(tracks.places, tracks.valid, strict=True)])
+        distance = np.linalg.norm(ends - latents[:, :2], axis=1)
+        mu = (latents[:, 2:4] ** 2).sum(1) / (2 * GRAVITY * np.maximum(distance, 0.02))
+        nuisance = np.tile(NUISANCE_MEAN, (len(tracks.objects), 1))
+        for k in range(len(tracks.objects)):
+            mine = mu[tracks.object == k]
+            if len(mine):
+                nuisance[k, :2] = np.log(np.clip(np.median(mine), 0.02, 2.0))
+        return Point(latents, nuisance)
+
+    def drop_jumps(self, point: Point) -> None:
+        """Leave mistracked frames out from now on: moved behind the valid ones of their hit."""
+        tracks = self.model.tracks
+        jump = outliers(tracks.places - self.model.predict(point), self.valid, self.noise.sd)
+        keep = self.valid & ~jump
+        order = np.argsort(~keep, axis=1, kind="stable")
+        rows = np.arange(len(tracks))[:, None]
+        self.valid = keep[rows, order]
+        tracks = replace(tracks, times=tracks.times[rows, order], places=tracks.places[rows, order])
+        self.model.tracks = replace(tracks, valid=self.valid)
+
+    def fit(self, start: Point, friction_sd: float = 0.03, effects: Sequence[str] = ()) -> Fit:
+        """Fit launches, nuisance and the effects named, from a point."""
+        point = replace(
+            start,
+            effects={n: dict(start.effects.get(n, self.model.effects[n].neutral())) for n in effects},
+        )
+        columns = self.model.columns(effects)
+        mean, precision = self.prior(columns)
+        damping = 1e-3
+        state = self.evaluate(point, columns, friction_sd)
+        objective = self._objective(state, point, columns, mean, precision, friction_sd)
+        converged = False
+        for _ in range(ITERATIONS):
+            information = state.information.sum(0) + np.diag(precision)
+            score = state.scores.sum(0) + precision * (mean - self._shared(point, columns))
+            shift = np.linalg.solve(information + damping * np.diag(np.diag(information)), score)
+            new = self._moved(point, columns, shift, state)
+            sd = self._friction_scatter(new, state)
+            candidate = self.evaluate(new, columns, sd)
+            value = self._objective(candidate, new, columns, mean, precision, sd)
+            # The scatter's own update may raise the objective by its bound alone; a little is let pass.
+            if value > objective + 1.0 and damping < 1e4:
+                damping *= 10
+                continue
+            change = objective - value
+            point, state, objective, friction_sd = new, candidate, value, sd
+            damping = max(damping / 5, 1e-6)
+            if abs(change) < CONVERGED:
+                converged = True
+                break
+        information = state.information.sum(0) + np.diag(precision)
+        freedom = 2 * self.valid.sum() - 4 * len(self.valid)
+        return Fit(
+            point,
+            friction_sd,
+            objective,
+            tuple(columns),
+            np.linalg.inv(information),
+            state,
+            float(state.squares.sum() / max(freedom, 1)),
+            converged,
+        )
+
+    def quadratic(self, fit: Fit, effects: Sequence[str]) -> tuple[list[Column], Marginal, Array]:
+        """Columns of nuisance and effects at a fitted point.
+
+        Returns:
+            The columns; hits marginalised over them; (n, 2, p) change of each hit's last frame in m, its
+            launch being what it is.
+        """
+        columns = self.model.columns(effects)
+        predicted, by_latent, by_column = self.model.derivatives(fit.point, columns)
+        last = self.valid.sum(1) - 1
+        rest = by_column[np.arange(len(last)), last]
+        return columns, self._marginal(fit.point, predicted, by_latent, by_column, fit.friction_sd), rest
+
+    def prior(self, columns: Sequence[Column]) -> tuple[Array, Array]:
+        """Mean and information (p,) of the shared parameters."""
+        mean, precision = np.zeros(len(columns)), np.zeros(len(columns))
+        for c, column in enumerate(columns):
+            if column.object >= 0:
+                which = c % 3
+                mean[c], precision[c] = NUISANCE_MEAN[which], NUISANCE_SD[which] ** -2
+            else:
+                p = parameter_of(self.model.effects[column.owner].parameters, column.parameter)
+                mean[c], precision[c] = p.neutral, (3 * p.scale) ** -2
+        return mean, precision
+
+    def _root(self, friction_sd: float) -> Array:
+        return np.diag([0.0, 0.0, 0.0, 0.0, 1 / SPIN_SD, 1 / friction_sd])
+
+    def evaluate(
+        self,
+        point: Point,
+        columns: Sequence[Column],
+        friction_sd: float,
+        shown: NDArray[np.bool_] | None = None,
+    ) -> Marginal:
+        """Hits marginalised at a point, from all frames or from those shown (n, frames)."""
+        return self._marginal(point, *self.model.derivatives(point, columns), friction_sd, shown)
+
+    def _marginal(
+        self,
+        point: Point,
+        predicted: Array,
+        by_latent: Array,
+        by_column: Array,
+        friction_sd: float,
+        shown: NDArray[np.bool_] | None = None,
+    ) -> Marginal:
+        tracks, count = self.model.tracks, len(point.latents)
+        times, valid = tracks.times, self.valid if shown is None else shown
+        z = self.noise.whiten(tracks.places - predicted, times, valid)
+        h = self.noise.whiten(by_latent, times, valid)
+        j = self.noise.whiten(by_column, times, valid)
+        offset = np.zeros_like(point.latents)
+        offset[:, 4:] = -point.latents[:, 4:]
+        rows = z.shape[1] * z.shape[2]
+        return marginalise(
+            z.reshape(count, rows),
+            h.reshape(count, rows, h.shape[-1]),
+            j.reshape(count, rows, j.shape[-1]),
+            offset,
+            self._root(friction_sd),
+        )
+
+    def _objective(
+        self,
+        state: Marginal,
+        point: Point,
+        columns: Sequence[Column],
+        mean: Array,
+        precision: Array,
+        friction_sd: float,
+    ) -> float:
+        """At the present latents' best first-order change: squares, volume and prior."""
+        shared = self._shared(point, columns)
+        prior = float((precision * (shared - mean) ** 2).sum())
+        volume = float(state.log_volume.sum() + 2 * len(state.squares) * np.log(friction_sd))
+        return float(state.squares.sum()) + volume + prior
+
+    @staticmethod
+    def _friction_scatter(point: Point, state: Marginal) -> float:
+        square = (point.latents[:, 5] ** 2 + state.covariance[:, 5, 5]).mean()
+        return float(np.clip(np.sqrt(square), *FRICTION_SD))
+
+    def _shared(self, point: Point, columns: Sequence[Column]) -> Array:
+        values = np.empty(len(columns))
+        for c, column in enumerate(columns):
+            if column.object >= 0:
+                values[c] = point.nuisance[column.object, c % 3]
+            else:
+                values[c] = point.effects[column.owner][column.parameter]
+        return values
+
+    def _moved(self, point: Point, columns: Sequence[Column], shift: Array, state: Marginal) -> Point:
+        latents = point.latents + state.step + state.gain @ shift
+        nuisance = point.nuisance.copy()
+        effects = {name: dict(values) for name, values in point.effects.items()}
+        for c, column in enumerate(columns):
+            if column.object >= 0:
+                nuisance[column.object, c % 3] += shift[c]
+            else:
+                p = parameter_of(self.model.effects[column.owner].parameters, column.parameter)
+                value = effects[column.owner][column.parameter] + shift[c]
+                effects[column.owner][column.parameter] = float(np.clip(value, p.low, p.high))
+        return Point(latents, nuisance, effects)
+
+
+def parameter_of(parameters, name: str):  # type: ignore[no-untyped-def]
+    """The parameter of that name."""
+    return next(p for p in parameters if p.name == name)
+
+
+def effect_values(fit: Fit, name: str) -> Values:
+    """Fitted values of an effect."""
+    values: Mapping[str, float] = fit.point.effects[name]
+    return values

@@ -1,0 +1,165 @@
+"""What a diagnosis takes from a recording: the frames of every hit that slides, and where it started."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from slapshot.recordings.format import Recording
+
+Array = NDArray[np.float64]
+
+# m from the start at which the striker has let go: contact lasts for 3 to 8 cm, and who is followed for
+# longer by a soft or slow striker shows it in the first frames (see RELEASED).
+RELEASE_DISTANCE = 0.12
+MOVING_DISTANCE = 0.02  # m from the start at which an object has begun to move, above any camera's noise
+FEWEST_FRAMES = 8  # of a slide that is used
+AFTER_REST = 12  # frames at rest that are kept: more of them only repeat the rest point
+
+
+@dataclass(frozen=True)
+class HitTracks:
+    """n hits whose slide was seen; frames in arrays padded to the longest hit.
+
+    Attributes:
+        hit: (n,) number of the hit.
+        object: (n,) index into objects.
+        objects: object_id of each.
+        order: (n,) place in the recording, from -1/2 to 1/2.
+        command: (n,) number of the command; equal for repeats.
+        start: (n, 2) m, where the object was meant to lie.
+        seen_start: (n, 2) m, median of the frames before it moved; NaN if there are none.
+        release: (n,) s, time of the first frame that is used.
+        times: (n, frames) s since the release.
+        places: (n, frames, 2) m.
+        valid: (n, frames) which of them are frames.
+        resting: residuals (m, 2) in m from their mean and time since the frame before (m,) in s, of frames
+            at rest, one hit after another; the interval is infinite for a hit's first.
+        dropped: hits that are not used -> why.
+    """
+
+    hit: NDArray[np.int64]
+    object: NDArray[np.int64]
+    objects: tuple[str, ...]
+    order: Array
+    command: NDArray[np.int64]
+    start: Array
+    seen_start: Array
+    release: Array
+    times: Array
+    places: Array
+    valid: NDArray[np.bool_]
+    resting: tuple[Array, Array]
+    dropped: dict[int, str]
+
+    def __len__(self) -> int:
+        return len(self.hit)
+
+    def take(self, rows: NDArray[np.int64]) -> "HitTracks":
+        """Some of the hits."""
+        arrays = {
+            name: getattr(self, name)[rows]
+            for name in ("hit", "object", "order", "command", "start", "seen_start", "release")
+        }
+        frames = {name: getattr(self, name)[rows] for name in ("times", "places", "valid")}
+        return HitTracks(objects=self.objects, resting=self.resting, dropped=self.dropped, **arrays, **frames)
+
+
+def hit_tracks(recording: Recording) -> HitTracks:
+    """Cut the slides out of a recording that has tracks."""
+    assert recording.tracks is not None
+    groups = dict(tuple(recording.tracks.groupby("hit")))
+    objects = tuple(recording.objects)
+    rows: list[tuple[pd.Series, Array, Array, float, Array]] = []
+    resting: list[tuple[Array, Array]] = []
+    dropped: dict[int, str] = {}
+    ordered = recording.hits.sort_values("order")
+    for _, hit in ordered.iterrows():
+        number = int(hit["hit"])
+        frames = groups.get(number)
+        if frames is None:
+            dropped[number] = "it has no frames"
+            continue
+        times, places = frames["t"].to_numpy(), frames[["x", "y"]].to_numpy()
+        start = hit[["start_x", "start_y"]].to_numpy(float)
+        cut = _cut(times, places)
+        if isinstance(cut, str):
+            dropped[number] = cut
+            continue
+        begin, first, last = cut
+        resting += [_at_rest(times, places, slice(0, begin)), _at_rest(times, places, slice(last, None))]
+        used = slice(first, last + AFTER_REST)
+        seen = np.median(places[:begin], axis=0) if begin >= 3 else np.full(2, np.nan)
+        rows.append((hit, seen, times[used] - times[first], times[first], places[used]))
+        del start
+    longest = max((len(r[2]) for r in rows), default=0)
+    count = len(rows)
+    times, places = np.zeros((count, longest)), np.zeros((count, longest, 2))
+    valid = np.zeros((count, longest), bool)
+    for i, (_, _, t, _, p) in enumerate(rows):
+        times[i, : len(t)], places[i, : len(t)], valid[i, : len(t)] = t, p, True
+        times[i, len(t) :] = t[-1]
+    hits = pd.DataFrame([r[0] for r in rows])
+    orders = recording.hits["order"].to_numpy(float)
+    span = max(np.ptp(orders), 1.0)
+    command = hits["command_id"].astype("Float64").to_numpy(float, na_value=np.nan)
+    own = -1 - np.arange(count)
+    pairs = [r for r in resting if len(r[0])]
+    return HitTracks(
+        hit=hits["hit"].to_numpy(np.int64),
+        object=np.array([objects.index(o) for o in hits["object_id"]]),
+        objects=objects,
+        order=(hits["order"].to_numpy(float) - orders.min()) / span - 0.5,
+        command=np.where(np.isnan(command), own, command).astype(np.int64),
+        start=hits[["start_x", "start_y"]].to_numpy(float),
+        seen_start=np.array([r[1] for r in rows]).reshape(-1, 2),
+        release=np.array([r[3] for r in rows]),
+        times=times,
+        places=places,
+        valid=valid,
+        resting=(
+            np.concatenate([p[0] for p in pairs]) if pairs else np.zeros((0, 2)),
+            np.concatenate([p[1] for p in pairs]) if pairs else np.zeros(0),
+        ),
+        dropped=dropped,
+    )
+
+
+def _cut(times: Array, places: Array) -> tuple[int, int, int] | str:
+    """Rows at which motion begins, the object is released, and it rests; or why the hit cannot be used."""
+    if len(times) < FEWEST_FRAMES:
+        return "it has too few frames"
+    smooth = _median_of_three(places)
+    end = np.median(smooth[-3:], axis=0)
+    origin = np.median(smooth[:3], axis=0)
+    away = np.linalg.norm(smooth - origin, axis=1)
+    if away.max() < RELEASE_DISTANCE:
+        return f"it moved by less than {100 * RELEASE_DISTANCE:.0f} cm"
+    begin = int((away > MOVING_DISTANCE).argmax())
+    first = int((away > RELEASE_DISTANCE).argmax())
+    still = np.linalg.norm(smooth - end, axis=1) > MOVING_DISTANCE / 2
+    last = int(len(still) - still[::-1].argmax()) + 2  # two frames later friction has stopped it
+    if last - first < FEWEST_FRAMES:
+        return "it was released too late, or slid for too short a time"
+    if last >= len(times):
+        return "it was still moving when the camera stopped"
+    return begin, first, last
+
+
+def _median_of_three(places: Array) -> Array:
+    """Against single mistracks."""
+    padded = np.concatenate([places[:1], places, places[-1:]])
+    return np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0)
+
+
+def _at_rest(times: Array, places: Array, rows: slice) -> tuple[Array, Array]:
+    """Residuals from the median (without mistracks) and intervals, but for the last frame before motion."""
+    part, when = places[rows][:-1], times[rows][:-1]
+    if len(part) < 4:
+        return np.zeros((0, 2)), np.zeros(0)
+    residual = part - np.median(part, axis=0)
+    good = (np.abs(residual) < 6 * 1.4826 * np.median(np.abs(residual), axis=0) + 1e-9).all(1)
+    residual = residual[good] - residual[good].mean(0)
+    # A mean was taken out of m frames: what is left scatters by less.
+    residual *= np.sqrt(good.sum() / max(good.sum() - 1, 1))
+    return residual, np.concatenate([[np.inf], np.diff(when[good])])

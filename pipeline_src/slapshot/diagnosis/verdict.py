@@ -1,0 +1,180 @@
+"""What a diagnosis says of a recording, as plain dataclasses; SI units."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with the bounds of its 90 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """Whether something is missing after the nuisance parameters were fitted.
+
+    Attributes:
+        found: the verdict.
+        p_value: of the largest evidence, by sign flips of whole hits.
+        log_evidence: nats of the best hypothesis over the nominal scene.
+        shift_m: rms shift of rest points by it, beyond what another friction would do.
+    """
+
+    found: bool
+    p_value: float
+    log_evidence: float
+    shift_m: float
+
+
+@dataclass(frozen=True)
+class Location:
+    """Where the mismatch is.
+
+    Attributes:
+        phase: swing, contact, slide, across hits, camera; None where nothing is found.
+        variable: that it follows.
+        size: in words with numbers.
+    """
+
+    phase: str | None
+    variable: str | None
+    size: str
+
+
+@dataclass(frozen=True)
+class ParameterValue:
+    """A fitted parameter with its 90 % interval."""
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    meaning: str
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """One piece of missing physics.
+
+    Attributes:
+        name: the most probable one.
+        phase, variable: where it acts and what it follows.
+        members: name -> probability of all that this recording cannot tell apart from it, itself included.
+        log_evidence: nats that it adds to the others.
+        shift_m: rms shift of rest points by it.
+        parameters: of the most probable one.
+        physics: what it is.
+    """
+
+    name: str
+    phase: str
+    variable: str
+    members: dict[str, float]
+    log_evidence: float
+    shift_m: float
+    parameters: tuple[ParameterValue, ...]
+    physics: str
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """Whether something is left that the catalogue does not explain.
+
+    Attributes:
+        flagged: the verdict.
+        phase, variable: where the free form that describes it acts, and what it follows.
+        log_evidence: nats of that free form beyond the named effects.
+        shift_m: rms shift of rest points by it.
+    """
+
+    flagged: bool
+    phase: str | None
+    variable: str | None
+    log_evidence: float
+    shift_m: float
+
+
+@dataclass(frozen=True)
+class Errors:
+    """On hits that took no part in fitting or choosing.
+
+    Attributes:
+        track_rmse_m: of the frames after the first ones, from which the launch was told.
+        rest_rmse_m: of the last of them.
+        loglik_per_hit: nats, over that of the nominal scene with refitted nuisance.
+    """
+
+    track_rmse_m: Interval
+    rest_rmse_m: Interval
+    loglik_per_hit: Interval
+
+
+@dataclass(frozen=True)
+class NextHit:
+    """A hit that would tell the two best rivals apart.
+
+    Attributes:
+        heading_rad, speed_m_s: of its launch.
+        rivals: that it parts.
+        nats: expected in favour of the true one.
+    """
+
+    heading_rad: float
+    speed_m_s: float
+    rivals: tuple[str, str]
+    nats: float
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What an effect that was not found could still be, with 95 % confidence."""
+
+    effect: str
+    parameter: str
+    unit: str
+    at_most: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """All of it.
+
+    Attributes:
+        rig, kind, stand_in: of the recording.
+        hits, used: recorded, and used.
+        cannot_tell: reason and what to record instead; None where there is a verdict.
+        mismatch, location, effects, unknown: what is missing, and where.
+        limits: of what was not found.
+        noise_sd_m, noise_time_s: of the camera, as estimated.
+        friction_scatter: sd of log friction from hit to hit.
+        fit: nominal, refitted, augmented and noise_floor -> errors on held-out hits.
+        next_hits: best first.
+        notes: what else one should know, a line each.
+    """
+
+    rig: str
+    kind: str
+    stand_in: bool
+    hits: int
+    used: int
+    cannot_tell: str | None
+    mismatch: Mismatch | None = None
+    location: Location | None = None
+    effects: tuple[NamedEffect, ...] = ()
+    unknown: Unknown | None = None
+    limits: tuple[Limit, ...] = ()
+    noise_sd_m: float | None = None
+    noise_time_s: float | None = None
+    friction_scatter: float | None = None
+    fit: dict[str, Errors] | None = None
+    next_hits: tuple[NextHit, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)

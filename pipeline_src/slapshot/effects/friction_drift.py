@@ -1,0 +1,23 @@
+"""Friction drift: it changes in the course of a recording."""
+
+from collections.abc import Mapping
+
+from slapshot.effects.effect import Array, Effect, Parameter, SlideState
+
+
+class FrictionDrift(Effect):
+    name = "friction_drift"
+    phase = "across hits"
+    follows = "order"
+    parameters = (
+        Parameter("log_change", "1", -2.0, 2.0, 0.15, "log of friction at the last hit over the first"),
+    )
+    physics = (
+        "Wear, dust, or warming change the surfaces from hit to hit: log friction is linear in the order.\n"
+        "Nothing within one hit tells it from another friction."
+    )
+    source = "Archard 1953, Journal of Applied Physics 24, Contact and rubbing of flat surfaces"
+
+    def log_friction(self, values: Mapping[str, Array], state: SlideState) -> Array:
+        """By the order of the hit."""
+        return values["log_change"] * state.order

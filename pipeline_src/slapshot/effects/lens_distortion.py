@@ -1,0 +1,25 @@
+"""Lens distortion: straight lines are bent in the recording."""
+
+from collections.abc import Mapping
+
+from slapshot.effects.effect import Array, Effect, Parameter
+
+
+class LensDistortion(Effect):
+    name = "lens_distortion"
+    phase = "camera"
+    follows = "place"
+    parameters = (
+        Parameter("radial", "1/m^2", -0.1, 0.1, 0.008, "places far from the middle are reported farther"),
+    )
+    physics = (
+        "The first radial term of a lens that was not calibrated: r -> r (1 + radial r^2) about the middle.\n"
+        "Scale depends on the place, so that speeds seem to change along a path."
+    )
+    source = "Brown 1966, Decentering distortion of lenses, Photogrammetric Engineering 32(3)"
+
+    def see(self, values: Mapping[str, Array], places: Array, camera: Array) -> Array:
+        """Along the radius from the camera's foot."""
+        offset = places - camera
+        square = (offset**2).sum(-1, keepdims=True)
+        return places + values["radial"][:, None, None] * square * offset

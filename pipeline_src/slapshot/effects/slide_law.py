@@ -1,0 +1,278 @@
+"""The slide of flat discs with effects: many hits at once, each with values of its own.
+
+Without effects this is the law of `slapshot.rollouts.slide`: dry friction of maximum dissipation at POINTS
+points of the rim. It is written for arrays of hits rather than for one hit, so that an effect is a plain
+function of arrays and thousands of perturbed hits cost little more than one.
+
+With the friction tensor M = exp(S), S = [[log mu_x, c], [c, log mu_y]], and load N a point with slip v and
+spin w bears the force and the torque of maximum dissipation in |(M^-1 f, m / mu_t)| <= N:
+
+    f = -N M M v / s,  m = -N mu_t^2 w / s,  s = sqrt(|M v|^2 + (mu_t w)^2)
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.effects.effect import GRAVITY, Array, Effect, SlideState
+
+POINTS = 4
+STEP = 2e-3  # s
+SAVE_EVERY = 5  # steps between rows of a track
+LONGEST = 12.0  # s
+_NO_SLIP = 1e-9  # m/s: keeps s from 0
+
+
+@dataclass(frozen=True)
+class Acting:
+    """An effect that acts on some of the hits.
+
+    Attributes:
+        effect: with at least one hook of the slide.
+        rows: (k,) hits on which it acts.
+        values: parameter -> (k,) values.
+    """
+
+    effect: Effect
+    rows: NDArray[np.int64]
+    values: Mapping[str, Array]
+
+    def of(self, keep: NDArray[np.bool_], place: NDArray[np.int64]) -> "Acting":
+        """On those hits alone that are kept; `place` is where a hit stands afterwards."""
+        mine = keep[self.rows]
+        values = {name: value[mine] for name, value in self.values.items()}
+        return Acting(self.effect, place[self.rows[mine]], values)
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """How n hits slide to rest.
+
+    Attributes:
+        times: (rows,) s since the launch.
+        places: (n, rows, 2) m, of the shape's centre; those after rest repeat the last place.
+        rests: (n, 2) m.
+        durations: (n,) s.
+    """
+
+    times: Array
+    places: Array
+    rests: Array
+    durations: Array
+
+    def at(self, times: Array) -> Array:
+        """(n, frames, 2) m at `times` (n, frames) in s since the launch; before it, at the launch."""
+        step = self.times[1] - self.times[0]
+        position = np.clip(times / step, 0, len(self.times) - 1 - 1e-9)
+        low = position.astype(np.int64)
+        share = (position - low)[..., None]
+        hits = np.arange(len(self.places))[:, None]
+        return (1 - share) * self.places[hits, low] + share * self.places[hits, low + 1]
+
+
+def slide(
+    launches: Array,
+    friction: Array,
+    radius: float,
+    duration: float,
+    acting: Sequence[Acting] = (),
+    order: Array | None = None,
+    step: float = STEP,
+) -> Tracks:
+    """Slide n flat solid discs to rest.
+
+    Args:
+        launches: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s) of the shape's centre.
+        friction: (n, 3) mu_x, mu_y, and torsional in m.
+        radius: m; the moment of inertia is m radius^2 / 2.
+        duration: s that the tracks last.
+        acting: effects and the hits that they act on.
+        order: (n,) place in the recording, -1/2 to 1/2; None for 0.
+        step: s, of Heun's method.
+    """
+    law = _Law.of(len(launches), friction, radius, acting)
+    state = launches.astype(float).T.copy()
+    law.to_mass(state)
+    count = len(launches)
+    rows = int(np.ceil(duration / (step * SAVE_EVERY))) + 2
+    times = np.linspace(0, (rows - 1) * step * SAVE_EVERY, rows)
+    places = np.empty((count, len(times), 2))
+    filled = np.zeros(count, np.int64)
+    rests, durations = np.full((count, 2), np.nan), np.full(count, LONGEST)
+    alive = np.arange(count)
+    order = np.zeros(count) if order is None else order
+    for k in range(round(LONGEST / step)):
+        if k % SAVE_EVERY == 0 and k // SAVE_EVERY < len(times):
+            row = k // SAVE_EVERY
+            places[alive, row] = law.shape_places(state)
+            filled[alive] = row + 1
+        a = law.acceleration(state, k * step, order)
+        left = _time_left(state, a, radius)
+        done = left <= step
+        if done.any():
+            hits, ended = alive[done], _moved(state[:, done], left[done])
+            rests[hits] = law.rows(done).shape_places(ended)
+            durations[hits] = k * step + left[done]
+            alive, state, a, order = alive[~done], state[:, ~done], a[:, ~done], order[~done]
+            law = law.rows(~done)
+        if not len(alive):
+            break
+        ahead = state.copy()
+        ahead[:3] += step * state[3:]
+        ahead[3:] += step * a
+        b = law.acceleration(ahead, (k + 1) * step, order)
+        state[:3] += step * (state[3:] + step * a / 2)
+        state[3:] += step * (a + b) / 2
+    rests[alive] = law.shape_places(state)
+    late = np.arange(len(times)) >= filled[:, None]
+    places = np.where(late[..., None], rests[:, None], places)
+    return Tracks(times, places, rests, durations)
+
+
+def _moved(state: Array, left: Array) -> Array:
+    """Over the time that is left the object moves by half of what it would without slowing down."""
+    return np.concatenate([state[:3] + state[3:] * left / 2, state[3:]])
+
+
+def _time_left(state: Array, a: Array, radius: float) -> Array:
+    """(n,) s until the kinetic energy is spent at the present rate; infinite while it grows."""
+    inertia = radius**2 / 2
+    energy = state[3] ** 2 + state[4] ** 2 + inertia * state[5] ** 2
+    rate = state[3] * a[0] + state[4] * a[1] + inertia * state[5] * a[2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left = np.where(rate < 0, -energy / rate, np.inf)
+    return np.where(energy < _NO_SLIP**2, 0.0, left)
+
+
+@dataclass
+class _Law:
+    """Friction and effects of n hits.
+
+    Attributes:
+        square: (3, n) entries xx, xy, yy of M M.
+        torsional: (n,) mu_t^2 in m^2.
+        radius: m.
+        centre: (2, n) m from the shape's centre to the centre of mass at yaw 0; None for 0.
+        acting: effects.
+    """
+
+    square: Array
+    torsional: Array
+    radius: float
+    centre: Array | None
+    acting: Sequence[Acting]
+
+    @classmethod
+    def of(cls, count: int, friction: Array, radius: float, acting: Sequence[Acting]) -> "_Law":
+        cross = np.zeros(count)
+        centre = np.zeros((2, count))
+        moved = False
+        for act in acting:
+            part = act.effect.cross_anisotropy(act.values)
+            if part is not None:
+                np.add.at(cross, act.rows, part)
+            offset = act.effect.centre_offset(act.values)
+            if offset is not None:
+                moved = True
+                for axis in range(2):
+                    np.add.at(centre[axis], act.rows, offset[axis])
+        square = _squared_tensor(np.log(friction[:, 0]), np.log(friction[:, 1]), cross)
+        return cls(square, friction[:, 2] ** 2, radius, centre if moved else None, acting)
+
+    def rows(self, keep: NDArray[np.bool_]) -> "_Law":
+        place = np.cumsum(keep) - 1
+        return _Law(
+            self.square[:, keep],
+            self.torsional[keep],
+            self.radius,
+            None if self.centre is None else self.centre[:, keep],
+            [act.of(keep, place) for act in self.acting],
+        )
+
+    def _offset(self, yaw: Array) -> Array:
+        """(2, n) m from the shape's centre to the centre of mass."""
+        assert self.centre is not None
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+        return np.stack(
+            [
+                cosine * self.centre[0] - sine * self.centre[1],
+                sine * self.centre[0] + cosine * self.centre[1],
+            ]
+        )
+
+    def to_mass(self, state: Array) -> None:
+        """From the shape's centre to the centre of mass, in place."""
+        if self.centre is None:
+            return
+        offset = self._offset(state[2])
+        state[:2] += offset
+        state[3] -= state[5] * offset[1]
+        state[4] += state[5] * offset[0]
+
+    def shape_places(self, state: Array) -> Array:
+        """(n, 2) m of the shape's centre."""
+        if self.centre is None:
+            return state[:2].T
+        return (state[:2] - self._offset(state[2])).T
+
+    def acceleration(self, state: Array, time: float, order: Array) -> Array:
+        """(3, n): m/s^2 along x and y, rad/s^2."""
+        x, y, yaw, vx, vy, spin = state
+        ax, ay, twist = self._dry(yaw, vx, vy, spin)
+        log_factor: Array | None = None
+        pushes: list[tuple[NDArray[np.int64], Array, Array]] = []
+        for act in self.acting:
+            rows = act.rows
+            if not len(rows):
+                continue
+            now = np.full(len(rows), time)
+            part = SlideState(x[rows], y[rows], yaw[rows], vx[rows], vy[rows], spin[rows], now, order[rows])
+            factor = act.effect.log_friction(act.values, part)
+            if factor is not None:
+                log_factor = np.zeros_like(x) if log_factor is None else log_factor
+                np.add.at(log_factor, rows, factor)
+            push = act.effect.accelerate(act.values, part)
+            if push is not None:
+                pushes.append((rows, push[0], push[1]))
+        if log_factor is not None:
+            factor = np.exp(log_factor)
+            ax, ay, twist = ax * factor, ay * factor, twist * factor
+        for rows, px, py in pushes:
+            np.add.at(ax, rows, px)
+            np.add.at(ay, rows, py)
+        return np.stack([ax, ay, twist])
+
+    def _dry(self, yaw: Array, vx: Array, vy: Array, spin: Array) -> tuple[Array, Array, Array]:
+        """Dry friction with the nominal coefficients."""
+        xx, xy, yy = self.square
+        torsional = self.torsional
+        ax, ay, twist = np.zeros_like(vx), np.zeros_like(vx), np.zeros_like(vx)
+        offset = None if self.centre is None else self._offset(yaw)
+        for i in range(POINTS):
+            angle = yaw + 2 * np.pi * i / POINTS
+            rx, ry = self.radius * np.cos(angle), self.radius * np.sin(angle)
+            load: float | Array = GRAVITY / POINTS
+            if offset is not None:
+                # Loads on a ring of points whose moment about the centre of mass vanishes.
+                load = load * (1 + 2 * (rx * offset[0] + ry * offset[1]) / self.radius**2)
+                rx, ry = rx - offset[0], ry - offset[1]
+            sx, sy = vx - spin * ry, vy + spin * rx
+            px, py = xx * sx + xy * sy, xy * sx + yy * sy
+            share = load / (np.sqrt(sx * px + sy * py + torsional * spin**2) + _NO_SLIP)
+            fx, fy = -share * px, -share * py
+            ax += fx
+            ay += fy
+            twist += rx * fy - ry * fx - share * torsional * spin
+        return ax, ay, twist / (self.radius**2 / 2)
+
+
+def _squared_tensor(log_x: Array, log_y: Array, cross: Array) -> Array:
+    """(3, n) entries xx, xy, yy of exp(2 S) for S = [[log_x, cross], [cross, log_y]]."""
+    mean, half = log_x + log_y, log_x - log_y
+    size = np.hypot(half, 2 * cross)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(size > 0, np.sinh(size) / size, 1.0)
+    cosh, scale = np.cosh(size), np.exp(mean)
+    return scale * np.stack([cosh + ratio * half, ratio * 2 * cross, cosh - ratio * half])

@@ -1,0 +1,58 @@
+"""What `slapshot import` and `slapshot check` do."""
+
+import argparse
+from pathlib import Path
+
+from slapshot.recordings.__main__ import describe
+from slapshot.recordings.finding import Finding
+from slapshot.recordings.importing.importer import ImportSummary, import_tracks
+from slapshot.recordings.oddities import odd_things
+from slapshot.recordings.read import read_recording
+
+
+def run_import(args: argparse.Namespace) -> int:
+    """Import CSV files and say what was made of them.
+
+    Args:
+        args: mapping (YAML file), source (folder, file, or path with *), out (folder to make).
+
+    Raises:
+        InputError: A line for a person.
+    """
+    print(say_imported(import_tracks(args.mapping, args.source, args.out)))
+    return 0
+
+
+def run_check(args: argparse.Namespace) -> int:
+    """Check a recording, describe it, and say what is odd in it though it is valid.
+
+    Args:
+        args: recording (folder).
+
+    Raises:
+        InputError: A line for a person.
+    """
+    recording = read_recording(Path(args.recording))
+    print(describe(recording))
+    print(say_findings(odd_things(recording)))
+    return 0
+
+
+def say_imported(summary: ImportSummary) -> str:
+    """What an import did, one fact a line."""
+    lines = [f"{summary.out}: {summary.hits} hits, {summary.frames} frames"]
+    if summary.dropped:
+        lines[0] += f"; {len(summary.dropped)} dropped"
+    return "\n".join([*lines, *(f"  {line}" for line in summary.lines)])
+
+
+def say_findings(findings: list[Finding]) -> str:
+    """What is odd, one finding a line."""
+    if not findings:
+        return "odd            nothing was found"
+    return "\n".join(
+        [
+            f"odd            {len(findings)} finding{'s' * (len(findings) > 1)}",
+            *(f"  {finding}" for finding in findings),
+        ]
+    )

@@ -1,0 +1,196 @@
+"""The hits in a folder, a glob or one long table of CSV files."""
+
+import glob
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.errors import InputError
+from slapshot.recordings.importing.mapping import TrackMapping
+from slapshot.recordings.importing.rows import Rows, read_rows
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RawHit:
+    """A hit as the file has it, frames that saw nothing left out.
+
+    Attributes:
+        name: for people: the file, and which hit of it.
+        fields: texts that name it.
+        lines: (n,) lines of the frames in the file.
+        t: (n,) s from its first row.
+        xy: (n, 2) m.
+        yaw: (n,) rad, NaN where not measured.
+        start: (2,) m as the file says it, or None.
+        order: as the file says it, or None.
+        remarks: what was left out, in words.
+    """
+
+    name: str
+    fields: dict[str, str]
+    lines: NDArray[np.int64]
+    t: Array
+    xy: Array
+    yaw: Array
+    start: Array | None
+    order: float | None
+    remarks: tuple[str, ...]
+
+
+def read_hits(mapping: TrackMapping, source: Path) -> list[RawHit]:
+    """All hits of a source, in the natural order of their names (hit 2 before hit 10).
+
+    Args:
+        mapping: says what is what.
+        source: a folder, a file, or a path with * in it.
+
+    Raises:
+        InputError: There is no file, or one of them cannot be read as the mapping says.
+    """
+    root, files = find_sources(mapping, source)
+    hits: list[RawHit] = []
+    for file in files:
+        fields = _fields_of_name(mapping, file)
+        rows = read_rows(mapping, file)
+        name = file.relative_to(root).as_posix()
+        parts = _parts(rows)
+        for key, which in parts.items():
+            label = name if len(parts) == 1 else f"{name}, hit {key}"
+            hits.append(_raw_hit(mapping, rows, which, label, fields))
+    return hits
+
+
+def find_sources(mapping: TrackMapping, source: Path) -> tuple[Path, list[Path]]:
+    """The folder that names are told from, and the files in natural order."""
+    if source.is_file():
+        return source.parent, [source]
+    pattern = str(source)
+    if source.is_dir():
+        root, wanted = source, mapping.pattern
+    elif glob.has_magic(pattern):
+        parts = Path(pattern).parts
+        depth = next(i for i, part in enumerate(parts) if glob.has_magic(part))
+        root, wanted = Path(*parts[:depth]), str(Path(*parts[depth:]))
+    else:
+        raise InputError(f"{source}: no such folder or file; give the folder of the CSV files")
+    try:
+        # Names with a dot are what editors and file managers leave behind.
+        files = [file for file in root.glob(wanted) if file.is_file() and not file.name.startswith(".")]
+    except (ValueError, NotImplementedError) as error:
+        raise InputError(
+            f"{mapping.file}: files.pattern: {wanted!r} is no pattern ({error}); write one such as *.csv"
+        ) from None
+    if not files:
+        raise InputError(
+            f"{source}: no file matches {mapping.pattern if source.is_dir() else source.name}; check the "
+            "path, or files.pattern in the mapping"
+        )
+    return root, sorted(files, key=lambda file: natural_key(file.relative_to(root).as_posix()))
+
+
+def natural_key(text: str) -> list[tuple[int, str]]:
+    """Key that sorts numbers in a text as numbers."""
+    parts = re.split(r"([0-9]{1,18})", text)
+    return [(int(part), "") if part.isdecimal() and part.isascii() else (-1, part) for part in parts if part]
+
+
+def _parts(rows: Rows) -> dict[str, NDArray[np.int64]]:
+    """Hits of a file in natural order -> their rows."""
+    count = len(rows.lines)
+    marks = rows.texts.get("<new_hit>", [""] * count)
+    part = np.cumsum([i > 0 and marks[i] != marks[i - 1] for i in range(count)])
+    names = rows.texts.get("<hit>", [""] * count)
+    many = part.max() > 0
+    found: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        key = f"{name}.{part[i] + 1}".lstrip(".") if many else name
+        found.setdefault(key, []).append(i)
+    return {key: np.array(found[key]) for key in sorted(found, key=natural_key)}
+
+
+def _fields_of_name(mapping: TrackMapping, file: Path) -> dict[str, str]:
+    fields = {"file": file.stem, "folder": file.absolute().parent.name}
+    if mapping.name_pattern is None:
+        return fields
+    match = mapping.name_pattern.search(file.stem)
+    if match is None:
+        raise InputError(
+            f"{file}: the name does not match files.name_pattern ({mapping.name_pattern.pattern}); mend the "
+            "pattern, or narrow files.pattern so that it leaves this file out"
+        )
+    return fields | {name: text or "" for name, text in match.groupdict().items()}
+
+
+def _raw_hit(
+    mapping: TrackMapping, rows: Rows, which: NDArray[np.int64], name: str, fields: dict[str, str]
+) -> RawHit:
+    numbers = {role: values[which] for role, values in rows.numbers.items()}
+    lines, remarks = rows.lines[which], []
+    if rows.cut_short and which[-1] == len(rows.lines) - 1:
+        remarks.append("its last line is cut short and was left out")
+    # Without a clock every row is one frame later, whether the tracker saw the object or not.
+    t = numbers.get("t", np.arange(len(which)) / mapping.camera_rate_hz)
+    xy = np.stack([numbers["x"], numbers["y"]], axis=1)
+    seen = ~(np.isnan(t) | np.isnan(xy).any(axis=1))
+    if not seen.all():
+        remarks.append(f"{(~seen).sum()} of {len(seen)} frames saw nothing")
+    twice = _said_twice(t, xy, seen)
+    if twice.any():
+        remarks.append(f"{twice.sum()} frames stand there twice and were left out once")
+    keep = np.flatnonzero(seen & ~twice)
+    _check_times(rows, t[keep], lines[keep])
+    starts = [numbers[role] for role in ("start_x", "start_y") if role in numbers]
+    if any(len(np.unique(place[~np.isnan(place)])) > 1 for place in starts):
+        remarks.append("its start_x or start_y changes: if another hit follows, name it as new_hit, too")
+    given = {
+        role: _first_number(numbers[role]) for role in ("start_x", "start_y", "order") if role in numbers
+    }
+    start = np.array([given["start_x"], given["start_y"]]) if "start_x" in given else None
+    texts = {field: rows.texts[field][which[0]] for field in mapping.texts if not field.startswith("<")}
+    if start is not None and np.isnan(start).any():
+        raise InputError(
+            f"{rows.file}: line {lines[0]}: {name}: start_x or start_y is empty; fill it in, or leave both "
+            "out of the mapping: the frames before the hit tell"
+        )
+    return RawHit(
+        name=name,
+        fields=fields | texts,
+        lines=lines[keep],
+        t=t[keep] - (t[keep][0] if len(keep) else 0.0),
+        xy=xy[keep],
+        yaw=numbers.get("yaw", np.full(len(which), np.nan))[keep],
+        start=start,
+        order=given.get("order"),
+        remarks=tuple(remarks),
+    )
+
+
+def _said_twice(t: Array, xy: Array, seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(n,) whether a frame repeats time and place of the last one that saw something."""
+    rows = np.flatnonzero(seen)
+    same = (np.diff(t[rows]) == 0) & (np.diff(xy[rows], axis=0) == 0).all(axis=1)
+    twice = np.zeros(len(t), dtype=bool)
+    twice[rows[1:][same]] = True
+    return twice
+
+
+def _check_times(rows: Rows, t: Array, lines: NDArray[np.int64]) -> None:
+    wrong = np.flatnonzero(np.diff(t) <= 0)
+    if wrong.size:
+        before, after = wrong[0], wrong[0] + 1
+        problem = "the same time at two places" if t[after] == t[before] else "time goes backwards"
+        raise InputError(
+            f"{rows.file}: line {lines[after]}: {problem} ({t[before]:.10g} s in line {lines[before]}, then "
+            f"{t[after]:.10g} s); mend the lines, name a hit or new_hit column if other hits follow, or "
+            "leave t out of the mapping to count frames"
+        )
+
+
+def _first_number(values: Array) -> float:
+    given = values[~np.isnan(values)]
+    return float(given[0]) if given.size else float("nan")

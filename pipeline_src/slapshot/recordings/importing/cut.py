@@ -1,0 +1,117 @@
+"""Which frames of a track are the hit, where the object lay before it and where it came to rest."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.recordings.importing.mapping import Cutting
+from slapshot.recordings.motion import Episode, find_episodes, find_slide
+
+Array = NDArray[np.float64]
+
+_FEWEST_FRAMES = 5
+_START_WINDOW_S = 0.2  # before motion begins: earlier frames may be from before a nudge
+_REST_FRAMES = 3  # fewer are no rest
+
+
+@dataclass(frozen=True)
+class Cut:
+    """The part of a track that is a hit.
+
+    Attributes:
+        first, last: frames that stay, the last one included.
+        start: (2,) m, median of the frames before motion.
+        rest: (2,) m, median of the frames at rest after it; NaN where the object was not seen to rest.
+        remarks: what a person should know, in words.
+        dropped: why there is no hit in it, or None.
+    """
+
+    first: int
+    last: int
+    start: Array
+    rest: Array
+    remarks: tuple[str, ...]
+    dropped: str | None
+
+
+def cut_hit(t: Array, xy: Array, cutting: Cutting) -> Cut:
+    """Find the hit in a track.
+
+    Args:
+        t: (n,) s, increasing.
+        xy: (n, 2) m.
+        cutting: what to keep.
+    """
+    if len(t) < _FEWEST_FRAMES:
+        return _dropped(f"has only {len(t)} frames")
+    episodes = find_episodes(t, xy)
+    slide = find_slide(episodes)
+    if slide is None:
+        farthest = 1000 * float(np.linalg.norm(xy - np.median(xy, axis=0), axis=1).max())
+        jumps = " and only jumps" if episodes else ""
+        return _dropped(f"never moves{jumps} (at most {farthest:.0f} mm from its median place)")
+    remarks = []
+    if slide.begin == 0:
+        if not cutting.keep_moving_at_start:
+            return _dropped("moves from its first frame on: its beginning was not seen")
+        remarks.append("moves from its first frame on")
+    at_rest = slide.end <= len(t) - _REST_FRAMES
+    if not at_rest:
+        if not cutting.keep_moving_at_end:
+            return _dropped("still moves in its last frame: its rest was not seen")
+        remarks.append("still moves in its last frame: its rest point stays empty")
+    first, last = _window(t, slide, episodes, cutting)
+    rest_end = min([episode.begin for episode in episodes if episode.begin >= slide.end], default=len(t))
+    remarks += _other_motions(t, slide, episodes)
+    whole, kept = t[-1] - t[0], t[last] - t[first]
+    if kept > cutting.longest_s:
+        return _dropped(f"lasts {kept:.0f} s, longer than longest_s = {cutting.longest_s:g}; crop it")
+    if whole > cutting.longest_s:
+        remarks.append(f"ran on for {whole:.0f} s and was cropped to {kept:.1f} s")
+    rest = xy[slide.end : min(last + 1, rest_end)]
+    return Cut(
+        first=first,
+        last=last,
+        start=_start(t, xy, slide, first),
+        rest=np.median(rest, axis=0) if at_rest and len(rest) >= _REST_FRAMES else np.full(2, np.nan),
+        remarks=tuple(remarks),
+        dropped=None,
+    )
+
+
+def _window(t: Array, slide: Episode, episodes: list[Episode], cutting: Cutting) -> tuple[int, int]:
+    """First and last frame to keep; what moves after the slide's rest is no part of the hit."""
+    if cutting.before_motion_s is None or cutting.after_rest_s is None:
+        return 0, len(t) - 1
+    first = int(np.searchsorted(t, t[slide.begin] - cutting.before_motion_s))
+    end = min(slide.end, len(t) - 1)
+    last = int(np.searchsorted(t, t[end] + cutting.after_rest_s, side="right")) - 1
+    later = [episode.begin - 1 for episode in episodes if episode.begin > slide.end]
+    return first, max(end, min([last, *later]))
+
+
+def _other_motions(t: Array, slide: Episode, episodes: list[Episode]) -> list[str]:
+    remarks = []
+    for episode in episodes:
+        far = f"{1000 * episode.travel:.0f} mm"
+        if episode.end <= slide.begin:
+            remarks.append(f"{_how(episode)} {far}, {t[slide.begin] - t[episode.begin]:.2f} s before the hit")
+        elif episode.begin >= slide.end:
+            remarks.append(f"{_how(episode)} {far}, {t[episode.begin] - t[slide.end]:.2f} s after its rest")
+    return remarks
+
+
+def _how(episode: Episode) -> str:
+    return "jumps" if episode.jump else "also moves"
+
+
+def _start(t: Array, xy: Array, slide: Episode, first: int) -> Array:
+    before = np.flatnonzero(t[: slide.begin] >= t[slide.begin] - _START_WINDOW_S)
+    before = before[before >= first]
+    return np.median(xy[before], axis=0) if len(before) else xy[first]
+
+
+def _dropped(reason: str) -> Cut:
+    nowhere = np.full(2, np.nan)
+    return Cut(0, -1, nowhere, nowhere, (), reason)

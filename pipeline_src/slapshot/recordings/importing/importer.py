@@ -1,0 +1,210 @@
+"""From CSV files to a recording: `import_tracks`."""
+
+import json
+import uuid
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from slapshot.errors import InputError, writing
+from slapshot.recordings.format import Recording
+from slapshot.recordings.importing.csv_files import RawHit, natural_key, read_hits
+from slapshot.recordings.importing.cut import Cut, cut_hit
+from slapshot.recordings.importing.mapping import TrackMapping, fill, load_mapping
+from slapshot.recordings.units import FRAME_INTERVAL_FACTOR
+from slapshot.recordings.write import write_recording
+
+# Which file and lines each hit is from, and what was done to it; no part of the format.
+SOURCES_FILE = "import.json"
+
+
+@dataclass(frozen=True)
+class ImportSummary:
+    """What an import did.
+
+    Attributes:
+        out: folder of the recording.
+        hits: how many it has.
+        frames: how many it has.
+        dropped: names of hits that were left out.
+        lines: what a person should know, one line a hit or fact.
+    """
+
+    out: Path
+    hits: int
+    frames: int
+    dropped: tuple[str, ...]
+    lines: tuple[str, ...]
+
+
+def import_tracks(mapping: Path, source: Path, out: Path) -> ImportSummary:
+    """Make a recording of the hits in CSV files.
+
+    Args:
+        mapping: YAML file that says what is what, see `schema`.
+        source: a folder of CSV files, one of them, or a path with * in it.
+        out: folder of the recording; must not exist yet.
+
+    Returns:
+        What was kept, cropped and dropped.
+
+    Raises:
+        InputError: The mapping or a file cannot be used, no hit is left, or `out` exists.
+    """
+    if out.exists():  # before hours of reading, not after
+        raise InputError(f"{out}: exists already: choose another folder or remove it")
+    rules = load_mapping(mapping)
+    raw = _in_order(read_hits(rules, source), rules)
+    _check_rate(raw, rules)
+    cuts = [cut_hit(hit.t, hit.xy, rules.cutting) for hit in raw]
+    kept = [(hit, cut) for hit, cut in zip(raw, cuts, strict=True) if cut.dropped is None]
+    if not kept:
+        raise InputError(
+            f"{source}: no hit is left: {raw[0].name} {cuts[0].dropped}; check the columns and factors "
+            f"in {mapping}"
+        )
+    recording = _recording(rules, kept)
+    write_recording(recording, out)
+    lines = _facts(rules)
+    for hit, cut in zip(raw, cuts, strict=True):
+        said = [f"dropped, for it {cut.dropped}"] if cut.dropped else [*hit.remarks, *cut.remarks]
+        lines += [f"{hit.name}: {'; '.join(said)}"] if said else []
+    dropped = tuple(hit.name for hit, cut in zip(raw, cuts, strict=True) if cut.dropped)
+    _write_sources(out, kept, lines)
+    frames = 0 if recording.tracks is None else len(recording.tracks)
+    return ImportSummary(out, len(kept), frames, dropped, tuple(lines))
+
+
+def _in_order(hits: list[RawHit], rules: TrackMapping) -> list[RawHit]:
+    """Hits in the order of execution, as far as anything tells it."""
+    if "order" in rules.numbers:
+        for hit in hits:
+            if hit.order is None or np.isnan(hit.order):
+                raise InputError(
+                    f"{hit.name}: its order is empty; fill it in, or leave order out of the mapping"
+                )
+        return sorted(hits, key=lambda hit: (hit.order, natural_key(hit.name)))
+    if rules.recorded_at is not None:
+        return sorted(hits, key=lambda hit: (_recorded_at(hit, rules), natural_key(hit.name)))
+    return hits
+
+
+def _check_rate(hits: list[RawHit], rules: TrackMapping) -> None:
+    """Refuse times in another unit before all motion looks slow or fast because of it."""
+    intervals = np.concatenate([np.diff(hit.t) for hit in hits])
+    frames = float(np.median(intervals)) * rules.camera_rate_hz if len(intervals) else 1.0
+    if not 1 / FRAME_INTERVAL_FACTOR <= frames <= FRAME_INTERVAL_FACTOR:
+        raise InputError(
+            f"{rules.file}: columns.t: frames are {np.median(intervals):.4g} s apart (median), but "
+            f"camera_rate_hz is {rules.camera_rate_hz:g}; correct the factor of t (0.001 if it is in ms), or "
+            "the rate"
+        )
+
+
+def _facts(rules: TrackMapping) -> list[str]:
+    facts = []
+    if "t" not in rules.numbers:
+        facts.append(f"no clock: times are frames counted at {rules.camera_rate_hz:g} a second")
+    if "order" not in rules.numbers and rules.recorded_at is None:
+        facts.append(
+            "no order: hits are numbered in the order of their names, which may not be that of execution"
+        )
+    return facts
+
+
+def _recording(rules: TrackMapping, kept: list[tuple[RawHit, Cut]]) -> Recording:
+    hits, tracks = [], []
+    commands: dict[str, int] = {}
+    for number, (hit, cut) in enumerate(kept):
+        start = cut.start if hit.start is None else hit.start
+        hits.append(
+            {
+                "hit": number,
+                "object_id": _object_id(hit, rules),
+                "order": number,
+                "recorded_at": _recorded_at(hit, rules) if rules.recorded_at else pd.NaT,
+                "command_id": _command_id(hit, rules, commands),
+                "start_x": start[0],
+                "start_y": start[1],
+                "rest_x": cut.rest[0],
+                "rest_y": cut.rest[1],
+            }
+        )
+        stay = slice(cut.first, cut.last + 1)
+        x, y = hit.xy[stay].T
+        t = hit.t[stay] - hit.t[cut.first]
+        tracks.append(pd.DataFrame({"hit": number, "t": t, "x": x, "y": y, "yaw": hit.yaw[stay]}))
+    table = pd.DataFrame(hits)
+    table["command_id"] = pd.array(table["command_id"].tolist(), dtype="Int64")
+    table["recorded_at"] = pd.to_datetime(table["recorded_at"], utc=True)
+    return Recording(
+        rig=rules.rig,
+        objects=rules.objects,
+        camera_rate_hz=rules.camera_rate_hz,
+        frame_note=rules.frame_note,
+        stand_in=False,
+        trajectory_model=None,
+        note=" ".join([rules.note, *(f"Imported with {fact}." for fact in _facts(rules))]).strip(),
+        sealed_truth_sha256=None,
+        hits=table,
+        tracks=pd.concat(tracks, ignore_index=True),
+        commands=None,
+        joints=None,
+    )
+
+
+def _object_id(hit: RawHit, rules: TrackMapping) -> str:
+    object_id = fill(rules.object_id, hit.fields)
+    if object_id not in rules.objects:
+        raise InputError(
+            f"{hit.name}: object_id {object_id!r} is not among the objects of {rules.file} "
+            f"({', '.join(map(repr, rules.objects))}); describe it there, or correct object_id"
+        )
+    return object_id
+
+
+def _command_id(hit: RawHit, rules: TrackMapping, known: dict[str, int]) -> int | None:
+    """Equal numbers for equal texts; `known` grows."""
+    return None if rules.command is None else known.setdefault(fill(rules.command, hit.fields), len(known))
+
+
+def _recorded_at(hit: RawHit, rules: TrackMapping) -> datetime:
+    spec = rules.recorded_at
+    assert spec is not None
+    text = fill(spec.text, hit.fields)
+    try:
+        local = datetime.strptime(text, spec.format)
+        # A zone in the text (%z) is worth more than the mapping's.
+        zoned = local if local.tzinfo else local.replace(tzinfo=UTC) - timedelta(hours=spec.utc_offset_h)
+        return zoned.astimezone(UTC)
+    except (ValueError, OverflowError) as error:
+        raise InputError(
+            f"{hit.name}: recorded_at: {text[:60]!r} is no time of the format {spec.format!r} "
+            f"({error}); mend recorded_at in {rules.file}"
+        ) from None
+
+
+def _write_sources(out: Path, kept: list[tuple[RawHit, Cut]], lines: list[str]) -> None:
+    """Beside the recording, the lines of the files that each hit is from."""
+    hits: list[dict[str, Any]] = [
+        {
+            "hit": number,
+            "source": hit.name,
+            "first_line": int(hit.lines[cut.first]),
+            "last_line": int(hit.lines[cut.last]),
+            "fields": hit.fields,
+        }
+        for number, (hit, cut) in enumerate(kept)
+    ]
+    text = json.dumps({"lines": lines, "hits": hits}, indent=1)
+    partial = out / f".{SOURCES_FILE}.{uuid.uuid4().hex[:8]}.partial"
+    try:
+        with writing(out / SOURCES_FILE):
+            partial.write_text(text + "\n", encoding="utf-8")
+            partial.rename(out / SOURCES_FILE)
+    finally:
+        partial.unlink(missing_ok=True)
