@@ -1,0 +1,7 @@
+"""Diagnosis: from a recording that a scene does not explain to what was left out, where, and how much.
+
+`diagnose.diagnose` takes a recording and a setting and gives a verdict: arrays and dataclasses in and out,
+no files. `tracks` and `noise` read the recording, `slide_model`, `marginal` and `slide_fit` fit it, `evidence`
+and `search` weigh the effects of `slapshot.effects` and the free forms, `judgement`, `held_out` and `next_hits`
+say what follows.
+"""
