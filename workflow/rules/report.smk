@@ -28,7 +28,8 @@ for figure in FIGURES:
                 f"figure/{wildcards.domain}/{figure}"
             ),
         shell:
-            "cp {params.folder}/*.png {output} 2> {log}"
+            # Renamed, because another run may be writing the same copy.
+            "(cp {params.folder}/*.png {output}.$$ && mv -f {output}.$$ {output}) 2> {log}"
 
 
 rule report_claims:
@@ -47,4 +48,4 @@ rule report_claims:
     params:
         folder=lambda wildcards: folder_of("claims"),
     shell:
-        "cp {params.folder}/claims.html {output} 2> {log}"
+        "(cp {params.folder}/claims.html {output}.$$ && mv -f {output}.$$ {output}) 2> {log}"
