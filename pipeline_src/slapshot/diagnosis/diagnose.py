@@ -2,23 +2,36 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from slapshot.diagnosis.free_form import FREE_FORMS
+
+from slapshot.diagnosis.free_form import FREE_FORMS, FREE_LAUNCH
 from slapshot.diagnosis.held_out import HeldOut, errors, noise_floor, predict_held_out
-from slapshot.diagnosis.judgement import found_effects, limits, location_of, mismatch_of, unknown_of
+from slapshot.diagnosis.judgement import (
+    found_effects,
+    limits,
+    location_of,
+    mismatch_of,
+    strongest,
+    unknown_of,
+)
+from slapshot.diagnosis.launch_fit import launch_fitter
 from slapshot.diagnosis.next_hits import next_hits
 from slapshot.diagnosis.noise import estimate_noise
+from slapshot.diagnosis.rig_model import RigModel
 from slapshot.diagnosis.search import ADD, CLASS, MOST, Candidate, Screen, Search
+from slapshot.diagnosis.signatures import Signatures
 from slapshot.diagnosis.slide_fit import Fit, SlideFitter
 from slapshot.diagnosis.slide_model import Point, SlideModel
 from slapshot.diagnosis.suitability import cannot_tell
 from slapshot.diagnosis.tracks import HitTracks, hit_tracks
-from slapshot.diagnosis.verdict import Errors, Verdict
+from slapshot.diagnosis.verdict import Errors, Mismatch, Verdict
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording
+from slapshot.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -36,11 +49,13 @@ class Setting:
         radius: m, of the object as a disc.
         camera: (2,) m, point of the plane that the camera looks at.
         friction: nominal mu_x, mu_y and torsional friction in m.
+        scene: to simulate commands with; None to use the slides alone.
     """
 
     radius: float
     camera: Array
     friction: tuple[float, float, float]
+    scene: Scene | None = None
 
 
 @dataclass(frozen=True)
@@ -54,14 +69,16 @@ class Diagnosis:
         nominal, final: fits without and with the effects that were found.
         screen: of all hypotheses at the nominal fit.
         held_out: fitter of the held-out hits.
+        launches: the same for launches; None where commands are not known.
     """
 
     verdict: Verdict
-    search: Search | None = None
+    search: Search[SlideFitter] | None = None
     nominal: Candidate | None = None
     final: Candidate | None = None
     screen: Screen | None = None
     held_out: SlideFitter | None = None
+    launches: "Level | None" = None
 
 
 def diagnose(
@@ -70,8 +87,9 @@ def diagnose(
     seed: int = 0,
     effects: Mapping[str, Effect] | None = None,
     threads: int = 1,
+    signatures: Signatures | None = None,
 ) -> Diagnosis:
-    """Diagnose the slides of a recording.
+    """Diagnose a recording: its slides, and where commands are known how objects were launched.
 
     Args:
         recording: with tracks.
@@ -79,9 +97,12 @@ def diagnose(
         seed: of the split into hits to use and to hold out, of sign flips and of bootstraps.
         effects: the catalogue; None for all effects there are.
         threads: for simulations.
+        signatures: of a pool that holds the recording's commands; None has them made.
     """
     known = dict(effects if effects is not None else catalogue())
-    known = {name: e for name, e in known.items() if e.acts_on_slide or e.acts_on_camera}
+    full = recording.commands is not None and setting.scene is not None
+    if not full:
+        known = {name: e for name, e in known.items() if e.acts_on_slide or e.acts_on_camera}
     tracks = hit_tracks(recording) if recording.tracks is not None else None
     reason = cannot_tell(recording, tracks)
     if reason is not None or tracks is None:
@@ -97,23 +118,33 @@ def diagnose(
     kept, held = _split(tracks, split_rng)
     noise = estimate_noise(*tracks.resting)
     everything = known | {effect.name: effect for effect in FREE_FORMS}
-    fitter = SlideFitter(
-        SlideModel(tracks.take(kept), everything, setting.radius, setting.camera, threads), noise
+    fitter, test = (
+        SlideFitter(SlideModel(tracks.take(rows), everything, setting.radius, setting.camera, threads), noise)
+        for rows in (kept, held)
     )
-    search = Search(fitter, list(known), [effect.name for effect in FREE_FORMS], flip_rng)
-    nominal = search.nominal()
-    screen = search.screen(nominal, [*search.catalogue, *search.free])
-    mismatch = mismatch_of(screen, P_VALUE, LEAST_EVIDENCE, LEAST_SHIFT)
-    final, leftover = nominal, screen
-    if mismatch.found:
-        final, leftover = _search(search, nominal, screen)
-    named = found_effects(search, final)
-    unknown = unknown_of(search, final, leftover, mismatch.found, LEAST_SHIFT)
+    slides = [n for n, e in known.items() if e.acts_on_slide or e.acts_on_camera]
+    free = [e.name for e in FREE_FORMS]
+    search = Search(fitter, slides, [n for n in free if n != FREE_LAUNCH], flip_rng)
+    level = _examine(search)
+    levels = [level]
+    if full and setting.scene is not None:
+        friction = np.exp(level.nominal.fit.point.nuisance)
+        rig = RigModel(
+            recording, tracks, setting.scene, everything, setting.camera, friction, signatures, threads
+        )
+        seen = [n for n, e in known.items() if e.acts_on_camera and n not in level.final.effects]
+        launches = launch_fitter(fitter, level.final.fit, rig.launches(kept, seen), everything)
+        candidates = [n for n, e in known.items() if e.acts_on_launch or n in seen]
+        levels.append(_examine(Search(launches, candidates, [FREE_LAUNCH], flip_rng)))
+    named = tuple(e for each in levels for e in found_effects(each.search, each.final))
+    unknowns = [
+        unknown_of(each.search, each.final, each.leftover, each.mismatch.found, LEAST_SHIFT)
+        for each in levels
+    ]
+    unknown = max(unknowns, key=lambda u: (u.flagged, u.log_evidence))
+    mismatch = strongest([each.mismatch for each in levels])
     rivals = list(named[0].members)[:2] if named else []
-    test = SlideFitter(
-        SlideModel(tracks.take(held), everything, setting.radius, setting.camera, threads), noise
-    )
-    test.drop_jumps(_start_of(test, nominal.fit))
+    test.drop_jumps(_start_of(test, level.nominal.fit))
     verdict = Verdict(
         rig=recording.rig,
         kind=recording.kind,
@@ -123,20 +154,57 @@ def diagnose(
         cannot_tell=None,
         mismatch=mismatch,
         location=location_of(named, unknown),
-        effects=named,
+        effects=tuple(sorted(named, key=lambda e: -e.log_evidence)),
         unknown=unknown,
-        limits=() if mismatch.found else limits(search, nominal),
+        limits=() if mismatch.found else limits(search, level.nominal),
         noise_sd_m=noise.sd,
         noise_time_s=noise.time,
-        friction_scatter=final.fit.friction_sd,
-        fit=_fit(test, nominal, final, setting, resample_rng),
-        next_hits=next_hits(search, final, rivals, setting, noise),
+        friction_scatter=level.final.fit.scatter,
+        fit=_fit(test, level.nominal, level.final, setting, resample_rng),
+        next_hits=next_hits(search, level.final, rivals, setting, noise),
         notes=_notes(tracks),
     )
-    return Diagnosis(verdict, search, nominal, final, screen, test)
+    return Diagnosis(
+        verdict,
+        search,
+        level.nominal,
+        level.final,
+        level.screen,
+        test,
+        levels[1] if len(levels) > 1 else None,
+    )
 
 
-def _search(search: Search, nominal: Candidate, screen: Screen) -> tuple[Candidate, Screen]:
+@dataclass(frozen=True)
+class Level:
+    """One part of a diagnosis: slides, or launches given the slides.
+
+    Attributes:
+        search: with its fitter and all that was refitted.
+        nominal, final: fits without and with the effects that were found.
+        screen, leftover: of all hypotheses at those fits.
+        mismatch: of this part.
+    """
+
+    search: Search[Any]
+    nominal: Candidate
+    final: Candidate
+    screen: Screen
+    leftover: Screen
+    mismatch: Mismatch
+
+
+def _examine(search: Search[Any]) -> Level:
+    nominal = search.nominal()
+    screen = search.screen(nominal, [*search.catalogue, *search.free])
+    mismatch = mismatch_of(screen, P_VALUE, LEAST_EVIDENCE, LEAST_SHIFT)
+    final, leftover = nominal, screen
+    if mismatch.found:
+        final, leftover = _search(search, nominal, screen)
+    return Level(search, nominal, final, screen, leftover, mismatch)
+
+
+def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Candidate, Screen]:
     """Add effects while the recording asks for them, then delete what became superfluous."""
     best = search.grow(nominal, screen, search.catalogue)[0]
     if best.log_evidence < ADD:
@@ -183,7 +251,7 @@ def _fit(
     believed = Point(nominal.fit.point.latents, np.tile(np.log(setting.friction), (objects, 1)))
     as_believed = Fit(
         believed,
-        nominal.fit.friction_sd,
+        nominal.fit.scatter,
         np.nan,
         (),
         np.empty((0, 0)),

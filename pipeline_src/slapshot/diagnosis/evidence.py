@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 SIZES = (0.1, 0.3, 1.0, 3.0)
+LARGEST = SIZES[-1]
 
 
 @dataclass(frozen=True)
@@ -65,18 +66,27 @@ class LinearEvidence:
 
     def log_ratio(self, scores: Array) -> Array:
         """(m,) log evidence against no effect for summed scores (m, p)."""
+        terms = self._terms(scores)
+        total = np.logaddexp.reduce(terms, axis=0) - np.log(len(SIZES))
+        if self._one_sided:
+            return np.where(scores[..., 0] > 0, total, np.minimum(total, 0.0) - 1.0)
+        return total
+
+    def best_size(self, scores: Array) -> float:
+        """Of the prior, for one vector of summed scores (p,)."""
+        return SIZES[int(np.argmax(self._terms(scores[None])[:, 0]))]
+
+    def _terms(self, scores: Array) -> Array:
+        """(sizes, m) log evidence for each size of the prior."""
         turned = (scores * self._scales) @ self._vectors
         terms = []
         for size in SIZES:
             shrunk = 1 + size**2 * self._values
             gain = (size**2 * turned**2 / shrunk).sum(-1) / 2
             terms.append(gain - np.log(shrunk).sum() / 2)
-        total = np.logaddexp.reduce(terms, axis=0) - np.log(len(SIZES))
-        if self._one_sided:
-            return np.where(scores[..., 0] > 0, total, np.minimum(total, 0.0) - 1.0)
-        return total
+        return np.stack(terms)
 
-    def estimate(self, scores: Array, size: float = 3.0) -> Array:
+    def estimate(self, scores: Array, size: float = LARGEST) -> Array:
         """(m, p) posterior mean of the parameters for a prior of that size."""
         turned = (scores * self._scales) @ self._vectors
         return (turned * size**2 / (1 + size**2 * self._values)) @ self._vectors.T * self._scales

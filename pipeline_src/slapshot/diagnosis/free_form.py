@@ -8,6 +8,7 @@ that it is an effect like any other; it is never registered.
 from collections.abc import Mapping
 
 import numpy as np
+
 from slapshot.effects.bases import BOARD
 from slapshot.effects.effect import Array, Effect, Parameter, SlideState
 
@@ -15,9 +16,28 @@ SPEEDS = np.linspace(0.2, 3.0, 8)  # m/s
 TIMES = np.linspace(0.0, 1.6, 9)  # s
 ORDERS = np.linspace(-0.5, 0.5, 7)
 HARMONICS = 4  # of the heading
+FREE_LAUNCH = "free_launch"
+
+# Parts of a launch along and across its heading, and powers of its speed and heading.
+_LAUNCH_PARTS = (
+    ("ahead", "m", 0.01),
+    ("aside", "m", 0.01),
+    ("faster", "m/s", 0.1),
+    ("sideways", "m/s", 0.1),
+    ("spin", "rad/s", 1.0),
+)
+_LAUNCH_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (0, 3))
 
 _PHYSICS = "No physics: a smooth function that describes what the catalogue leaves over,\nwhere it acts."
 _SOURCE = "Rasmussen and Williams 2006, Gaussian Processes for Machine Learning, section 2.7"
+
+
+def launch_features(launches: Array) -> Array:
+    """(n, 7) powers of speed and heading of launches (n, 5), of order 1."""
+    speed = np.hypot(launches[:, 2], launches[:, 3])
+    heading = np.arctan2(launches[:, 3], launches[:, 2])
+    s = (speed - speed.mean()) / max(float(speed.std()), 1e-3)
+    return np.stack([s**i * heading**j for i, j in _LAUNCH_POWERS], axis=1)
 
 
 def _bumps(centres: Array, x: Array) -> Array:
@@ -131,10 +151,32 @@ class FreeOrderFriction(Effect):
         return _total(values, "log_friction", _bumps(ORDERS, state.order))
 
 
+class FreeLaunch(Effect):
+    name = FREE_LAUNCH
+    phase = "contact"
+    follows = "command"
+    parameters = tuple(
+        Parameter(f"{part}_{j}", unit, -20 * scale, 20 * scale, scale, "weight of one polynomial")
+        for part, unit, scale in _LAUNCH_PARTS
+        for j in range(len(_LAUNCH_POWERS))
+    )
+    physics = _PHYSICS
+    source = _SOURCE
+
+    def shift_launch(self, values: Mapping[str, float], launches: Array) -> Array:
+        """Polynomials of the speed and the heading of the nominal launch."""
+        features = launch_features(launches)
+        weights = np.array(
+            [[values[f"{part}_{j}"] for j in range(len(_LAUNCH_POWERS))] for part, _, _ in _LAUNCH_PARTS]
+        )
+        return features @ weights.T
+
+
 FREE_FORMS: tuple[Effect, ...] = (
     FreePlaceForce(),
     FreeSpeedForce(),
     FreeTimeForce(),
     FreeHeadingForce(),
     FreeOrderFriction(),
+    FreeLaunch(),
 )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from slapshot.diagnosis.slide_fit import Fit, SlideFitter
 from slapshot.diagnosis.slide_model import Point
 from slapshot.diagnosis.verdict import Errors, Interval
@@ -54,18 +55,18 @@ def predict_held_out(fitter: SlideFitter, fit: Fit) -> HeldOut:
     spread = np.einsum("nfdu,nuv,nfdv->nf", by_latent, covariance, by_latent) + 2 * fitter.noise.sd**2
     last = counts - 1
     rows = np.arange(len(counts))
+    rest_square, expected_rest = square[rows, last], spread[rows, last]
     number = np.maximum(ahead.sum(1), 1)
 
     full, _ = _launches(fitter, fit, valid)
-    marginal = fitter.evaluate(full, [], fit.friction_sd)
-    volume = marginal.log_volume + 2 * np.log(fit.friction_sd)
+    marginal = fitter.evaluate(full, [], fit.scatter)
     return HeldOut(
         track_square=(square * ahead).sum(1) / number,
-        rest_square=square[rows, last],
-        loglik=-(marginal.squares + volume) / 2,
+        rest_square=rest_square,
+        loglik=-(marginal.squares + marginal.log_volume) / 2,
         expected_square=(spread * ahead).sum(1) / number,
-        expected_rest=spread[rows, last],
-        expected_loglik=-(2 * counts - 4 + volume) / 2,
+        expected_rest=expected_rest,
+        expected_loglik=-(fitter.freedom() + marginal.log_volume) / 2,
     )
 
 
@@ -75,7 +76,7 @@ def _launches(fitter: SlideFitter, fit: Fit, shown: NDArray[np.bool_]) -> tuple[
     point = Point(start.latents, fit.point.nuisance, fit.point.effects)
     covariance = np.empty(0)
     for _ in range(STEPS):
-        marginal = fitter.evaluate(point, [], fit.friction_sd, shown)
+        marginal = fitter.evaluate(point, [], fit.scatter, shown)
         point = replace(point, latents=point.latents + marginal.step)
         covariance = marginal.covariance
     return point, covariance

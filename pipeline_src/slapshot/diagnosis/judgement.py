@@ -1,9 +1,11 @@
 """From fits and evidence to sentences of a verdict: what is found, named, located, limited."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from slapshot.diagnosis.evidence import project
 from slapshot.diagnosis.search import ADD, CLASS, Candidate, Screen, Search
 from slapshot.diagnosis.slide_fit import Fit
@@ -31,13 +33,18 @@ def mismatch_of(screen: Screen, p_value: float, evidence: float, shift: float) -
     return Mismatch(found, screen.p_value, screen.log_evidence[best], screen.shift[best])
 
 
-def found_effects(search: Search, final: Candidate) -> tuple[NamedEffect, ...]:
+def strongest(mismatches: Sequence[Mismatch]) -> Mismatch:
+    """The one that is found, with the smallest p-value and the most evidence among them."""
+    return min(mismatches, key=lambda m: (not m.found, m.p_value, -m.log_evidence))
+
+
+def found_effects(search: Search[Any], final: Candidate) -> tuple[NamedEffect, ...]:
     """The effects of a fit, each with those that this recording cannot tell from it."""
     found = []
     for name in final.effects:
         rest = tuple(n for n in final.effects if n != name)
         members = _class(search, final, rest, name)
-        effect = search.fitter.model.effects[name]
+        effect = search.fitter.effects[name]
         without = search.seen.get(tuple(sorted(rest)))
         gain = final.log_evidence - (without.log_evidence if without else 0.0)
         found.append(
@@ -55,7 +62,7 @@ def found_effects(search: Search, final: Candidate) -> tuple[NamedEffect, ...]:
     return tuple(sorted(found, key=lambda e: -e.log_evidence))
 
 
-def _class(search: Search, final: Candidate, rest: tuple[str, ...], name: str) -> dict[str, float]:
+def _class(search: Search[Any], final: Candidate, rest: tuple[str, ...], name: str) -> dict[str, float]:
     """Probabilities of effects that could stand in the place of one, within CLASS nats of the best."""
     evidence = {name: final.log_evidence}
     for effects, candidate in search.seen.items():
@@ -71,9 +78,9 @@ def _class(search: Search, final: Candidate, rest: tuple[str, ...], name: str) -
     return dict(sorted(((n, p / total) for n, p in near.items()), key=lambda item: -item[1]))
 
 
-def parameters_of(search: Search, fit: Fit, name: str) -> tuple[ParameterValue, ...]:
+def parameters_of(search: Search[Any], fit: Fit, name: str) -> tuple[ParameterValue, ...]:
     """Values with 90 % intervals; of a field, its largest weights."""
-    effect = search.fitter.model.effects[name]
+    effect = search.fitter.effects[name]
     covariance = robust_covariance(fit)
     values = []
     for c, column in enumerate(fit.columns):
@@ -97,12 +104,12 @@ def robust_covariance(fit: Fit) -> Array:
     return fit.covariance * np.outer(scale, scale)
 
 
-def unknown_of(search: Search, final: Candidate, leftover: Screen, found: bool, shift: float) -> Unknown:
+def unknown_of(search: Search[Any], final: Candidate, leftover: Screen, found: bool, shift: float) -> Unknown:
     """Whether a free form says clearly more than the effects that were named."""
     best = leftover.best(search.free)[0]
     evidence, moved = leftover.log_evidence[best], leftover.shift[best]
     flagged = found and evidence > ADD + CLASS and moved >= shift and leftover.p_value < 0.01
-    effect = search.fitter.model.effects[best]
+    effect = search.fitter.effects[best]
     if not flagged:
         return Unknown(False, None, None, evidence, moved)
     return Unknown(True, effect.phase, effect.follows, evidence, moved)
@@ -122,9 +129,9 @@ def _size(shift: float) -> str:
     return f"it moves rest points by {1e3 * shift:.0f} mm (rms)"
 
 
-def limits(search: Search, nominal: Candidate) -> tuple[Limit, ...]:
+def limits(search: Search[Any], nominal: Candidate) -> tuple[Limit, ...]:
     """What effects with few parameters could still be, at 95 %."""
-    few = [n for n in search.catalogue if len(search.fitter.model.effects[n].parameters) <= MOST_PARAMETERS]
+    few = [n for n in search.catalogue if len(search.fitter.effects[n].parameters) <= MOST_PARAMETERS]
     columns, marginal, _ = search.fitter.quadratic(nominal.fit, few)
     _, precision = search.fitter.prior(columns)
     fixed = np.array([c for c, column in enumerate(columns) if column.object >= 0])
@@ -146,9 +153,9 @@ def limits(search: Search, nominal: Candidate) -> tuple[Limit, ...]:
 
 
 def _limits_of(
-    search: Search, columns: Sequence[Column], estimate: Array, covariance: Array, name: str
+    search: Search[Any], columns: Sequence[Column], estimate: Array, covariance: Array, name: str
 ) -> list[Limit]:
-    units = {p.name: p for p in search.fitter.model.effects[name].parameters}
+    units = {p.name: p for p in search.fitter.effects[name].parameters}
     found = []
     for i, column in enumerate(columns):
         # A shape has no limit where there may be nothing that has it.

@@ -25,7 +25,7 @@ class Marginal:
         information: (n, p, p) J~'J~ of each hit.
         scores: (n, p) J~'z~.
         squares: (n,) |z~|^2.
-        log_volume: (n,) log det [H; R]'[H; R], for comparisons across priors.
+        log_volume: (n,) log det [H; R]'[H; R], less that of the prior's information where that is kept apart.
         step: (n, u) change of the latents that is best at d = 0.
         covariance: (n, u, u) of the latents given the shared parameters.
         gain: (n, u, p) by which the best latents change with d.
@@ -48,7 +48,7 @@ def marginalise(z: Array, by_latent: Array, by_shared: Array, offset: Array, roo
         by_latent: (n, m, u) whitened derivatives of the prediction.
         by_shared: (n, m, p) likewise.
         offset: (n, u) prior mean minus latents.
-        root: (n, u, u) or (u, u) square root of the prior's information; rows of 0 for a flat prior.
+        root: (u, u) square root of the prior's information; rows of 0 for a flat prior.
     """
     n, _, u = by_latent.shape
     root = np.broadcast_to(root, (n, u, u))

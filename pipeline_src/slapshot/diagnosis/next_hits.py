@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from slapshot.diagnosis.noise import CameraNoise
 from slapshot.diagnosis.search import Candidate, Search
 from slapshot.diagnosis.slide_fit import SlideFitter
@@ -23,7 +24,7 @@ BEST = 5
 
 
 def next_hits(
-    search: Search, final: Candidate, rivals: Sequence[str], setting: Any, noise: CameraNoise
+    search: Search[SlideFitter], final: Candidate, rivals: Sequence[str], setting: Any, noise: CameraNoise
 ) -> tuple[NextHit, ...]:
     """The best hits to record next for the first two rivals; none where there are no rivals."""
     if len(rivals) < 2:
@@ -41,7 +42,7 @@ def next_hits(
     tracks = HitTracks(**{**vars(tracks), "places": first})
     fitter.model.tracks = tracks
     # The second rival may explain a track with another launch.
-    marginal = fitter.evaluate(second, [], final.fit.friction_sd)
+    marginal = fitter.evaluate(second, [], final.fit.scatter)
     nats = marginal.squares / 2
     order = np.argsort(-nats)
     found: list[NextHit] = []

@@ -1,5 +1,6 @@
 """Camera noise: how large, how long its memory; and frames in which something else was tracked."""
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 OUTLIER = 5.0  # sd from the median of its neighbours
+LEAP = 0.01  # m beyond noise
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,30 @@ def outliers(residuals: Array, valid: NDArray[np.bool_], sd: float) -> NDArray[n
     padded = np.where(valid[..., None], residuals, np.nan)
     padded = np.pad(padded, ((0, 0), (2, 2), (0, 0)), constant_values=np.nan)
     window = np.stack([padded[:, i : i + residuals.shape[1]] for i in range(5)])
-    with np.errstate(all="ignore"):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # columns of NaN behind the last frame
         middle = np.nanmedian(window, axis=0)
     jump = np.abs(residuals - middle) > OUTLIER * sd
     return jump.any(-1) & valid
+
+
+def leaps(places: Array, valid: NDArray[np.bool_], sd: float) -> NDArray[np.bool_]:
+    """(n, frames) frames far from where their neighbours on either side say that the object is.
+
+    For a first fit: finer than LEAP only a fit can tell, and no motion bends as much within a frame.
+
+    Args:
+        places: (n, frames, 2) m.
+        valid: (n, frames); others must be at the end.
+        sd: m, of the camera's noise.
+    """
+    p = np.where(valid[..., None], places, np.nan)
+    p = np.pad(p, ((0, 0), (2, 2), (0, 0)), constant_values=np.nan)
+    frames = places.shape[1]
+    before2, before, after, after2 = (p[:, k : k + frames] for k in (0, 1, 3, 4))
+    said = np.stack([2 * before - before2, (before + after) / 2, 2 * after - after2])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        middle = np.nanmedian(said, axis=0)
+    # The scatter of an extrapolation is sqrt(6) times that of a frame.
+    return ((np.abs(places - middle) > LEAP + OUTLIER * np.sqrt(6) * sd).any(-1)) & valid

@@ -7,20 +7,25 @@ any that the others make superfluous are deleted.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from slapshot.diagnosis.evidence import SIZES, LinearEvidence, project
-from slapshot.diagnosis.slide_fit import Fit, SlideFitter
+
+from slapshot.diagnosis.evidence import LARGEST, SIZES, LinearEvidence, project
+from slapshot.diagnosis.fitter import Fitter
+from slapshot.diagnosis.slide_fit import Fit
 from slapshot.diagnosis.slide_model import Column
 from slapshot.effects.effect import Effect
 
 Array = NDArray[np.float64]
+F = TypeVar("F", bound=Fitter)
 
 REFITTED = 4  # best of a screen that are refitted
 CLASS = 3.0  # nats: a factor of 20 in probability
 ADD = 4.0  # nats that a further effect must add
 MOST = 3  # effects in one recording
+FIELD = 4  # parameters; effects with more get a prior of the size that the recording asks for
 FLIPS = 4000
 
 
@@ -61,7 +66,7 @@ class Candidate:
 
 
 @dataclass
-class Search:
+class Search(Generic[F]):
     """The search and what it finds on the way.
 
     Attributes:
@@ -72,7 +77,7 @@ class Search:
         seen: every set of effects that was refitted.
     """
 
-    fitter: SlideFitter
+    fitter: F
     catalogue: Sequence[str]
     free: Sequence[str]
     rng: np.random.Generator
@@ -80,13 +85,13 @@ class Search:
 
     @property
     def _effects(self) -> Mapping[str, Effect]:
-        return self.fitter.model.effects
+        return self.fitter.effects
 
     def nominal(self) -> Candidate:
         """The scene as it is, with its nuisance fitted; mistracked frames are left out."""
         fit = self.fitter.fit(self.fitter.start())
         self.fitter.drop_jumps(fit.point)
-        fit = self.fitter.fit(fit.point, fit.friction_sd)
+        fit = self.fitter.fit(fit.point, fit.scatter)
         self.seen[()] = Candidate((), fit, 0.0)
         return self.seen[()]
 
@@ -94,7 +99,7 @@ class Search:
         """Judge hypotheses beyond those of a fit, which are projected out with the nuisance."""
         columns, marginal, rest = self.fitter.quadratic(at.fit, [*at.effects, *hypotheses])
         _, precision = self.fitter.prior(columns)
-        fixed = np.array([c for c, column in enumerate(columns) if column.owner not in hypotheses])
+        fixed = np.array([c for c, column in enumerate(columns) if column.owner not in hypotheses], np.int64)
         projected = project(marginal.information.sum(0), marginal.scores, fixed, np.diag(precision[fixed]))
         others = [column for column in columns if column.owner in hypotheses]
         # Where the model leaves more than noise, all evidence shrinks alike.
@@ -111,7 +116,9 @@ class Search:
             own = [others[c] for c in mine]
             judge = self._judge(name, own, projected.information[np.ix_(mine, mine)] / inflation)
             log_evidence[name] = float(judge.log_ratio(total[None, mine])[0])
-            estimate = judge.estimate(total[None, mine])[0]
+            if len(mine) > FIELD and name not in at.effects:
+                self.fitter.sizes[name] = judge.best_size(total[mine])
+            estimate = judge.estimate(total[None, mine], self.fitter.sizes.get(name, LARGEST))[0]
             direction[name] = {column.parameter: v for column, v in zip(own, estimate, strict=True)}
             largest = np.maximum(largest, judge.log_ratio(flipped[:, mine]))
             shift[name] = float(np.sqrt(((rest[..., mine] @ estimate) ** 2).sum(-1).mean()))
@@ -124,13 +131,8 @@ class Search:
         return self.screen(at, [n for n in (*self.catalogue, *self.free) if n not in at.effects])
 
     def rest_shift(self, at: Candidate, name: str) -> float:
-        """Rms change of the last frames in m if one effect of a fit were absent, launches being the same."""
-        point = at.fit.point
-        without = replace(point, effects={n: v for n, v in point.effects.items() if n != name})
-        last = self.fitter.valid.sum(1) - 1
-        rows = np.arange(len(last))
-        moved = self.fitter.model.predict(point) - self.fitter.model.predict(without)
-        return float(np.sqrt((moved[rows, last] ** 2).sum(-1).mean()))
+        """Root mean square change of the rest points in m if one effect of a fit were absent."""
+        return self.fitter.rest_shift(at.fit, name)
 
     def refit(
         self, at: Candidate, names: Sequence[str], direction: Mapping[str, Mapping[str, float]]
@@ -148,7 +150,7 @@ class Search:
                     values[parameter.name] = float(np.clip(start, parameter.low, parameter.high))
             effects[name] = values
         begin = replace(at.fit.point, effects=effects)
-        fit = self.fitter.fit(begin, at.fit.friction_sd, key)
+        fit = self.fitter.fit(begin, at.fit.scatter, key)
         self.seen[key] = Candidate(key, fit, self._log_evidence(key, fit))
         return self.seen[key]
 
@@ -177,12 +179,16 @@ class Search:
         scales = np.array([parameters[column.parameter].scale for column in columns])
         return LinearEvidence(information, scales, one_sided)
 
+    def _scale(self, column: Column) -> float:
+        parameters = self._effects[column.owner].parameters
+        return next(p.scale for p in parameters if p.name == column.parameter)
+
     def _log_evidence(self, names: tuple[str, ...], fit: Fit) -> float:
         """Laplace's approximation at the refit, averaged over sizes, against the nominal scene."""
         nominal = self.seen[()].fit
         columns = fit.columns
         mean, precision = self.fitter.prior(columns)
-        own = np.array([c for c, column in enumerate(columns) if column.owner in names])
+        own = np.array([c for c, column in enumerate(columns) if column.owner in names], np.int64)
         fixed = np.setdiff1d(np.arange(len(columns)), own)
         inflation = max(1.0, fit.dispersion)
         projected = project(
@@ -192,7 +198,7 @@ class Search:
         values = np.array([fit.point.effects[columns[c].owner][columns[c].parameter] for c in own])
         offset = values - mean[own]
         slope = projected.scores.sum(0) / inflation
-        scales = 1 / (3 * np.sqrt(precision[own]))
+        scales = np.array([self._scale(columns[c]) for c in own])
         gain = (nominal.objective - fit.objective + float((precision[own] * offset**2).sum())) / 2 / inflation
         # The quadratic about the refit, as if it stood about the neutral values.
         constant = gain - slope @ offset - offset @ information @ offset / 2

@@ -6,11 +6,14 @@ from hit to hit is estimated on the way (expectation maximisation), never assume
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from slapshot.diagnosis.evidence import LARGEST
 from slapshot.diagnosis.marginal import Marginal, marginalise
-from slapshot.diagnosis.noise import CameraNoise, outliers
+from slapshot.diagnosis.noise import CameraNoise, leaps, outliers
 from slapshot.diagnosis.slide_model import Column, Point, SlideModel, Values
 from slapshot.effects.effect import GRAVITY
 
@@ -19,10 +22,15 @@ Array = NDArray[np.float64]
 ITERATIONS = 12
 CONVERGED = 0.02  # of the objective (nats): differences that matter are of order 1
 SPIN_SD = 8.0  # rad/s, of a launch; twice what oblique hits give
+FIRST_FRICTION_SD = 0.03
 FRICTION_SD = (0.002, 0.3)  # bounds of the scatter of log friction from hit to hit
 # Prior of the nuisance parameters: any dry surface.
 NUISANCE_MEAN = np.log([0.35, 0.35, 0.01])
 NUISANCE_SD = np.array([1.0, 1.0, 1.0])
+NUISANCE_BOUNDS = np.log([[0.01, 3.0], [0.01, 3.0], [1e-5, 0.3]])
+# m, m/s, rad/s and log friction: of a hit's own unknowns, within an iteration and at all.
+LARGEST_STEP = np.array([0.1, 0.1, 0.5, 0.5, 5.0, 0.3])
+LARGEST_LATENT = np.array([20.0, 20.0, 8.0, 8.0, 60.0, 1.5])
 
 
 @dataclass(frozen=True)
@@ -31,7 +39,7 @@ class Fit:
 
     Attributes:
         point: latents, nuisance and effects.
-        friction_sd: of log friction from hit to hit.
+        scatter: from hit to hit: sd of log friction for slides, (5, 5) covariance for launches.
         objective: -2 log marginal likelihood minus constants; lower is better.
         columns: of `covariance` and `marginal`.
         covariance: (p, p) of the shared parameters.
@@ -41,7 +49,7 @@ class Fit:
     """
 
     point: Point
-    friction_sd: float
+    scatter: Any
     objective: float
     columns: tuple[Column, ...]
     covariance: Array
@@ -54,11 +62,13 @@ class SlideFitter:
     """Fits one set of hits; frames that jump are left out."""
 
     def __init__(self, model: SlideModel, noise: CameraNoise) -> None:
-        self.model, self.noise = model, noise
+        self.model, self.noise, self.effects = model, noise, model.effects
         self.valid = model.tracks.valid.copy()
+        self.sizes: dict[str, float] = {}
 
     def start(self) -> Point:
         """Launches from the first frames, friction from how far the object went."""
+        self._drop(leaps(self.model.tracks.places, self.valid, self.noise.sd))
         tracks = self.model.tracks
         count = len(tracks)
         latents = np.zeros((count, 6))
@@ -78,9 +88,13 @@ class SlideFitter:
         return Point(latents, nuisance)
 
     def drop_jumps(self, point: Point) -> None:
-        """Leave mistracked frames out from now on: moved behind the valid ones of their hit."""
+        """Leave mistracked frames out from now on."""
+        left = self.model.tracks.places - self.model.predict(point)
+        self._drop(outliers(left, self.valid, self.noise.sd))
+
+    def _drop(self, jump: NDArray[np.bool_]) -> None:
+        """Move frames behind the valid ones of their hit."""
         tracks = self.model.tracks
-        jump = outliers(tracks.places - self.model.predict(point), self.valid, self.noise.sd)
         keep = self.valid & ~jump
         order = np.argsort(~keep, axis=1, kind="stable")
         rows = np.arange(len(tracks))[:, None]
@@ -88,7 +102,7 @@ class SlideFitter:
         tracks = replace(tracks, times=tracks.times[rows, order], places=tracks.places[rows, order])
         self.model.tracks = replace(tracks, valid=self.valid)
 
-    def fit(self, start: Point, friction_sd: float = 0.03, effects: Sequence[str] = ()) -> Fit:
+    def fit(self, start: Point, scatter: float = FIRST_FRICTION_SD, effects: Sequence[str] = ()) -> Fit:
         """Fit launches, nuisance and the effects named, from a point."""
         point = replace(
             start,
@@ -97,37 +111,36 @@ class SlideFitter:
         columns = self.model.columns(effects)
         mean, precision = self.prior(columns)
         damping = 1e-3
-        state = self.evaluate(point, columns, friction_sd)
-        objective = self._objective(state, point, columns, mean, precision, friction_sd)
+        state = self.evaluate(point, columns, scatter)
+        objective = self._objective(state, point, columns, mean, precision)
         converged = False
         for _ in range(ITERATIONS):
             information = state.information.sum(0) + np.diag(precision)
             score = state.scores.sum(0) + precision * (mean - self._shared(point, columns))
             shift = np.linalg.solve(information + damping * np.diag(np.diag(information)), score)
             new = self._moved(point, columns, shift, state)
-            sd = self._friction_scatter(new, state)
-            candidate = self.evaluate(new, columns, sd)
-            value = self._objective(candidate, new, columns, mean, precision, sd)
+            spread = self._scatter(new, state)
+            candidate = self.evaluate(new, columns, spread)
+            value = self._objective(candidate, new, columns, mean, precision)
             # The scatter's own update may raise the objective by its bound alone; a little is let pass.
             if value > objective + 1.0 and damping < 1e4:
                 damping *= 10
                 continue
             change = objective - value
-            point, state, objective, friction_sd = new, candidate, value, sd
+            point, state, objective, scatter = new, candidate, value, spread
             damping = max(damping / 5, 1e-6)
             if abs(change) < CONVERGED:
                 converged = True
                 break
         information = state.information.sum(0) + np.diag(precision)
-        freedom = 2 * self.valid.sum() - 4 * len(self.valid)
         return Fit(
             point,
-            friction_sd,
+            scatter,
             objective,
             tuple(columns),
             np.linalg.inv(information),
             state,
-            float(state.squares.sum() / max(freedom, 1)),
+            float(state.squares.sum() / max(self.freedom().sum(), 1)),
             converged,
         )
 
@@ -141,8 +154,17 @@ class SlideFitter:
         columns = self.model.columns(effects)
         predicted, by_latent, by_column = self.model.derivatives(fit.point, columns)
         last = self.valid.sum(1) - 1
-        rest = by_column[np.arange(len(last)), last]
-        return columns, self._marginal(fit.point, predicted, by_latent, by_column, fit.friction_sd), rest
+        hits = np.arange(len(last))
+        rest = by_column[hits, last]
+        return columns, self._marginal(fit.point, predicted, by_latent, by_column, fit.scatter), rest
+
+    def rest_shift(self, fit: Fit, name: str) -> float:
+        """Root mean square change of the last frames in m if one effect were absent, launches given."""
+        point = fit.point
+        without = replace(point, effects={n: v for n, v in point.effects.items() if n != name})
+        hits, last = np.arange(len(self.valid)), self.valid.sum(1) - 1
+        moved = self.model.predict(point) - self.model.predict(without)
+        return float(np.sqrt((moved[hits, last] ** 2).sum(-1).mean()))
 
     def prior(self, columns: Sequence[Column]) -> tuple[Array, Array]:
         """Mean and information (p,) of the shared parameters."""
@@ -153,21 +175,23 @@ class SlideFitter:
                 mean[c], precision[c] = NUISANCE_MEAN[which], NUISANCE_SD[which] ** -2
             else:
                 p = parameter_of(self.model.effects[column.owner].parameters, column.parameter)
-                mean[c], precision[c] = p.neutral, (3 * p.scale) ** -2
+                mean[c] = p.neutral
+                precision[c] = (self.sizes.get(column.owner, LARGEST) * p.scale) ** -2
         return mean, precision
 
-    def _root(self, friction_sd: float) -> Array:
-        return np.diag([0.0, 0.0, 0.0, 0.0, 1 / SPIN_SD, 1 / friction_sd])
+    def freedom(self) -> Array:
+        """(n,) expected squares of each hit: its data less what fits its own unknowns."""
+        return 2.0 * self.valid.sum(1) - 4
 
     def evaluate(
         self,
         point: Point,
         columns: Sequence[Column],
-        friction_sd: float,
+        scatter: float,
         shown: NDArray[np.bool_] | None = None,
     ) -> Marginal:
         """Hits marginalised at a point, from all frames or from those shown (n, frames)."""
-        return self._marginal(point, *self.model.derivatives(point, columns), friction_sd, shown)
+        return self._marginal(point, *self.model.derivatives(point, columns), scatter, shown)
 
     def _marginal(
         self,
@@ -175,7 +199,7 @@ class SlideFitter:
         predicted: Array,
         by_latent: Array,
         by_column: Array,
-        friction_sd: float,
+        scatter: float,
         shown: NDArray[np.bool_] | None = None,
     ) -> Marginal:
         tracks, count = self.model.tracks, len(point.latents)
@@ -185,32 +209,27 @@ class SlideFitter:
         j = self.noise.whiten(by_column, times, valid)
         offset = np.zeros_like(point.latents)
         offset[:, 4:] = -point.latents[:, 4:]
+        root = np.diag([0.0, 0.0, 0.0, 0.0, 1 / SPIN_SD, 1 / scatter])
         rows = z.shape[1] * z.shape[2]
-        return marginalise(
+        marginal = marginalise(
             z.reshape(count, rows),
             h.reshape(count, rows, h.shape[-1]),
             j.reshape(count, rows, j.shape[-1]),
             offset,
-            self._root(friction_sd),
+            root,
         )
+        return replace(marginal, log_volume=marginal.log_volume + 2 * np.log(scatter))
 
     def _objective(
-        self,
-        state: Marginal,
-        point: Point,
-        columns: Sequence[Column],
-        mean: Array,
-        precision: Array,
-        friction_sd: float,
+        self, state: Marginal, point: Point, columns: Sequence[Column], mean: Array, precision: Array
     ) -> float:
         """At the present latents' best first-order change: squares, volume and prior."""
         shared = self._shared(point, columns)
         prior = float((precision * (shared - mean) ** 2).sum())
-        volume = float(state.log_volume.sum() + 2 * len(state.squares) * np.log(friction_sd))
-        return float(state.squares.sum()) + volume + prior
+        return float(state.squares.sum() + state.log_volume.sum()) + prior
 
     @staticmethod
-    def _friction_scatter(point: Point, state: Marginal) -> float:
+    def _scatter(point: Point, state: Marginal) -> float:
         square = (point.latents[:, 5] ** 2 + state.covariance[:, 5, 5]).mean()
         return float(np.clip(np.sqrt(square), *FRICTION_SD))
 
@@ -224,12 +243,14 @@ class SlideFitter:
         return values
 
     def _moved(self, point: Point, columns: Sequence[Column], shift: Array, state: Marginal) -> Point:
-        latents = point.latents + state.step + state.gain @ shift
+        step = np.clip(state.step + state.gain @ shift, -LARGEST_STEP, LARGEST_STEP)
+        latents = np.clip(point.latents + step, -LARGEST_LATENT, LARGEST_LATENT)
         nuisance = point.nuisance.copy()
         effects = {name: dict(values) for name, values in point.effects.items()}
         for c, column in enumerate(columns):
             if column.object >= 0:
-                nuisance[column.object, c % 3] += shift[c]
+                value = nuisance[column.object, c % 3] + shift[c]
+                nuisance[column.object, c % 3] = np.clip(value, *NUISANCE_BOUNDS[c % 3])
             else:
                 p = parameter_of(self.model.effects[column.owner].parameters, column.parameter)
                 value = effects[column.owner][column.parameter] + shift[c]

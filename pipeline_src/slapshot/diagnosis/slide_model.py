@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
 from slapshot.diagnosis.tracks import HitTracks
 from slapshot.effects.effect import Effect
 from slapshot.effects.slide_law import Acting, slide
@@ -108,6 +109,8 @@ class SlideModel:
             moved[:, j] += step
             bumped.append(_Bumped(base.hits, moved, base.log_mu))
         for column in columns:
+            if column.object < 0 and not self._acts(column.owner):
+                continue
             if column.object < 0:
                 bumped.append(
                     _Bumped(
@@ -124,9 +127,14 @@ class SlideModel:
             [(s - seen[0]) / step for s, step in zip(seen[1:7], LATENT_STEPS, strict=True)], axis=-1
         )
         by_column = np.zeros((*seen[0].shape, len(columns)))
-        for c, (column, part, s) in enumerate(zip(columns, bumped[7:], seen[7:], strict=True)):
-            by_column[part.hits, ..., c] = (s - seen[0][part.hits]) / column.step
+        acting = [c for c, column in enumerate(columns) if column.object >= 0 or self._acts(column.owner)]
+        for c, part, s in zip(acting, bumped[7:], seen[7:], strict=True):
+            by_column[part.hits, ..., c] = (s - seen[0][part.hits]) / columns[c].step
         return seen[0], by_latent, by_column
+
+    def _acts(self, name: str) -> bool:
+        """Whether an effect changes a track, its launch being given."""
+        return self.effects[name].acts_on_slide or self.effects[name].acts_on_camera
 
     def by_latents(self, point: Point) -> tuple[Array, Array]:
         """Prediction and its derivatives by the latents alone."""
@@ -186,6 +194,8 @@ class SlideModel:
         found: dict[str, tuple[NDArray[np.int64], dict[str, Array]]] = {}
         everywhere = np.arange(bounds[-1])
         for name, base in point.effects.items():
+            if not self._acts(name):
+                continue
             found[name] = (everywhere, {p: np.full(bounds[-1], v) for p, v in base.items()})
         rows_of: dict[str, list[NDArray[np.int64]]] = {}
         bumps: list[tuple[str, str, float, NDArray[np.int64]]] = []

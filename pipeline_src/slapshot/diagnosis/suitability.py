@@ -1,13 +1,31 @@
 """Whether a recording can carry a diagnosis at all, and if not, what to record instead."""
 
+from collections import Counter
+
 import numpy as np
-from slapshot.diagnosis.tracks import RELEASE_DISTANCE, HitTracks
+
+from slapshot.diagnosis.tracks import (
+    NEVER_RESTED,
+    NO_FRAMES,
+    TOO_FEW_FRAMES,
+    TOO_SHORT_A_SLIDE,
+    TOO_SHORT_A_WAY,
+    HitTracks,
+)
 from slapshot.recordings.format import Recording
 
 FEWEST_HITS = 12  # of which three are held out
 LEAST_HEADINGS_RAD = 0.03  # rms spread of launches
-LEAST_SPEEDS = 0.05  # rms spread of their logarithm
+LEAST_SPEEDS = 0.05  # spread of the logarithm of speeds, half that of distances
 LEAST_FRAMES = 12  # of a slide in the median: fewer cannot tell its launch from what slows it
+
+REMEDIES = {
+    NO_FRAMES: "record tracks of all hits",
+    TOO_FEW_FRAMES: "record more frames a second, or hit harder",
+    TOO_SHORT_A_WAY: "hit harder",
+    TOO_SHORT_A_SLIDE: "record more frames a second (Hz), or hit harder",
+    NEVER_RESTED: "let the camera run until the object rests",
+}
 
 
 def cannot_tell(recording: Recording, tracks: HitTracks | None) -> str | None:
@@ -17,11 +35,10 @@ def cannot_tell(recording: Recording, tracks: HitTracks | None) -> str | None:
             "the recording has rest points only: what slowed an object cannot be told from how it was hit; "
             "record tracks (camera frames of the sliding object)"
         )
-    if len(tracks) == 0 and tracks.dropped:
-        return (
-            f"no hit moved its object by {100 * RELEASE_DISTANCE:.0f} cm and came to rest in view; "
-            "hit harder, or let the camera run until the object rests"
-        )
+    if len(tracks) < FEWEST_HITS and len(recording.hits) >= FEWEST_HITS:
+        why, count = Counter(tracks.dropped.values()).most_common(1)[0]
+        few = f"only {len(tracks)} of {len(recording.hits)} hits can be used"
+        return f"{few}: of {count}, {why}; {REMEDIES[why]}"
     if len(tracks) < FEWEST_HITS:
         return (
             f"only {len(tracks)} hits can be used; record at least {FEWEST_HITS}, better 100, with "
@@ -44,13 +61,12 @@ def cannot_tell(recording: Recording, tracks: HitTracks | None) -> str | None:
 
 
 def _spread(tracks: HitTracks) -> tuple[float, float]:
-    """Rms spread of headings in rad and of log speeds over the first frames."""
-    fifth = min(5, tracks.times.shape[1] - 1)
-    moved = tracks.places[:, fifth] - tracks.places[:, 0]
+    """Root mean square spread of headings in rad, and spread of log speeds, by where slides end."""
+    last = tracks.valid.sum(1) - 1
+    moved = tracks.places[np.arange(len(last)), last] - tracks.places[:, 0]
     heading = np.arctan2(moved[:, 1], moved[:, 0])
     mean = np.arctan2(np.sin(heading).mean(), np.cos(heading).mean())
     turned = np.angle(np.exp(1j * (heading - mean)))
-    speed = np.linalg.norm(moved, axis=1) / np.maximum(tracks.times[:, fifth], 1e-6)
-    log_speed = np.log(np.maximum(speed, 1e-6))
+    log_speed = np.log(np.linalg.norm(moved, axis=1)) / 2
     robust = 1.4826 * np.median(np.abs(log_speed - np.median(log_speed)))
     return float(np.sqrt((turned**2).mean())), float(robust)

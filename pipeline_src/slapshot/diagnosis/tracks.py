@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+
 from slapshot.recordings.format import Recording
 
 Array = NDArray[np.float64]
@@ -15,6 +16,13 @@ RELEASE_DISTANCE = 0.12
 MOVING_DISTANCE = 0.02  # m from the start at which an object has begun to move, above any camera's noise
 FEWEST_FRAMES = 8  # of a slide that is used
 AFTER_REST = 12  # frames at rest that are kept: more of them only repeat the rest point
+
+# Why hits are not used.
+NO_FRAMES = "they have no frames"
+TOO_FEW_FRAMES = "they have too few frames"
+TOO_SHORT_A_WAY = f"the object moved by less than {100 * RELEASE_DISTANCE:.0f} cm"
+TOO_SHORT_A_SLIDE = f"the object was seen to slide for less than {FEWEST_FRAMES} frames"
+NEVER_RESTED = "the object was still moving when the camera stopped"
 
 
 @dataclass(frozen=True)
@@ -78,10 +86,9 @@ def hit_tracks(recording: Recording) -> HitTracks:
         number = int(hit["hit"])
         frames = groups.get(number)
         if frames is None:
-            dropped[number] = "it has no frames"
+            dropped[number] = NO_FRAMES
             continue
         times, places = frames["t"].to_numpy(), frames[["x", "y"]].to_numpy()
-        start = hit[["start_x", "start_y"]].to_numpy(float)
         cut = _cut(times, places)
         if isinstance(cut, str):
             dropped[number] = cut
@@ -91,15 +98,14 @@ def hit_tracks(recording: Recording) -> HitTracks:
         used = slice(first, last + AFTER_REST)
         seen = np.median(places[:begin], axis=0) if begin >= 3 else np.full(2, np.nan)
         rows.append((hit, seen, times[used] - times[first], times[first], places[used]))
-        del start
-    longest = max((len(r[2]) for r in rows), default=0)
+    longest = max((len(r[2]) for r in rows), default=1)
     count = len(rows)
     times, places = np.zeros((count, longest)), np.zeros((count, longest, 2))
     valid = np.zeros((count, longest), bool)
     for i, (_, _, t, _, p) in enumerate(rows):
         times[i, : len(t)], places[i, : len(t)], valid[i, : len(t)] = t, p, True
         times[i, len(t) :] = t[-1]
-    hits = pd.DataFrame([r[0] for r in rows])
+    hits = pd.DataFrame([r[0] for r in rows], columns=recording.hits.columns)
     orders = recording.hits["order"].to_numpy(float)
     span = max(np.ptp(orders), 1.0)
     command = hits["command_id"].astype("Float64").to_numpy(float, na_value=np.nan)
@@ -107,7 +113,7 @@ def hit_tracks(recording: Recording) -> HitTracks:
     pairs = [r for r in resting if len(r[0])]
     return HitTracks(
         hit=hits["hit"].to_numpy(np.int64),
-        object=np.array([objects.index(o) for o in hits["object_id"]]),
+        object=np.array([objects.index(o) for o in hits["object_id"]], np.int64),
         objects=objects,
         order=(hits["order"].to_numpy(float) - orders.min()) / span - 0.5,
         command=np.where(np.isnan(command), own, command).astype(np.int64),
@@ -128,28 +134,35 @@ def hit_tracks(recording: Recording) -> HitTracks:
 def _cut(times: Array, places: Array) -> tuple[int, int, int] | str:
     """Rows at which motion begins, the object is released, and it rests; or why the hit cannot be used."""
     if len(times) < FEWEST_FRAMES:
-        return "it has too few frames"
-    smooth = _median_of_three(places)
+        return TOO_FEW_FRAMES
+    smooth = _running_median(places)
     end = np.median(smooth[-3:], axis=0)
     origin = np.median(smooth[:3], axis=0)
     away = np.linalg.norm(smooth - origin, axis=1)
     if away.max() < RELEASE_DISTANCE:
-        return f"it moved by less than {100 * RELEASE_DISTANCE:.0f} cm"
-    begin = int((away > MOVING_DISTANCE).argmax())
-    first = int((away > RELEASE_DISTANCE).argmax())
-    still = np.linalg.norm(smooth - end, axis=1) > MOVING_DISTANCE / 2
-    last = int(len(still) - still[::-1].argmax()) + 2  # two frames later friction has stopped it
+        return TOO_SHORT_A_WAY
+    # From the end backwards: a mistrack at rest is no beginning.
+    begin = _last(away <= MOVING_DISTANCE) + 1
+    first = _last(away <= RELEASE_DISTANCE) + 1
+    # Two frames later friction has stopped it.
+    last = _last(np.linalg.norm(smooth - end, axis=1) > MOVING_DISTANCE / 2) + 3
     if last - first < FEWEST_FRAMES:
-        return "it was released too late, or slid for too short a time"
+        return TOO_SHORT_A_SLIDE
     if last >= len(times):
-        return "it was still moving when the camera stopped"
+        return NEVER_RESTED
     return begin, first, last
 
 
-def _median_of_three(places: Array) -> Array:
-    """Against single mistracks."""
-    padded = np.concatenate([places[:1], places, places[-1:]])
-    return np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0)
+def _last(condition: NDArray[np.bool_]) -> int:
+    """Last row where it holds; -1 if there is none."""
+    rows = np.flatnonzero(condition)
+    return int(rows[-1]) if len(rows) else -1
+
+
+def _running_median(places: Array) -> Array:
+    """Of five frames, against mistracks; an object passes its places in order, and is not changed by it."""
+    padded = np.concatenate([places[:1], places[:1], places, places[-1:], places[-1:]])
+    return np.median(np.stack([padded[k : k + len(places)] for k in range(5)]), axis=0)
 
 
 def _at_rest(times: Array, places: Array, rows: slice) -> tuple[Array, Array]:

@@ -1,0 +1,39 @@
+"""The face that fitters of slides and of launches share, so that one search serves both."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.marginal import Marginal
+from slapshot.diagnosis.slide_fit import Fit
+from slapshot.diagnosis.slide_model import Column, Point
+from slapshot.effects.effect import Effect
+
+Array = NDArray[np.float64]
+
+
+class Fitter(Protocol):
+    """Fits effects to the hits of a recording."""
+
+    effects: Mapping[str, Effect]
+    sizes: dict[str, float]  # effect -> size of its prior in scales, where it is not the largest
+
+    def start(self) -> Point:
+        """Where a fit without effects begins."""
+
+    def drop_jumps(self, point: Point) -> None:
+        """Leave out what was measured wrongly."""
+
+    def fit(self, start: Point, scatter: Any = ..., effects: Sequence[str] = ()) -> Fit:
+        """Fit the effects named, what they share with the nominal scene, and the scatter of hits."""
+
+    def quadratic(self, fit: Fit, effects: Sequence[str]) -> tuple[list[Column], Marginal, Array]:
+        """Columns, hits marginalised over them, and (n, 2, p) change of rest points in m."""
+
+    def prior(self, columns: Sequence[Column]) -> tuple[Array, Array]:
+        """Mean and information (p,) of shared parameters."""
+
+    def rest_shift(self, fit: Fit, name: str) -> float:
+        """Root mean square change of rest points in m if one effect of a fit were absent."""
