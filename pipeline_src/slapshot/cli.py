@@ -74,6 +74,17 @@ def _parser() -> argparse.ArgumentParser:
     importing.add_argument("source", type=Path, help="folder of CSV files, one of them, or a path with *")
     importing.add_argument("out", type=Path, help="folder of the recording, which must not exist yet")
     importing.set_defaults(run=run_import)
+    diagnosing = commands.add_parser(
+        "diagnose", help="say what physics a scene lacks that a recording shows, and model it"
+    )
+    diagnosing.add_argument("recording", type=Path, help="folder")
+    diagnosing.add_argument("--out", type=Path, required=True, help="folder to make")
+    diagnosing.add_argument("--rig", type=Path, help="rig file (YAML) of the nominal scene")
+    diagnosing.add_argument("--config", type=Path, help="configuration that says the same, else the default")
+    diagnosing.add_argument("--domain", default="hockey", help="domain of the configuration")
+    diagnosing.add_argument("--signatures", type=Path, help="file with those of commands, made if missing")
+    diagnosing.add_argument("--seed", type=int, default=0, help="of the split into used and held-out hits")
+    diagnosing.set_defaults(run=_diagnose)
     browse = commands.add_parser("browse", help="look at hits in the Rerun viewer")
     browse.add_argument("--config", type=Path, help="configuration whose hits are shown, else the default")
     browse.add_argument("--store", type=Path, default=Path("data/store"))
@@ -89,6 +100,12 @@ def _browse(args: argparse.Namespace) -> int:
     except ModuleNotFoundError as error:
         raise InputError(f"browse needs {error.name}: `pip install -c constraints.txt -e .`") from None
     return browse(args.config, args.store, args.hit, args.port)
+
+
+def _diagnose(args: argparse.Namespace) -> int:
+    from slapshot.diagnosis.command import run_diagnose  # MuJoCo, figures: the other commands start faster
+
+    return run_diagnose(args)
 
 
 def _table(*columns: str) -> Table:

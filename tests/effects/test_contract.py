@@ -237,3 +237,11 @@ def test_the_table_has_a_row_for_every_effect():
     assert [line.split("|")[1].strip(" `") for line in lines[2:]] == list(catalogue())
     assert {line.count(" | ") for line in lines if "---" not in line} == {columns}
     assert "`height_0` to `height_48`" in done.stdout
+
+
+def test_the_table_in_the_documentation_is_that_of_the_code():
+    """Made by `python -m slapshot.effects`; effects that tests register are no part of it."""
+    command = [sys.executable, "-m", "slapshot.effects"]
+    made = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    text = (Path(catalogue_module.__file__).parent / "README.md").read_text()
+    assert text[text.index("| effect |") :] == made

@@ -1,7 +1,7 @@
 """From a recording and a scene to a verdict."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from slapshot.diagnosis.judgement import (
 )
 from slapshot.diagnosis.launch_fit import launch_fitter
 from slapshot.diagnosis.next_hits import next_hits
-from slapshot.diagnosis.noise import estimate_noise
+from slapshot.diagnosis.noise import CameraNoise, estimate_noise, timing_jitter
 from slapshot.diagnosis.rig_model import RigModel
 from slapshot.diagnosis.search import ADD, CLASS, MOST, Candidate, Screen, Search
 from slapshot.diagnosis.signatures import Signatures
@@ -70,6 +70,7 @@ class Diagnosis:
         screen: of all hypotheses at the nominal fit.
         held_out: fitter of the held-out hits.
         launches: the same for launches; None where commands are not known.
+        signatures: of the commands, given or made; None likewise.
     """
 
     verdict: Verdict
@@ -79,6 +80,13 @@ class Diagnosis:
     screen: Screen | None = None
     held_out: SlideFitter | None = None
     launches: "Level | None" = None
+    signatures: Signatures | None = None
+
+    def values(self) -> dict[str, dict[str, float]]:
+        """Effect -> parameter -> value of all effects that were found."""
+        fits = [] if self.final is None else [self.final.fit]
+        fits += [] if self.launches is None else [self.launches.final.fit]
+        return {name: dict(own) for fit in fits for name, own in fit.point.effects.items()}
 
 
 def diagnose(
@@ -116,7 +124,7 @@ def diagnose(
     # Named in this order whatever the order in which the table lists them.
     split_rng, flip_rng, resample_rng = np.random.default_rng(seed).spawn(3)
     kept, held = _split(tracks, split_rng)
-    noise = estimate_noise(*tracks.resting)
+    noise = _noise(tracks)
     everything = known | {effect.name: effect for effect in FREE_FORMS}
     fitter, test = (
         SlideFitter(SlideModel(tracks.take(rows), everything, setting.radius, setting.camera, threads), noise)
@@ -126,7 +134,7 @@ def diagnose(
     free = [e.name for e in FREE_FORMS]
     search = Search(fitter, slides, [n for n in free if n != FREE_LAUNCH], flip_rng)
     level = _examine(search)
-    levels = [level]
+    levels, rig = [level], None
     if full and setting.scene is not None:
         friction = np.exp(level.nominal.fit.point.nuisance)
         rig = RigModel(
@@ -192,6 +200,12 @@ class Level:
     screen: Screen
     leftover: Screen
     mismatch: Mismatch
+
+
+def _noise(tracks: HitTracks) -> CameraNoise:
+    """Of the camera, at rest and while objects move."""
+    noise = estimate_noise(*tracks.resting)
+    return replace(noise, jitter=timing_jitter(tracks.times, tracks.places, tracks.valid, noise.sd))
 
 
 def _examine(search: Search[Any]) -> Level:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.slide_fit import Fit, SlideFitter
+from slapshot.diagnosis.slide_fit import Fit, SlideFitter, bounded_step
 from slapshot.diagnosis.slide_model import Point
 from slapshot.diagnosis.verdict import Errors, Interval
 
@@ -52,7 +52,7 @@ def predict_held_out(fitter: SlideFitter, fit: Fit) -> HeldOut:
     predicted, by_latent = fitter.model.by_latents(point)
     ahead = valid & ~shown
     square = ((fitter.model.tracks.places - predicted) ** 2).sum(-1)
-    spread = np.einsum("nfdu,nuv,nfdv->nf", by_latent, covariance, by_latent) + 2 * fitter.noise.sd**2
+    spread = np.einsum("nfdu,nuv,nfdv->nf", by_latent, covariance, by_latent) + 2 * fitter.frame_sd**2
     last = counts - 1
     rows = np.arange(len(counts))
     rest_square, expected_rest = square[rows, last], spread[rows, last]
@@ -77,7 +77,7 @@ def _launches(fitter: SlideFitter, fit: Fit, shown: NDArray[np.bool_]) -> tuple[
     covariance = np.empty(0)
     for _ in range(STEPS):
         marginal = fitter.evaluate(point, [], fit.scatter, shown)
-        point = replace(point, latents=point.latents + marginal.step)
+        point = replace(point, latents=bounded_step(point.latents, marginal.step))
         covariance = marginal.covariance
     return point, covariance
 

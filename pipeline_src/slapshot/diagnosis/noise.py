@@ -10,30 +10,39 @@ Array = NDArray[np.float64]
 
 OUTLIER = 5.0  # sd from the median of its neighbours
 LEAP = 0.01  # m beyond noise
+MANY = 200  # frames, for an estimate of jitter
 
 
 @dataclass(frozen=True)
 class CameraNoise:
-    """An Ornstein-Uhlenbeck process along each axis: covariance sd^2 exp(-|dt| / time).
+    """An Ornstein-Uhlenbeck process along each axis: covariance s s' exp(-|dt| / time), s the frames' sd.
 
     Attributes:
-        sd: m.
+        sd: m, of an object at rest.
         time: s; 0 for white noise.
+        jitter: s, of when a frame was really taken: an object that moves at v is seen with
+            s^2 = sd^2 + (jitter v)^2.
     """
 
     sd: float
     time: float
+    jitter: float = 0.0
 
-    def whiten(self, values: Array, times: Array, valid: NDArray[np.bool_]) -> Array:
+    def sd_at(self, speeds: Array) -> Array:
+        """The frames' sd in m at speeds in m/s."""
+        return np.hypot(self.sd, self.jitter * speeds)
+
+    def whiten(self, values: Array, times: Array, valid: NDArray[np.bool_], sd: Array) -> Array:
         """Innovations of the process over its sd, of unit variance if `values` are such noise.
 
         Args:
             values: (n, frames, 2 or more) in m; columns beyond the second are whitened alike.
             times: (n, frames) s.
             valid: (n, frames); others must be at the end, and become 0.
+            sd: (n, frames) m, see `sd_at`.
         """
         shape = values.shape[:2] + (1,) * (values.ndim - 2)
-        white = values / self.sd
+        white = values / sd.reshape(shape)
         if self.time > 0:
             gap = np.diff(times, axis=1)
             memory = np.exp(-np.maximum(gap, 1e-6) / self.time).reshape(shape[0], -1, *shape[2:])
@@ -99,3 +108,39 @@ def leaps(places: Array, valid: NDArray[np.bool_], sd: float) -> NDArray[np.bool
         middle = np.nanmedian(said, axis=0)
     # The scatter of an extrapolation is sqrt(6) times that of a frame.
     return ((np.abs(places - middle) > LEAP + OUTLIER * np.sqrt(6) * sd).any(-1)) & valid
+
+
+def frame_speeds(times: Array, places: Array, valid: NDArray[np.bool_]) -> Array:
+    """(n, frames) m/s, over two frames to either side; at the ends over those that there are."""
+    count = valid.sum(1)[:, None]
+    frames = np.arange(times.shape[1])
+    low = np.maximum(frames - 2, 0)
+    high = np.maximum(np.minimum(frames + 2, count - 1), low + 1)
+    high = np.minimum(high, times.shape[1] - 1)
+    rows = np.arange(len(times))[:, None]
+    moved = np.linalg.norm(places[rows, high] - places[:, low], axis=-1)
+    gap = np.maximum(times[rows, high] - times[:, low], 1e-6)
+    return np.where(frames < count, moved / gap, 0.0)
+
+
+def timing_jitter(times: Array, places: Array, valid: NDArray[np.bool_], sd: float) -> float:
+    """Jitter in s, from how much more places scatter about a smooth track where an object is fast.
+
+    Third differences of evenly spaced frames along the way lose what is quadratic in time, and have 20
+    times the variance of a frame. Robust; 0 where it adds less than half of the noise at rest.
+    """
+    usual = float(np.median(np.diff(times, axis=1)[valid[:, 1:]]))
+    third = np.diff(places, n=3, axis=1)
+    even = np.abs(np.diff(times, axis=1) / usual - 1) < 0.3
+    good = valid[:, 3:] & even[:, :-2] & even[:, 1:-1] & even[:, 2:]
+    speed = frame_speeds(times, places, valid)[:, 1:-2]
+    way = places[:, 3:] - places[:, :-3]
+    way /= np.linalg.norm(way, axis=-1, keepdims=True) + 1e-9
+    values, speeds = np.abs((third * way).sum(-1))[good], speed[good]
+    if len(speeds) < MANY:
+        return 0.0
+    fast, slow = speeds > np.quantile(speeds, 0.75), speeds < np.quantile(speeds, 0.25)
+    spread = [1.4826 * np.median(values[part]) / np.sqrt(20) for part in (fast, slow)]
+    square = (spread[0] ** 2 - spread[1] ** 2) / (np.median(speeds[fast]) ** 2 - np.median(speeds[slow]) ** 2)
+    jitter = float(np.sqrt(max(square, 0.0)))
+    return jitter if jitter * np.median(speeds[fast]) > sd / 2 else 0.0

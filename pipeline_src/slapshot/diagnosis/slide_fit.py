@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from slapshot.diagnosis.evidence import LARGEST
 from slapshot.diagnosis.marginal import Marginal, marginalise
-from slapshot.diagnosis.noise import CameraNoise, leaps, outliers
+from slapshot.diagnosis.noise import CameraNoise, frame_speeds, leaps, outliers
 from slapshot.diagnosis.slide_model import Column, Point, SlideModel, Values
 from slapshot.effects.effect import GRAVITY
 
@@ -64,6 +64,7 @@ class SlideFitter:
     def __init__(self, model: SlideModel, noise: CameraNoise) -> None:
         self.model, self.noise, self.effects = model, noise, model.effects
         self.valid = model.tracks.valid.copy()
+        self.frame_sd = self._frame_sd()
         self.sizes: dict[str, float] = {}
 
     def start(self) -> Point:
@@ -101,6 +102,12 @@ class SlideFitter:
         self.valid = keep[rows, order]
         tracks = replace(tracks, times=tracks.times[rows, order], places=tracks.places[rows, order])
         self.model.tracks = replace(tracks, valid=self.valid)
+        self.frame_sd = self._frame_sd()
+
+    def _frame_sd(self) -> Array:
+        """(n, frames) m."""
+        tracks = self.model.tracks
+        return self.noise.sd_at(frame_speeds(tracks.times, tracks.places, tracks.valid))
 
     def fit(self, start: Point, scatter: float = FIRST_FRICTION_SD, effects: Sequence[str] = ()) -> Fit:
         """Fit launches, nuisance and the effects named, from a point."""
@@ -204,9 +211,9 @@ class SlideFitter:
     ) -> Marginal:
         tracks, count = self.model.tracks, len(point.latents)
         times, valid = tracks.times, self.valid if shown is None else shown
-        z = self.noise.whiten(tracks.places - predicted, times, valid)
-        h = self.noise.whiten(by_latent, times, valid)
-        j = self.noise.whiten(by_column, times, valid)
+        z = self.noise.whiten(tracks.places - predicted, times, valid, self.frame_sd)
+        h = self.noise.whiten(by_latent, times, valid, self.frame_sd)
+        j = self.noise.whiten(by_column, times, valid, self.frame_sd)
         offset = np.zeros_like(point.latents)
         offset[:, 4:] = -point.latents[:, 4:]
         root = np.diag([0.0, 0.0, 0.0, 0.0, 1 / SPIN_SD, 1 / scatter])
@@ -243,8 +250,7 @@ class SlideFitter:
         return values
 
     def _moved(self, point: Point, columns: Sequence[Column], shift: Array, state: Marginal) -> Point:
-        step = np.clip(state.step + state.gain @ shift, -LARGEST_STEP, LARGEST_STEP)
-        latents = np.clip(point.latents + step, -LARGEST_LATENT, LARGEST_LATENT)
+        latents = bounded_step(point.latents, state.step + state.gain @ shift)
         nuisance = point.nuisance.copy()
         effects = {name: dict(values) for name, values in point.effects.items()}
         for c, column in enumerate(columns):
@@ -267,3 +273,9 @@ def effect_values(fit: Fit, name: str) -> Values:
     """Fitted values of an effect."""
     values: Mapping[str, float] = fit.point.effects[name]
     return values
+
+
+def bounded_step(latents: Array, step: Array) -> Array:
+    """Latents (n, 6) after a step of Gauss-Newton, which may be far too long where little is known."""
+    step = np.clip(step, -LARGEST_STEP, LARGEST_STEP)
+    return np.clip(latents + step, -LARGEST_LATENT, LARGEST_LATENT)

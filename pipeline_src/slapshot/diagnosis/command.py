@@ -1,0 +1,91 @@
+"""`slapshot diagnose RECORDING --out DIR`: from files to files."""
+
+import argparse
+import hashlib
+import os
+import shutil
+import sys
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+
+from slapshot.config import load_config
+from slapshot.diagnosis.augmented import write_augmented
+from slapshot.diagnosis.diagnose import Diagnosis, diagnose
+from slapshot.diagnosis.report import terminal_text, write_report
+from slapshot.diagnosis.rig_file import RigFile, read_rig, rig_of_domain
+from slapshot.diagnosis.signatures import Signatures
+from slapshot.effects.catalogue import catalogue, import_effects
+from slapshot.errors import InputError, writing
+from slapshot.recordings.read import read_recording
+from slapshot.store.closure import code_digest
+from slapshot.store.content import content_digest
+
+AUGMENTED = "augmented"
+
+
+def run_diagnose(args: argparse.Namespace) -> int:
+    """Diagnose and write the report; 0 for a verdict of any kind.
+
+    Raises:
+        InputError: something that was given is not there or not allowed.
+    """
+    if args.out.exists():
+        raise InputError(f"{args.out}: exists already; name a folder that does not, or remove it")
+    rig = _rig(args)
+    import_effects(*rig.effects)
+    recording = read_recording(args.recording)
+    signatures = None
+    if args.signatures is not None and args.signatures.is_file():
+        signatures = Signatures.load(args.signatures)
+    print(f"diagnosing {args.recording}: {len(recording.hits)} hits, {recording.kind}", file=sys.stderr)
+    diagnosis = diagnose(
+        recording, rig.setting, args.seed, threads=os.cpu_count() or 1, signatures=signatures
+    )
+    _keep(diagnosis, args.signatures, signatures)
+    versions = {
+        "slapshot": version("slapshot"),
+        "code": code_digest("slapshot.diagnosis.diagnose")[:12],
+        "scene": _digest(rig.scene.xml),
+        "recording": _recording_digest(args.recording),
+    }
+    with writing(args.out):
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+        aside = Path(tempfile.mkdtemp(prefix=f".{args.out.name}-", dir=args.out.parent))
+        try:
+            write_report(diagnosis, versions, aside)
+            values = diagnosis.values()
+            if values:
+                write_augmented(rig.scene, catalogue(), values, aside / AUGMENTED)
+            aside.chmod(0o755)
+            aside.rename(args.out)
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
+    print(terminal_text(diagnosis.verdict))
+    return 0
+
+
+def _rig(args: argparse.Namespace) -> RigFile:
+    if args.rig is not None:
+        return read_rig(args.rig)
+    domains = load_config(args.config)["domains"]
+    if args.domain not in domains:
+        raise InputError(f"--domain: no domain {args.domain!r}; use one of: {', '.join(domains)}")
+    return rig_of_domain(domains[args.domain])
+
+
+def _keep(diagnosis: Diagnosis, file: Path | None, before: Signatures | None) -> None:
+    """Save signatures that were made, for the next recording over these commands."""
+    if file is not None and diagnosis.signatures is not None and diagnosis.signatures is not before:
+        with writing(file):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            diagnosis.signatures.save(file)
+
+
+def _recording_digest(folder: Path) -> str:
+    files = sorted(path for path in folder.iterdir() if path.suffix in {".parquet", ".json"})
+    return _digest("".join(f"{path.name}:{content_digest(path)}\n" for path in files))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -1,0 +1,90 @@
+"""D4: errors on held-out hits before and after, against what noise alone leaves."""
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.ticker import NullLocator
+
+from slapshot.diagnosis.report.outcome import Outcome
+from slapshot.diagnosis.report.sentences import scenes
+from slapshot.diagnosis.report.style import AUGMENTED, BELIEVED, NOMINAL, mark_stand_in
+from slapshot.diagnosis.verdict import Verdict
+from slapshot.figures.drawing import Drawing
+
+NAME = "D4-errors"
+CAPTION = (
+    "Errors on hits that took no part in fitting or choosing, each predicted from its first frames; bars are "
+    "90 % bootstrap intervals over hits. Noise floor: what camera noise and a launch told from few frames "
+    "leave of the best scene. Log-likelihoods are over the nominal scene, refitted."
+)
+
+_PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}  # behind a number
+# Measure -> title, unit, factor.
+_MEASURES = {
+    "track_rmse_m": ("track error", "rms, mm", 1e3),
+    "rest_rmse_m": ("rest-point error", "rms, mm", 1e3),
+    "loglik_per_hit": ("log-likelihood a hit", "nats", 1.0),
+}
+_TICKS = [k * 10**p for p in range(-1, 4) for k in (1, 2, 3, 5, 7)]  # mm
+_ROWS = {
+    "nominal": ("nominal,\nas believed", BELIEVED),
+    "refitted": ("nominal,\nrefitted", NOMINAL),
+    "augmented": ("augmented", AUGMENTED),
+    "noise_floor": ("noise floor", "black"),
+}
+
+
+def draw(outcome: Outcome) -> Drawing:
+    """Panels (a) tracks, (b) rest points, (c) log-likelihood."""
+    table = error_table(outcome.verdict)
+    figure, axes = plt.subplots(1, 3, figsize=(10.2, 2.6), sharey=True)
+    for part, letter, measure in zip(axes, "abc", _MEASURES, strict=True):
+        title, unit, factor = _MEASURES[measure]
+        _draw_measure(part, table[table["measure"] == measure], factor, far=measure == "loglik_per_hit")
+        part.set_title(f"({letter}) {title}", loc="left")
+        part.set_xlabel(unit)
+    mark_stand_in(figure, outcome.verdict)
+    return Drawing(NAME, figure, table)
+
+
+def error_table(verdict: Verdict) -> pd.DataFrame:
+    """A row a scene and measure: value with its 90 % interval, in SI units."""
+    assert verdict.fit is not None
+    rows: list[dict[str, Any]] = []
+    for scene in scenes(verdict):
+        for measure in _MEASURES:
+            interval = getattr(verdict.fit[scene], measure)
+            rows.append({"measure": measure, "scene": scene, **vars(interval)})
+    return pd.DataFrame(rows)
+
+
+def _draw_measure(axes: Axes, rows: pd.DataFrame, factor: float, far: bool) -> None:
+    """Points with intervals; `far` leaves the believed scene out of the range and says its value."""
+    known = {row["scene"]: row for _, row in rows.iterrows()}
+    axes.axvline(factor * known["noise_floor"]["value"], color="black", lw=1, ls=":")
+    drawn = [scene for scene in _ROWS if scene in known]
+    for y, scene in zip(range(len(drawn))[::-1], drawn, strict=True):
+        value, low, high = (factor * known[scene][name] for name in ("value", "low", "high"))
+        colour = _ROWS[scene][1]
+        text = f"{value:.2f}" if far else f"{value:.1f}"
+        if far and scene == "nominal":
+            text = f"← {value:.0f} ({low:.0f} to {high:.0f})".replace("-", "−")
+            axes.annotate(
+                text, (0.03, y), xycoords=("axes fraction", "data"), color=colour, fontsize=8, va="center"
+            )
+            continue
+        axes.errorbar(value, y, xerr=[[value - low], [high - value]], fmt="o", ms=6, color=colour, capsize=3)
+        axes.annotate(
+            text, (value, y), (0, 8), textcoords="offset points", fontsize=8, ha="center", bbox=_PAPER
+        )
+    axes.set_yticks(range(len(drawn))[::-1], [_ROWS[scene][0] for scene in drawn])
+    axes.set_ylim(-0.6, len(drawn) - 0.4)
+    axes.grid(axis="y", visible=False)
+    if not far:
+        axes.set_xscale("log")
+        low, high = axes.get_xlim()
+        shown = [t for t in _TICKS if low <= t <= high]
+        axes.set_xticks(shown, [f"{t:g}" for t in shown])
+        axes.xaxis.set_minor_locator(NullLocator())

@@ -1,0 +1,246 @@
+"""The verdict in sentences: verdict.md, for a roboticist who must act."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from slapshot.diagnosis.diagnose import HELD_OUT, LEAST_EVIDENCE, LEAST_SHIFT, P_VALUE
+from slapshot.diagnosis.held_out import SEEN_SHARE
+from slapshot.diagnosis.report import wording
+from slapshot.diagnosis.report.naming import what
+from slapshot.diagnosis.report.wording import table
+from slapshot.diagnosis.search import ADD
+from slapshot.diagnosis.verdict import Errors, Interval, Mismatch, NamedEffect, Verdict
+from slapshot.effects.catalogue import catalogue
+from slapshot.figures.drawing import STAND_IN
+
+VERDICT_TEXT = "verdict.md"
+
+SCENES = {
+    "nominal": "nominal scene as it was believed",
+    "refitted": "nominal scene, friction refitted",
+    "augmented": "scene with what was found",
+    "noise_floor": "noise floor: what noise alone leaves",
+}
+MM = 1e3
+
+
+def headline(verdict: Verdict) -> str:
+    """The verdict in one sentence."""
+    if verdict.cannot_tell is not None or verdict.mismatch is None:
+        return "Cannot tell"
+    if not verdict.mismatch.found:
+        return "Nothing is missing that these hits could show"
+    unknown = verdict.unknown
+    if unknown is not None and unknown.flagged and not verdict.effects:
+        return (
+            "Something is missing that the catalogue does not know: it acts "
+            f"{wording.PHASES[str(unknown.phase)]} and follows {wording.VARIABLES[str(unknown.variable)]}"
+        )
+    if not verdict.effects:
+        return "Something is missing, but no effect of the catalogue explains enough of it to be named"
+    further = ", and something that the catalogue does not know" if unknown and unknown.flagged else ""
+    named = [_alternatives(effect) for effect in verdict.effects]
+    sure = all(len(effect.members) == 1 for effect in verdict.effects)
+    return f"Something is missing: {wording.listed(named) if sure else '; '.join(named)}{further}"
+
+
+def _alternatives(effect: NamedEffect) -> str:
+    """What is most likely, and the rivals that are left."""
+    if len(effect.members) == 1:
+        return wording.phrase(effect.name)
+    (_, first), *others = effect.members.items()
+    rest = [f"{wording.title(name)} ({100 * p:.0f} %)" for name, p in others]
+    return (
+        f"most likely {wording.phrase(effect.name)} ({100 * first:.0f} %), else {wording.listed(rest, 'or')}"
+    )
+
+
+def markdown(
+    verdict: Verdict, versions: Mapping[str, str] | None = None, figures: Mapping[str, str] | None = None
+) -> str:
+    """verdict.md.
+
+    Args:
+        verdict: to tell.
+        versions: of what it came from.
+        figures: name of a figure in the same folder, without suffix -> caption.
+    """
+    parts = [f"# {headline(verdict)}", _recording(verdict)]
+    if verdict.cannot_tell is not None:
+        parts += ["## Why not, and what to record instead", _sentence(verdict.cannot_tell)]
+    else:
+        parts += ["## Is there a mismatch?", _mismatch(verdict), "## Where?", _where(verdict)]
+        parts += ["## What?", *what(verdict), "## How much better?", *_better(verdict)]
+        parts += ["## What to record next", _next(verdict), "## What it could still be", _still(verdict)]
+    if verdict.notes:
+        parts += ["## Notes", "\n".join(f"- {_sentence(note)}" for note in verdict.notes)]
+    if figures:
+        parts.append("## Figures")
+        parts += [f"![{name}]({name}.png)\n\n*{caption}*" for name, caption in figures.items()]
+    if versions:
+        parts += ["## Versions", table(["of", "version"], [[n, f"`{v}`"] for n, v in versions.items()])]
+    return "\n\n".join(parts) + "\n"
+
+
+def _recording(verdict: Verdict) -> str:
+    what = f"Recording of “{verdict.rig}” ({verdict.kind})"
+    if verdict.stand_in:
+        what += f", a **{STAND_IN}**"
+    used = f"{verdict.used} of {wording.several(verdict.hits, 'hit')} could be used"
+    if verdict.cannot_tell is None:
+        used += f"; {100 * HELD_OUT:.0f} % of them took no part in fitting or choosing"
+    return f"{what}. {used}. Ranges in brackets are 90 % intervals."
+
+
+def _mismatch(verdict: Verdict) -> str:
+    mismatch = verdict.mismatch
+    assert mismatch is not None
+    facts = (
+        f"p = {mismatch.p_value:.2g} (signs of whole hits flipped), evidence {mismatch.log_evidence:.1f} "
+        "nats for the best single hypothesis, which moves rest points by "
+        f"{MM * mismatch.shift_m:.1f} mm (rms)"
+    )
+    noise = _noise(verdict)
+    if mismatch.found:
+        return (
+            f"**Yes.** After friction was refitted, something is left that cannot be chance: {facts}. {noise}"
+        )
+    return (
+        f"**No.** After friction was refitted, what is left {_short_of(mismatch)}: {facts}. To be called "
+        f"missing physics it must have p < {P_VALUE:g}, more than {LEAST_EVIDENCE:g} nats and at least "
+        f"{MM * LEAST_SHIFT:g} mm. {noise}"
+    )
+
+
+def _short_of(mismatch: Mismatch) -> str:
+    if mismatch.p_value >= P_VALUE or mismatch.log_evidence <= LEAST_EVIDENCE:
+        return "can be chance"
+    return "is real but too small to matter"
+
+
+def _noise(verdict: Verdict) -> str:
+    if verdict.noise_sd_m is None:
+        return ""
+    memory = (
+        f"with a memory of {1e3 * verdict.noise_time_s:.0f} ms" if verdict.noise_time_s else "without memory"
+    )
+    text = f"As estimated from the recording, camera noise is {MM * verdict.noise_sd_m:.1f} mm, {memory}"
+    if verdict.friction_scatter is not None:
+        text += f", and friction scatters by {100 * verdict.friction_scatter:.1f} % from hit to hit"
+    return text + "."
+
+
+def _where(verdict: Verdict) -> str:
+    if verdict.mismatch is None or not verdict.mismatch.found:
+        return "Nowhere that these hits could show."
+    return _sentence(place(verdict))
+
+
+def place(verdict: Verdict) -> str:
+    """Phase, variable and size."""
+    location = verdict.location
+    if location is None or location.phase is None or location.variable is None:
+        return "no phase or variable stands out"
+    phase, variable = wording.PHASES[location.phase], wording.VARIABLES[location.variable]
+    return f"{phase}; it follows {variable}; {location.size}"
+
+
+def scenes(verdict: Verdict) -> list[str]:
+    """Names of the scenes that differ: what acts before a slide does not change the rest of it."""
+    assert verdict.fit is not None
+    before, after = (
+        [error.value for error in vars(verdict.fit[name]).values()] for name in ("refitted", "augmented")
+    )
+    return [name for name in SCENES if not (before == after and name == "augmented")]
+
+
+def _better(verdict: Verdict) -> list[str]:
+    if verdict.fit is None:
+        return ["Not measured."]
+    rows = [[SCENES[name], *_errors(verdict.fit[name])] for name in scenes(verdict)]
+    head = ["scene", "track RMSE (mm)", "rest RMSE (mm)", "log-likelihood a hit (nats)"]
+    before, after, floor = (mm(verdict.fit[n].rest_rmse_m) for n in ("refitted", "augmented", "noise_floor"))
+    told = f"Rest points are predicted to {before} mm; noise alone leaves {floor} mm."
+    if "augmented" in scenes(verdict):
+        told = (
+            f"Rest points are predicted to {after} mm instead of {before} mm; noise alone leaves {floor} mm."
+        )
+        if verdict.fit["augmented"].loglik_per_hit.low <= 0:
+            told += " **On so few held-out hits the gain cannot be told from chance.**"
+    elif verdict.effects:
+        told += (
+            " What was found acts before the slide: it does not change what follows from its first frames."
+        )
+    how = (
+        f"On held-out hits, each predicted from its first {100 * SEEN_SHARE:.0f} % of frames. Likelihoods "
+        "are over that of the nominal scene with friction refitted."
+    )
+    return [f"{told} {how}", table(head, rows)]
+
+
+def _errors(errors: Errors) -> list[str]:
+    found = [
+        f"{mm(e)} ({MM * e.low:.1f} to {MM * e.high:.1f})" for e in (errors.track_rmse_m, errors.rest_rmse_m)
+    ]
+    loglik = errors.loglik_per_hit
+    fixed = loglik.low == loglik.high == 0  # the scene that others are compared with
+    return [*found, "0" if fixed else wording.between(loglik.value, loglik.low, loglik.high)]
+
+
+def mm(error: Interval) -> str:
+    """An error in mm."""
+    return f"{MM * error.value:.1f}"
+
+
+def _next(verdict: Verdict) -> str:
+    if not verdict.next_hits:
+        classes = [e.members for e in verdict.effects if len(e.members) > 1]
+        rivals = [wording.listed([wording.title(name) for name in members]) for members in classes]
+        if rivals:
+            return f"No hits were worked out that would part {wording.listed(rivals)}."
+        return "No rivals are left that further hits would have to part."
+    first = [wording.title(name) for name in verdict.next_hits[0].rivals]
+    rows = [[heading(h.heading_rad), f"{h.speed_m_s:.1f}", f"{h.nats:.1f}"] for h in verdict.next_hits]
+    return f"Hits that part {wording.listed(first)}, best first; 3 nats are odds of 20 to 1.\n\n" + table(
+        ["heading (degrees, anticlockwise from x)", "speed (m/s)", "evidence a hit (nats)"], rows
+    )
+
+
+def heading(radians: float) -> str:
+    """In whole degrees, with its sign."""
+    degrees = round(np.degrees(radians))
+    return f"{degrees:+d}" if degrees else "0"
+
+
+def _still(verdict: Verdict) -> str:
+    unknown = verdict.unknown
+    beyond = ""
+    if verdict.effects and unknown is not None and not unknown.flagged:
+        sign = "no sign" if unknown.log_evidence < ADD else "too little to speak"
+        beyond = (
+            "Beyond what is named, the best description without a name gains "
+            f"{unknown.log_evidence:.1f} nats: {sign} of anything that the catalogue does not know. "
+        )
+    if not verdict.limits:
+        return f"{beyond}Limits on effects are given where nothing is found."
+    known = catalogue()
+    meanings = {(e.name, p.name): p.meaning for e in known.values() for p in e.parameters}
+    rows = [
+        [
+            wording.title(limit.effect),
+            wording.parameter_label(
+                limit.parameter, meanings.get((limit.effect, limit.parameter), "")
+            ).rstrip(": "),
+            wording.limit_text(limit.parameter, limit.unit, limit.at_most),
+        ]
+        for limit in verdict.limits
+    ]
+    return "Each of these alone could be there unseen, up to this size to either side (95 %).\n\n" + table(
+        ["effect", "parameter", "at most"], rows
+    )
+
+
+def _sentence(text: str) -> str:
+    """With a capital and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"

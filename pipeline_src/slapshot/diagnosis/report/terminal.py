@@ -1,0 +1,40 @@
+"""The verdict in ten lines for the terminal."""
+
+from slapshot.diagnosis.report import wording
+from slapshot.diagnosis.report.sentences import MM, VERDICT_TEXT, heading, headline, mm, place, scenes
+from slapshot.diagnosis.verdict import Verdict
+from slapshot.figures.drawing import STAND_IN
+
+
+def terminal_text(verdict: Verdict) -> str:
+    """Headline, and a line for each thing worth knowing."""
+    kind = f"{verdict.kind}; {STAND_IN}" if verdict.stand_in else verdict.kind
+    lines = [
+        headline(verdict),
+        f"  recording  {verdict.rig} ({kind}), {verdict.used} of {verdict.hits} hits used",
+    ]
+    if verdict.cannot_tell is not None:
+        return "\n".join([*lines, f"  because    {verdict.cannot_tell}"])
+    mismatch = verdict.mismatch
+    assert mismatch is not None
+    lines.append(
+        f"  mismatch   {'yes' if mismatch.found else 'no'}: p = {mismatch.p_value:.2g}, "
+        f"evidence {mismatch.log_evidence:.1f} nats, rest points {MM * mismatch.shift_m:.1f} mm"
+    )
+    if mismatch.found:
+        lines.append(f"  where      {place(verdict)}")
+    for effect in verdict.effects:
+        rivals = ", ".join(f"{wording.title(n)} {100 * p:.0f} %" for n, p in effect.members.items())
+        lines.append(f"  what       {rivals}")
+        for p in effect.parameters[:2]:
+            text = wording.parameter_text(p.name, p.unit, p.value, p.low, p.high)
+            lines.append(f"             {wording.parameter_label(p.name, p.meaning)}: {text}")
+    if verdict.fit is not None:
+        shown = [f"{wording.title(name)} {mm(verdict.fit[name].rest_rmse_m)}" for name in scenes(verdict)]
+        lines.append(f"  rest error {', '.join(shown)} mm")
+    if verdict.limits:
+        lines.append(f"  limits     {wording.several(len(verdict.limits), 'line')} in {VERDICT_TEXT}")
+    if verdict.next_hits:
+        best = verdict.next_hits[0]
+        lines.append(f"  next hit   {heading(best.heading_rad)} degrees at {best.speed_m_s:.1f} m/s")
+    return "\n".join([*lines, *(f"  note       {note}" for note in verdict.notes)])
