@@ -21,6 +21,8 @@ CONFIGS = sorted((ROOT / "config").glob("*.yaml"))
 SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 DEFAULT = read_yaml(ROOT / "config/default.yaml")
 DOMAIN = "domains.hockey"
+RED = ".recordings.lab.lab.objects.red"
+LAB = DEFAULT["domains"]["hockey"]["recordings"]["lab"]["lab"]
 DELETE = object()
 
 
@@ -192,9 +194,27 @@ def test_a_file_is_laid_over_the_default(tmp_path):
         (".recordings.rig", {"samples": 1, "repeats": 1}, ".recordings.rig", "has none of lab, path"),
         (
             ".recordings.rig",
-            {"samples": 1, "repeats": 1, "path": "a", "lab": {}},
+            {"samples": 1, "repeats": 1, "path": "a", "lab": LAB},
             ".recordings.rig",
             "has lab and path of lab, path; give exactly one of them",
+        ),
+        (".recordings.lab.lab.hits", 0, ".recordings.lab.lab.hits", "must be >= 1"),
+        (".recordings.lab.lab.blade", 3, ".recordings.lab.lab.blade", "is not a mapping or null"),
+        (".recordings.lab.lab.blade.segments", 1, ".recordings.lab.lab.blade.segments", "must be >= 2"),
+        (f"{RED}.mass_kg", -1, f"{RED}.mass_kg", "must be > 0"),
+        (".recordings.lab.lab.commands", "all", ".recordings.lab.lab.commands", "not allowed; .* 'latents'"),
+        (".recordings.lab.lab.keep", "none", ".recordings.lab.lab.keep", "use one of: full"),
+        (
+            ".recordings.lab.lab.concealed",
+            [{"kind": "tilt"}],
+            ".recordings.lab.lab.concealed.0",
+            "has none of amplitude, displacement",
+        ),
+        (
+            ".recordings.lab.lab.concealed",
+            [{"kind": "tit", "amplitude": 1}],
+            ".recordings.lab.lab.concealed.0.kind",
+            "'tit' is not allowed; write tilt",
         ),
     ],
 )  # fmt: skip

@@ -102,6 +102,7 @@ def _checked_values(value: Any, source: str, path: tuple[str, ...] = ()) -> Any:
 
 
 _TYPES = {"object": "mapping", "array": "list", "string": "text", "integer": "whole number"}
+_LONG_LIST = 10  # longer ones do not fit into a message
 _BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
 
 
@@ -127,12 +128,20 @@ def _problem(error: jsonschema.ValidationError) -> str:
     if kind == "required":
         missing = next(k for k in value if k not in instance)
         return f"key {missing!r} is missing; add it"
+    if kind == "anyOf":
+        # Of the case that the value comes nearest to: one that it has the type of.
+        return _problem(min(error.context, key=lambda e: (e.validator == "type", len(e.path))))
+    if kind == "const":
+        return f"{shown} is not allowed; write {value!r}"
     if kind == "type":
-        wanted = _TYPES.get(value, value)
+        wanted = " or ".join(_TYPES.get(t, t) for t in ([value] if isinstance(value, str) else value))
         hint = f" such as {float(instance)!r}" if _is_number(instance) and value == "number" else ""
         return f"{shown} is not a {wanted}; write a {wanted}{hint}"
     if kind in _BOUNDS:
         return f"{shown} is out of range; it must be {_BOUNDS[kind]} {value}"
+    if kind == "enum" and len(value) > _LONG_LIST:
+        close = difflib.get_close_matches(str(instance), value)
+        return f"{shown} is not allowed; {'write ' + close[0] if close else f'see {SCHEMA} for what is'}"
     if kind == "enum":
         return f"{shown} is not allowed; use one of: {', '.join(map(str, value))}"
     if kind == "oneOf" and all(set(case) == {"required"} for case in value):

@@ -1,10 +1,17 @@
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from slapshot.command import Run
+from slapshot.lab.__main__ import produce
 from slapshot.lab.board import FLAT
+from slapshot.lab.concealed.kind import Concealed, Setting
+from slapshot.lab.concealed.registry import KINDS
+from slapshot.lab.parting import nearest_pose
 from slapshot.lab.rig import Camera, ObjectTruth, Rig, Scatter
 from slapshot.scenes.domain import load_domain
 from slapshot.scenes.scene import Scene
@@ -106,7 +113,33 @@ def lab_settings() -> dict[str, Any]:
             "view_m": [-0.2, 3.0, -1.5, 1.5],
         },
         "joints": {"rate_hz": 100, "noise_sd_rad": 0.001},
+        "concealed": [],
+        "commands": "latents",
+        "keep": "full",
     }
+
+
+@pytest.fixture
+def make(folders, lab_settings, tmp_path) -> Callable[..., Path]:
+    """name, seed, rig, changed settings -> folder that the stage wrote."""
+
+    def _make(
+        name: str,
+        seed: int = 1,
+        model: str | None = "0123456789ab",
+        rig: int = 0,
+        cores: int = 1,
+        **changed: Any,
+    ) -> Path:
+        out = tmp_path / name
+        out.mkdir()
+        config = {"seed": seed, "rig": rig, "trajectory_model_id": model, "lab": {**lab_settings, **changed}}
+        if model is None:
+            del config["trajectory_model_id"]
+        produce(Run(config, folders, out, cores))
+        return out
+
+    return _make
 
 
 @pytest.fixture(scope="session")
@@ -123,3 +156,23 @@ def plain_rig() -> Rig:
         scatter=Scatter(0.0, 0.0, (0.0,) * 7, 0.0),
         camera=Camera(30.0, 0.0, 0.0, 0.0, 0.0, (0.05, 0.2), 0.5, None),
     )
+
+
+@pytest.fixture(scope="session")
+def setting(lab_scene, motions) -> Setting:
+    """Where things happen, as a rehearsal would find it."""
+    rests = np.random.default_rng(3).uniform([0.9, -0.4], [1.6, 0.4], (12, 2))
+    poses = np.array([nearest_pose(lab_scene, motion) for motion in motions[:6]])
+    return Setting(lab_scene, np.array([1.65, 0.0]), poses, rests)
+
+
+@pytest.fixture(scope="session")
+def conceal(setting, plain_rig) -> Callable[..., Rig]:
+    """Kind, amplitude, parts of its shape -> the rig that conceals this alone."""
+
+    def _conceal(name: str, amplitude: float, **shape: Any) -> Rig:
+        kind = KINDS[name]
+        drawn = kind.draw(setting, np.random.default_rng(0)) | shape
+        return replace(plain_rig, concealed=(Concealed(kind, amplitude, drawn),))
+
+    return _conceal

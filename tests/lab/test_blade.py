@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from slapshot.errors import InputError
 from slapshot.lab.blade import compile_rig
-from slapshot.lab.hit import TIMESTEP, Bench, Chance
-from slapshot.lab.rig import BladeTruth
+from slapshot.lab.blade_truth import BladeTruth
+from slapshot.lab.hit import TIMESTEP, Bench
+from slapshot.lab.stroke import Chance
 
 SOFT = BladeTruth(segments=3, stiffness=20.0, twist_stiffness=None, damping_ratio=0.1)
 TWISTING = replace(SOFT, segments=4, twist_stiffness=60.0)

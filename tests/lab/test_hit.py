@@ -4,8 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.lab.board import draw_height
-from slapshot.lab.hit import Bench, Chance, draw_chance
+from slapshot.lab.hit import Bench
 from slapshot.lab.rig import ObjectTruth, Scatter
+from slapshot.lab.stroke import Chance, draw_chance
 from slapshot.scenes.scene import set_condition
 
 NOTHING = Chance(np.zeros(2), 1.0, np.zeros(7), 1.0)

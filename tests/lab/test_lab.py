@@ -5,27 +5,9 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from slapshot.command import Run
 from slapshot.errors import InputError
-from slapshot.lab.__main__ import produce
 from slapshot.lab.rig import draw_rig, truth_dict
 from slapshot.recordings.read import read_recording
-
-
-@pytest.fixture
-def make(folders, lab_settings, tmp_path):
-    """name, seed, rig, changed settings -> folder that the stage wrote."""
-
-    def _make(name, seed=1, model="0123456789ab", rig=0, **changed):
-        out = tmp_path / name
-        out.mkdir()
-        config = {"seed": seed, "rig": rig, "trajectory_model_id": model, "lab": {**lab_settings, **changed}}
-        if model is None:
-            del config["trajectory_model_id"]
-        produce(Run(config, folders, out, 1))
-        return out
-
-    return _make
 
 
 def truth_of(folder):

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from slapshot.errors import InputError
 from slapshot.lab.board import draw_height, draw_log_friction, gradient, value
+from slapshot.lab.ground import Ground
 from slapshot.lab.slide import GRAVITY, _run, slide
 from slapshot.rollouts.slide import slide as nominal_slide
 
@@ -42,7 +43,7 @@ def test_order_of_convergence():
     # Second order, as the midpoint rule is. The last instants, when the direction of motion turns faster
     # than any step, cost up to half an order.
     def rest(step):
-        return slide(STATE, FRICTION, RADIUS, 0.01, UNEVEN, PATCHY, step=step).rest[:2]
+        return slide(STATE, FRICTION, RADIUS, 0.01, Ground(UNEVEN, PATCHY), step=step).rest[:2]
 
     exact = rest(1e-5)
     steps = np.array([8e-3, 4e-3, 2e-3, 1e-3])
@@ -57,7 +58,7 @@ def test_energy_is_conserved_without_friction():
     # with |k| < 21 rad/m, slopes of 0.03 and 1.6 m/s about g 0.03 (21 * 1.6) = 10 m/s^3, so 2e-6 m/s.
     period = 1e-3
     track = np.empty((30_000, 3))
-    _run(STATE, 0.0, 0.0, 0.0, RADIUS, 12, UNEVEN, PATCHY, 2e-4, period, track)
+    _run(STATE, 0.0, 0.0, 0.0, RADIUS, 12, Ground(UNEVEN, PATCHY), 0.0, 2e-4, period, track)
     path = track[:2000]
     velocity = (path[2:, :2] - path[:-2, :2]) / (2 * period)
     height = np.array([value(UNEVEN, x, y) for x, y, _ in path[1:-1]])
@@ -75,12 +76,12 @@ def test_it_rests_only_where_it_is_held():
     assert slope == pytest.approx(-0.5)
     gentle = np.array([0.7, 0.0, 0.0, 0.0, 0.0, 0.0])
     assert abs(gradient(wave, gentle[0], 0.0)[0]) < 0.3
-    stayed = slide(gentle, friction, RADIUS, 0.01, wave)
+    stayed = slide(gentle, friction, RADIUS, 0.01, Ground(wave))
     assert stayed.duration == 0.0
     assert stayed.rest == pytest.approx(gentle[:3])
     # Let go where it is steep, or sent uphill from there: down it goes, and comes to rest further down.
     for velocity in (0.0, -0.2):
-        result = slide(np.array([0, 0, 0, velocity, 0, 0]), friction, RADIUS, 0.01, wave)
+        result = slide(np.array([0, 0, 0, velocity, 0, 0]), friction, RADIUS, 0.01, Ground(wave))
         assert result.rest[0] > 0.3
         assert abs(gradient(wave, *result.rest[:2])[0]) < 0.3
         assert result.rest[1] == pytest.approx(0.0, abs=1e-6)
@@ -94,16 +95,16 @@ def test_what_never_rests_is_refused():
 def test_patches_act_on_the_part_of_the_disc_that_is_on_them():
     # Friction grows towards +y, so that this side of a disc moving along x is held back: it turns there.
     log_friction = np.array([[0.0, 1.0, 1.0, -np.pi / 2]])  # sin(y)
-    result = slide(np.array([0, 0, 0, 1.5, 0, 0]), FRICTION, RADIUS, 0.01, log_friction=log_friction)
+    result = slide(np.array([0, 0, 0, 1.5, 0, 0]), FRICTION, RADIUS, 0.01, Ground(log_friction=log_friction))
     assert result.rest[2] > 1e-3
 
 
 def test_track_ends_at_rest():
-    result = slide(STATE, FRICTION, RADIUS, 0.01, UNEVEN)
+    result = slide(STATE, FRICTION, RADIUS, 0.01, Ground(UNEVEN))
     assert len(result.track) == int(result.duration / 0.01) + 1
     assert result.track[0] == pytest.approx(STATE[:3])
     assert np.linalg.norm(result.track[-1] - result.rest) < 0.01 * 0.35 * GRAVITY * 0.01
-    finer = slide(STATE, FRICTION, RADIUS, 0.005, UNEVEN)
+    finer = slide(STATE, FRICTION, RADIUS, 0.005, Ground(UNEVEN))
     assert finer.track[::2][: len(result.track)] == pytest.approx(result.track)
     assert finer.rest == pytest.approx(result.rest)
 

@@ -2,31 +2,31 @@
 
 import hashlib
 import json
-import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
 from slapshot.command import Run, stage_command
 from slapshot.errors import InputError
-from slapshot.lab.camera import Sighting, observe
-from slapshot.lab.commands import Session, draw_session
-from slapshot.lab.hit import Bench, Chance, Hit, draw_chance
+from slapshot.lab.camera import observe
+from slapshot.lab.commands import Diverse, Latents, Session, Source, draw_session
+from slapshot.lab.concealed.draw import check_concealed, draw_concealed
+from slapshot.lab.concealed.rehearsal import Rehearsal
+from slapshot.lab.hit import TOGETHER, Bench
 from slapshot.lab.rig import Rig, draw_rig, truth_dict
+from slapshot.lab.streams import stream_for
+from slapshot.lab.stroke import Chance, Hit, Stroke, draw_chance
+from slapshot.lab.tables import commanded, hits_table, joint_table, read_encoders, tracks_table
 from slapshot.progress import progress
 from slapshot.recordings.format import ObjectInfo, Recording
 from slapshot.recordings.write import write_recording
+from slapshot.scenes.domain import load_domain
 from slapshot.scenes.scene import Scene
-from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.safety import SafetyCheck
 from slapshot.trajectories.vae import TrajectoryVae
-
-log = logging.getLogger("slapshot")
-Array = NDArray[np.float64]
 
 RIG = "stand-in lab"
 NOTE = (
@@ -42,69 +42,77 @@ FRAME_NOTE = (
 
 def produce(run: Run) -> None:
     """Write recording/ in the recording format, and truth/truth.json."""
-    model = TrajectoryVae.load(run.inputs["trajectory_model"])
-    record(
-        Scene.load(run.inputs["scene"]),
-        model.motion,
-        model.sizes.latent,
-        run.config["lab"],
-        [run.config["seed"], run.config["rig"]],
-        run.config.get("trajectory_model_id"),
-        run.out,
-    )
+    scene = Scene.load(run.inputs["scene"])
+    settings = run.config["lab"]
+    source: Source
+    if settings["commands"] == "latents":
+        model = TrajectoryVae.load(run.inputs["trajectory_model"])
+        source = Latents(model.motion, model.sizes.latent, run.config.get("trajectory_model_id"))
+    else:
+        domain = load_domain(run.config["scene"]["domain"])
+        source = Diverse(scene, domain, settings["commands"]["diverse"])
+    record(scene, source, settings, [run.config["seed"], run.config["rig"]], run.out, run.cores)
 
 
 def record(
     scene: Scene,
-    motion: Callable[[Array], Motion],
-    latent: int,
+    source: Source,
     settings: Mapping[str, Any],
     seed: int | list[int],
-    trajectory_model: str | None,
     out: Path,
+    cores: int = 1,
 ) -> None:
     """Draw a rig and a session, execute it, write recording/ and truth/truth.json in folder `out`.
 
     Args:
         scene: of the rig as everybody believes it to be.
-        motion: decodes a latent (latent,).
-        latent: its dimensions.
+        source: of commands.
         settings: block `lab` of the configuration.
         seed: of everything that is drawn.
-        trajectory_model: version of the model behind `motion`; None leaves the latents out.
         out: exists already.
+        cores: to use; what is written does not depend on it.
 
     Raises:
         InputError: the settings contradict each other or the scene.
     """
-    rig_rng, session_rng, scale_rng, hits_rng = np.random.default_rng(seed).spawn(4)
+    check_concealed(settings)
+    rig_rng, session_rng, scale_rng, hits_rng, concealed_rng = np.random.default_rng(seed).spawn(5)
     rig = draw_rig(settings, rig_rng)
     if len(rig.scatter.joint_offset_sd) != len(scene.info.joints):
         raise InputError(
             f"lab.scatter.joint_offset_sd_rad: {len(rig.scatter.joint_offset_sd)} values for "
             f"{len(scene.info.joints)} joints; give one for each joint"
         )
-    session = draw_session(settings, list(rig.objects), motion, latent, SafetyCheck(scene), session_rng)
-    motions = [motion(z) for z in session.latents]
-    bench = Bench(scene, rig)
+    session = draw_session(settings, list(rig.objects), source, SafetyCheck(scene), session_rng)
     count = len(session.command)
-    chances: list[Chance] = []
+    # Streams of their own, so that another camera leaves what happens as it is.
+    streams = [rng.spawn(4) for rng in hits_rng.spawn(count)]
+    strokes = [_stroke(rig, session, i, streams[i][0]) for i in range(count)]
+    truths: list[dict[str, Any]] = []
+    if settings["concealed"]:
+        rehearsal = Rehearsal(scene, rig, strokes, stream_for(concealed_rng, "scatter"), cores)
+        concealed = draw_concealed(settings["concealed"], rehearsal, concealed_rng)
+        rig = replace(rig, concealed=concealed)
+        strokes = [_with_quirks(strokes[i], rig, streams[i][3]) for i in range(count)]
+        truths = [c.truth() | {"scatter_m": rehearsal.scatter} for c in concealed]
+
+    keep, bench = settings["keep"], Bench(scene, rig, cores=cores)
     hits: list[Hit] = []
-    sightings: list[Sighting] = []
-    encoders: list[Array] = []
-    for i, rng in progress(enumerate(hits_rng.spawn(count)), count, "lab hits"):
-        # Three streams, so that another camera leaves what happens as it is.
-        chance_rng, camera_rng, encoder_rng = rng.spawn(3)
-        chances.append(draw_chance(rig.scatter, chance_rng))
-        hits.append(bench.hit(motions[session.command[i]], session.object_ids[i], chances[i]))
-        sightings.append(observe(hits[i].track, rig.camera, camera_rng))
-        encoders.append(_read_encoders(hits[i].joints, settings["joints"], encoder_rng))
+    for first in progress(range(0, count, TOGETHER), -(-count // TOGETHER), "lab, parts of a session"):
+        hits += bench.hits(strokes[first : first + TOGETHER], arm=keep == "full")
+    sightings = [
+        observe(hit.track, rig.camera, streams[i][1], rig.seen(hit.track, strokes[i].place))
+        for i, hit in enumerate(hits)
+    ]
 
     (out / "truth").mkdir(parents=True)
-    sealed = _sealed(rig, chances, hits)
+    sealed = _sealed(rig, truths, session, strokes, hits)
     (out / "truth" / "truth.json").write_bytes(sealed)
-    commands = [_commands(m, settings["joints"]["rate_hz"]) for m in motions]
-    tables = _tables(scene, session, sightings, trajectory_model is not None)
+    joints = settings["joints"]
+    commands = [commanded(command.motion, joints["rate_hz"]) for command in session.commands]
+    # What only shows the slide says nothing of commands; rest points alone need them, in one way.
+    trajectory_model = None if keep == "tracks only" else source.trajectory_model
+    with_commands = keep == "full" or (keep == "rest points only" and trajectory_model is None)
     recording = Recording(
         rig=RIG,
         objects=_weigh(scene, rig, settings["scale_sd_kg"], scale_rng),
@@ -114,63 +122,27 @@ def record(
         trajectory_model=trajectory_model,
         note=NOTE,
         sealed_truth_sha256=hashlib.sha256(sealed).hexdigest(),
-        hits=tables[0],
-        tracks=tables[1],
-        commands=_joint_table([commands[i] for i in session.command]),
-        joints=_joint_table(encoders),
+        hits=hits_table(scene, session, sightings, trajectory_model is not None),
+        tracks=None if keep == "rest points only" else tracks_table(sightings),
+        commands=joint_table([commands[i] for i in session.command]) if with_commands else None,
+        joints=None
+        if keep != "full"
+        else joint_table([read_encoders(h.joints, joints, streams[i][2]) for i, h in enumerate(hits)]),
     )
     write_recording(recording, out / "recording")
 
 
-def _tables(
-    scene: Scene, session: Session, sightings: list[Sighting], with_latents: bool
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Tables of hits and of tracks; hits are numbered in the order of execution."""
-    number = np.arange(len(session.command))
-    unseen = np.full(2, np.nan)
-    rests = np.array([unseen if s.rest is None else s.rest for s in sightings])
-    hits = pd.DataFrame(
-        {
-            "hit": number,
-            "object_id": session.object_ids,
-            "order": number,
-            "recorded_at": pd.Series(pd.NaT, index=number, dtype="datetime64[us, UTC]"),
-            "command_id": session.command,
-            "start_x": scene.info.start[0],
-            "start_y": scene.info.start[1],
-            "rest_x": rests[:, 0],
-            "rest_y": rests[:, 1],
-        }
-    )
-    if with_latents:
-        hits["latent"] = list(session.latents[session.command])
-    frames = np.concatenate([s.frames for s in sightings])
-    tracks = pd.DataFrame(frames, columns=["t", "x", "y"])
-    tracks.insert(0, "hit", np.repeat(number, [len(s.frames) for s in sightings]))
-    return hits, tracks
+def _stroke(rig: Rig, session: Session, i: int, rng: np.random.Generator) -> Stroke:
+    """Hit `i` of the session, with what chance does to it."""
+    command = session.commands[session.command[i]]
+    place = i / max(1, len(session.command) - 1)
+    return Stroke(command.motion, session.object_ids[i], draw_chance(rig.scatter, rng), place)
 
 
-def _joint_table(rows: list[Array]) -> pd.DataFrame:
-    """Table of joint angles; an array (n, 1 + joints) of t (s) and angles (rad) a hit."""
-    stacked = np.concatenate(rows)
-    columns = ["t", *(f"q{j}" for j in range(stacked.shape[1] - 1))]
-    table = pd.DataFrame(stacked, columns=columns)
-    table.insert(0, "hit", np.repeat(np.arange(len(rows)), [len(part) for part in rows]))
-    return table
-
-
-def _commands(motion: Motion, rate: float) -> Array:
-    """(n, 1 + joints): t in s and the joint positions in rad that were asked for, `rate` a second."""
-    times = np.arange(round(motion.duration * rate) + 1) / rate
-    return np.column_stack([times, motion.position(times)])
-
-
-def _read_encoders(joints: Array, settings: Mapping[str, Any], rng: np.random.Generator) -> Array:
-    """(n, 1 + joints): t in s and joint positions in rad as read, from those as they were."""
-    times = np.arange(0.0, joints[-1, 0], 1 / settings["rate_hz"])
-    read = [np.interp(times, joints[:, 0], joints[:, j]) for j in range(1, joints.shape[1])]
-    noise = rng.normal(0, settings["noise_sd_rad"], (len(times), len(read)))
-    return np.column_stack([times, np.stack(read, axis=1) + noise])
+def _with_quirks(stroke: Stroke, rig: Rig, rng: np.random.Generator) -> Stroke:
+    """With a random number for every concealed kind, whatever the others are."""
+    quirk = {c.kind.name: float(stream_for(rng, c.kind.name).normal()) for c in rig.concealed}
+    return replace(stroke, chance=replace(stroke.chance, quirk=quirk))
 
 
 def _weigh(scene: Scene, rig: Rig, scale_sd: float, rng: np.random.Generator) -> dict[str, ObjectInfo]:
@@ -182,24 +154,43 @@ def _weigh(scene: Scene, rig: Rig, scale_sd: float, rng: np.random.Generator) ->
     }
 
 
-def _sealed(rig: Rig, chances: list[Chance], hits: list[Hit]) -> bytes:
+def _sealed(
+    rig: Rig, concealed: list[dict[str, Any]], session: Session, strokes: list[Stroke], hits: list[Hit]
+) -> bytes:
     """truth.json: the rig, and of every hit what chance did and what really happened (SI units)."""
     of_hits = [
-        {
-            "hit": i,
-            "start_error_m": chance.start_error.tolist(),
-            "pace": chance.pace,
-            "joint_offset_rad": chance.joint_offset.tolist(),
-            "friction_factor": chance.friction,
-            "launch_time_s": hit.launch_time,
-            "launch": hit.launch.tolist(),
-            "rest": hit.rest.tolist(),
-            "end_s": hit.end,
-        }
-        for i, (chance, hit) in enumerate(zip(chances, hits, strict=True))
+        {"hit": i} | _chance_dict(stroke.chance) | _hit_dict(hit)
+        for i, (stroke, hit) in enumerate(zip(strokes, hits, strict=True))
     ]
-    truth = {"stand_in": True, "rig": truth_dict(rig), "hits": of_hits}
+    truth: dict[str, Any] = {
+        "stand_in": True,
+        "rig": truth_dict(rig),
+        "concealed": concealed,
+        "hits": of_hits,
+    }
+    tasks = [command.task for command in session.commands]
+    if any(task is not None for task in tasks):
+        truth["tasks"] = tasks
     return (json.dumps(truth, indent=1, sort_keys=True) + "\n").encode()
+
+
+def _chance_dict(chance: Chance) -> dict[str, Any]:
+    known = {
+        "start_error_m": chance.start_error.tolist(),
+        "pace": chance.pace,
+        "joint_offset_rad": chance.joint_offset.tolist(),
+        "friction_factor": chance.friction,
+    }
+    return known | ({"quirk": dict(chance.quirk)} if chance.quirk else {})
+
+
+def _hit_dict(hit: Hit) -> dict[str, Any]:
+    return {
+        "launch_time_s": hit.launch_time,
+        "launch": hit.launch.tolist(),
+        "rest": hit.rest.tolist(),
+        "end_s": hit.end,
+    }
 
 
 if __name__ == "__main__":

@@ -12,14 +12,17 @@ for the depth and pushes the object down instead of forward.
 """
 
 import math
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
 from scipy.linalg import eigh
 
 from slapshot.errors import InputError
-from slapshot.lab.rig import BladeTruth
+from slapshot.lab.blade_truth import BladeTruth
 from slapshot.scenes.scene import Scene
+
+Edit = Callable[[mujoco.MjSpec, Scene], None]
 
 FEWEST_SEGMENTS = 2
 FREE_END = 0.6  # of the height belongs to the last segment, the others being equal
@@ -28,8 +31,10 @@ FINEST = 1e-5  # s
 _PAIR_FIELDS = ("condim", "friction", "solref", "solreffriction", "solimp", "margin", "gap")
 
 
-def compile_rig(scene: Scene, blade: BladeTruth | None, timestep: float) -> mujoco.MjModel:
-    """The scene's model with the blade made flexible, or as it is where `blade` is None.
+def compile_rig(
+    scene: Scene, blade: BladeTruth | None, timestep: float, edits: Sequence[Edit] = ()
+) -> mujoco.MjModel:
+    """The scene's model with the blade made flexible and edited, or as it is where neither is asked for.
 
     Names stay, with hinges `<geom>_bend_1` ... and `<geom>_twist_1` ... added; addresses do not.
 
@@ -38,13 +43,39 @@ def compile_rig(scene: Scene, blade: BladeTruth | None, timestep: float) -> mujo
         blade: how it bends.
         timestep: s, of integration, or longest one: a part of it that resolves the fastest vibration of
             a flexible blade is taken.
+        edits: what else changes the scene, after the blade was cut; springs that come with them are damped
+            so much that any step does.
 
     Raises:
         InputError: the striker is no box, there are too few segments, or they are too stiff.
     """
-    if blade is None:
+    if blade is None and not edits:
         return scene.compile(timestep)
     spec = mujoco.MjSpec.from_string(scene.xml)
+    if blade is not None:
+        _make_flexible(spec, scene, blade)
+        fastest = _fastest(spec.compile())
+        timestep /= math.ceil(timestep * fastest / RESOLVED)
+    if timestep < FINEST:
+        raise InputError(
+            f"lab.blade: a step of {timestep:.1g} s would be needed; use fewer segments or "
+            "less stiffness, or null for a rigid blade"
+        )
+    for edit in edits:
+        edit(spec, scene)
+    model = spec.compile()
+    model.opt.timestep = timestep
+    return model
+
+
+def striker_pairs(model: mujoco.MjModel, scene: Scene) -> list[int]:
+    """Contact pairs of object and striker, or of its segments."""
+    board = model.pair(scene.info.object_pair).id
+    return [i for i in range(model.npair) if i != board]
+
+
+def _make_flexible(spec: mujoco.MjSpec, scene: Scene, blade: BladeTruth) -> None:
+    """Cut the striker and give every segment the striker's contact."""
     pair = _named(spec.pairs, scene.info.striker_pair)
     first, second = spec.geom(pair.geomname1), spec.geom(pair.geomname2)
     geom = second if first.parent.name == scene.info.object_body else first
@@ -57,14 +88,6 @@ def compile_rig(scene: Scene, blade: BladeTruth | None, timestep: float) -> mujo
         # The order of the two decides which way the contact's frame points.
         copy.geomname1 = segment if geom is first else pair.geomname1
         copy.geomname2 = segment if geom is second else pair.geomname2
-    model = spec.compile()
-    model.opt.timestep = timestep / math.ceil(timestep * _fastest(model) / RESOLVED)
-    if model.opt.timestep < FINEST:
-        raise InputError(
-            f"lab.blade: a step of {model.opt.timestep:.1g} s would be needed; use fewer segments or "
-            "less stiffness, or null for a rigid blade"
-        )
-    return model
 
 
 def _fastest(model: mujoco.MjModel) -> float:

@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.lab.rig import Camera
+from slapshot.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -28,7 +30,7 @@ class Sighting:
     rest: Array | None
 
 
-def observe(track: Array, camera: Camera, rng: np.random.Generator) -> Sighting:
+def observe(track: Array, camera: Camera, rng: np.random.Generator, seen_as: Array | None = None) -> Sighting:
     """Look at a hit until `camera.after_rest` seconds after the object has come to rest.
 
     Args:
@@ -36,10 +38,12 @@ def observe(track: Array, camera: Camera, rng: np.random.Generator) -> Sighting:
             last row on.
         camera: its properties.
         rng: source of randomness; the clocks of arm and camera are not in step.
+        seen_as: (n, 3) the track as the camera reports it, where that has faults.
     """
+    reported = track if seen_as is None else seen_as
     end = track[-1, 0] + camera.after_rest
     times = np.arange(rng.uniform(0, 1 / camera.rate), end, 1 / camera.rate)
-    seen = np.stack([np.interp(times, track[:, 0], track[:, i]) for i in (1, 2)], axis=1)
+    seen = np.stack([np.interp(times, reported[:, 0], reported[:, i]) for i in (1, 2)], axis=1)
     seen += _noise(len(times), camera, rng)
     seen += _mistracks(len(times), camera, rng)
     there = rng.uniform(size=len(times)) >= camera.missing_share
@@ -50,6 +54,28 @@ def observe(track: Array, camera: Camera, rng: np.random.Generator) -> Sighting:
     at_rest = there & (times > end - REST_SHARE * camera.after_rest)
     rest = np.median(seen[at_rest], axis=0) if at_rest.sum() >= FEWEST_FRAMES else None
     return Sighting(frames=np.column_stack([times, seen])[there], rest=rest)
+
+
+def foot_of(scene: Scene, camera: Camera) -> Array:
+    """(2,) m, the point of the board that the camera is meant to look at.
+
+    It is below that of the scene's cameras that looks down most steeply; without one it is the middle of
+    the camera's view, and without a view where the object is put.
+    """
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    if model.ncam:
+        backwards = data.cam_xmat.reshape(-1, 3, 3)[:, :, 2]  # a camera looks along its -z
+        steepest = int(backwards[:, 2].argmax())
+        if backwards[steepest, 2] > 0:
+            place, back = data.cam_xpos[steepest], backwards[steepest]
+            return (place - place[2] / back[2] * back)[:2].copy()
+    if camera.view is not None:
+        x_low, x_high, y_low, y_high = camera.view
+        return np.array([(x_low + x_high) / 2, (y_low + y_high) / 2])
+    return np.array(scene.info.start)
 
 
 def _noise(count: int, camera: Camera, rng: np.random.Generator) -> Array:

@@ -1,13 +1,15 @@
-"""What a session executes: safe latents, some of them several times, all in random order."""
+"""What a session executes: safe commands, some of them several times, all in random order."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.errors import InputError
+from slapshot.scenes.domain import Domain
+from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.safety import SafetyCheck
 
@@ -17,16 +19,114 @@ _TRIES_PER_COMMAND = 20
 
 
 @dataclass(frozen=True, eq=False)
+class Command:
+    """One way to hit.
+
+    Attributes:
+        motion: of the arm.
+        latent: (latent,) that it was decoded from; None where there is none.
+        task: what it was meant to do, by name; None where it was sampled.
+    """
+
+    motion: Motion
+    latent: Array | None
+    task: Mapping[str, float] | None
+
+
+class Source(Protocol):
+    """Where commands come from."""
+
+    @property
+    def trajectory_model(self) -> str | None:
+        """Version of the model that decodes latents; None where a recording shall hold none."""
+
+    def draw(self, count: int, check: SafetyCheck, rng: np.random.Generator) -> list[Command]:
+        """Draw commands that the check lets pass.
+
+        Raises:
+            InputError: too few are safe.
+        """
+
+
+@dataclass(frozen=True)
+class Latents:
+    """Commands decoded from z ~ N(0, I).
+
+    Attributes:
+        motion: decodes a latent (latent,).
+        size: of a latent.
+        trajectory_model: version of the model behind `motion`; None leaves the latents out.
+    """
+
+    motion: Callable[[Array], Motion]
+    size: int
+    trajectory_model: str | None
+
+    def draw(self, count: int, check: SafetyCheck, rng: np.random.Generator) -> list[Command]:
+        """Latents one after the other, until enough are safe."""
+        found: list[Command] = []
+        for _ in range(_TRIES_PER_COMMAND * count):
+            if len(found) == count:
+                break
+            z = rng.normal(size=self.size)
+            motion = self.motion(z)
+            if check.report(motion).safe:
+                found.append(Command(motion, z, None))
+        if len(found) < count:
+            raise InputError(
+                f"lab: only {len(found)} of {_TRIES_PER_COMMAND * count} sampled latents are safe; train "
+                "the trajectory model longer or on narrower demonstrations"
+            )
+        return found
+
+
+@dataclass(frozen=True)
+class Diverse:
+    """Scripted commands of the domain, in all directions and strengths that its arm is up to.
+
+    Attributes:
+        scene: of the rig.
+        domain: scripts hits.
+        settings: as for demonstrations: ranges of tasks, duration_s and waypoints.
+    """
+
+    scene: Scene
+    domain: Domain
+    settings: Mapping[str, Any]
+    trajectory_model: str | None = None
+
+    def draw(self, count: int, check: SafetyCheck, rng: np.random.Generator) -> list[Command]:
+        """Tasks one after the other, until enough are within reach and safe."""
+        found: list[Command] = []
+        for _ in range(_TRIES_PER_COMMAND):
+            tasks = [self.domain.draw_task(self.settings, rng) for _ in range(count)]
+            for task, waypoints in zip(
+                tasks, self.domain.demonstrate(self.scene, self.settings, tasks), strict=True
+            ):
+                if waypoints is None:
+                    continue
+                motion = Motion.through(waypoints, self.settings["duration_s"])
+                if check.report(motion).safe:
+                    found.append(Command(motion, None, task))
+            if len(found) >= count:
+                return found[:count]
+        raise InputError(
+            f"lab.commands.diverse: only {len(found)} of {_TRIES_PER_COMMAND * count} tasks can be executed "
+            "safely; narrow heading_rad, speed_m_s or contact_offset_m"
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class Session:
     """Hits in the order of execution.
 
     Attributes:
-        latents: (commands, latent) actions, a row a command.
-        command: (hits,) row of `latents` that each hit executes.
+        commands: that are executed.
+        command: (hits,) which of `commands` each hit executes.
         object_ids: of each hit.
     """
 
-    latents: Array
+    commands: Sequence[Command]
     command: NDArray[np.int64]
     object_ids: tuple[str, ...]
 
@@ -34,12 +134,11 @@ class Session:
 def draw_session(
     settings: Mapping[str, Any],
     object_ids: Sequence[str],
-    motion: Callable[[Array], Motion],
-    latent: int,
+    source: Source,
     check: SafetyCheck,
     rng: np.random.Generator,
 ) -> Session:
-    """Draw commands, z ~ N(0, I), and an order.
+    """Draw commands and an order.
 
     Every object gets `hits` hits. Among them are the repeats: the same `commands` for every object,
     each `times` times. The others are commands that are executed once.
@@ -47,13 +146,12 @@ def draw_session(
     Args:
         settings: hits, repeats: {commands, times}.
         object_ids: what is hit.
-        motion: decodes a latent (latent,).
-        latent: its dimensions.
+        source: of commands.
         check: refuses motions that are not safe.
         rng: source of randomness.
 
     Raises:
-        InputError: there are more repeats than hits, or too few latents are safe.
+        InputError: there are more repeats than hits, or too few commands are safe.
     """
     repeated, times = settings["repeats"]["commands"], settings["repeats"]["times"]
     single = settings["hits"] - repeated * times
@@ -62,8 +160,7 @@ def draw_session(
             f"lab.repeats: {repeated} commands x {times} times are more than lab.hits = "
             f"{settings['hits']}; lower the first two or raise the last"
         )
-    commands = repeated + single * len(object_ids)
-    latents = _draw_safe(commands, motion, latent, check, rng)
+    commands = source.draw(repeated + single * len(object_ids), check, rng)
     command: list[int] = []
     hit_objects: list[str] = []
     for i, object_id in enumerate(object_ids):
@@ -72,30 +169,7 @@ def draw_session(
         hit_objects += [object_id] * settings["hits"]
     order = rng.permutation(len(command))
     return Session(
-        latents=latents,
+        commands=commands,
         command=np.array(command, np.int64)[order],
         object_ids=tuple(hit_objects[i] for i in order),
     )
-
-
-def _draw_safe(
-    count: int,
-    motion: Callable[[Array], Motion],
-    latent: int,
-    check: SafetyCheck,
-    rng: np.random.Generator,
-) -> Array:
-    """(count, latent) latents whose motions the check lets pass."""
-    found: list[Array] = []
-    for _ in range(_TRIES_PER_COMMAND * count):
-        if len(found) == count:
-            break
-        z = rng.normal(size=latent)
-        if check.report(motion(z)).safe:
-            found.append(z)
-    if len(found) < count:
-        raise InputError(
-            f"lab: only {len(found)} of {_TRIES_PER_COMMAND * count} sampled latents are safe; train "
-            "the trajectory model longer or on narrower demonstrations"
-        )
-    return np.array(found)

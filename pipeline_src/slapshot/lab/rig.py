@@ -6,13 +6,19 @@ drawn uniformly.
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.errors import InputError
+from slapshot.lab.blade import Edit
+from slapshot.lab.blade_truth import BladeTruth
 from slapshot.lab.board import FLAT, draw_height, draw_log_friction
+from slapshot.lab.concealed.kind import Concealed
+from slapshot.lab.ground import Ground
+from slapshot.lab.path import Filter
+from slapshot.lab.ranges import draw_number, pair_of
 
 Array = NDArray[np.float64]
 
@@ -31,23 +37,6 @@ class ObjectTruth:
     friction_x: float
     friction_y: float
     friction_torsional: float
-
-
-@dataclass(frozen=True)
-class BladeTruth:
-    """A flexible striker.
-
-    Attributes:
-        segments: rigid pieces across its height, the first of which sits on the stick.
-        stiffness: N m/rad, of all hinges in series, bending backwards about the blade's long axis.
-        twist_stiffness: N m/rad, of all hinges in series, about the stick's axis; None for none.
-        damping_ratio: of the blade swinging freely on all its hinges as one.
-    """
-
-    segments: int
-    stiffness: float
-    twist_stiffness: float | None
-    damping_ratio: float
 
 
 @dataclass(frozen=True)
@@ -103,6 +92,7 @@ class Rig:
         log_friction: (waves, 4), by which friction differs from place to place.
         scatter: from hit to hit.
         camera: that looks on.
+        concealed: what else differs from the scene.
     """
 
     objects: Mapping[str, ObjectTruth]
@@ -111,6 +101,72 @@ class Rig:
     log_friction: Array
     scatter: Scatter
     camera: Camera
+    concealed: tuple[Concealed, ...] = ()
+
+    @cached_property
+    def acting(self) -> tuple[Concealed, ...]:
+        """What is concealed and does something."""
+        return tuple(c for c in self.concealed if c.amplitude != 0)
+
+    @property
+    def striker(self) -> BladeTruth | None:
+        """How the striker bends; None where it does not."""
+        found = [c.kind.blade(c.amplitude, c.shape) for c in self.acting]
+        return next((blade for blade in found if blade is not None), self.blade)
+
+    @property
+    def edits(self) -> list[Edit]:
+        """Changes of the scene's model."""
+        return [partial(c.kind.edit, c.amplitude, c.shape) for c in self.acting if c.kind.has("edit")]
+
+    @property
+    def filters(self) -> list[Filter]:
+        """Through which commands pass."""
+        return [partial(c.kind.follow, c.amplitude, c.shape) for c in self.acting if c.kind.has("follow")]
+
+    @property
+    def ground(self) -> Ground:
+        """On which objects slide."""
+        ground = Ground(height=self.height, log_friction=self.log_friction)
+        for c in self.acting:
+            ground = c.kind.ground(c.amplitude, c.shape, ground)
+        return ground
+
+    def delay(self, quirk: Mapping[str, float]) -> float:
+        """S by which commands come late in a hit; `quirk` is concealed kind -> a standard normal number."""
+        return sum(c.kind.delay(c.amplitude, c.shape, quirk.get(c.kind.name, 0.0)) for c in self.acting)
+
+    @property
+    def settling(self) -> float:
+        """S that the filters go on after commands have stopped."""
+        return sum(c.kind.settling(c.amplitude, c.shape) for c in self.acting)
+
+    def yaw(self, quirk: Mapping[str, float]) -> float:
+        """Rad by which the object is turned before a hit."""
+        return sum(c.kind.yaw(c.amplitude, c.shape, quirk.get(c.kind.name, 0.0)) for c in self.acting)
+
+    def friction_factor(self, place: float) -> float:
+        """On friction, at a place in the session from 0 to 1."""
+        return float(np.exp(sum(c.kind.log_friction(c.amplitude, c.shape, place) for c in self.acting)))
+
+    @property
+    def bounces(self) -> bool:
+        """Whether the contact of striker and object is another than the scene's."""
+        return any(c.kind.has("bounce") for c in self.acting)
+
+    def bounce(self, solref: Array, speed: float) -> Array:
+        """Time constant and damping ratio (2,) of that contact at the striker's speed in m/s."""
+        for c in self.acting:
+            solref = c.kind.bounce(c.amplitude, c.shape, solref, speed)
+        return solref
+
+    def seen(self, track: Array, place: float) -> Array:
+        """A track (n, 3 or more) t, x, y as a perfect camera with this one's faults reports it."""
+        seen = track[:, :3].copy()
+        for c in self.acting:
+            seen[:, 0] += c.kind.camera_delay(c.amplitude, c.shape, place)
+            seen[:, 1:] = c.kind.see(c.amplitude, c.shape, seen[:, 1:])
+        return seen
 
 
 def draw_rig(settings: Mapping[str, Any], rng: np.random.Generator) -> Rig:
@@ -167,12 +223,12 @@ def truth_dict(rig: Rig) -> dict[str, Any]:
 
 
 def _draw_object(spec: Mapping[str, Any], key: str, rng: np.random.Generator) -> ObjectTruth:
-    friction_x = _draw(spec["friction_x"], f"{key}.friction_x", rng)
+    friction_x = draw_number(spec["friction_x"], f"{key}.friction_x", rng)
     return ObjectTruth(
-        mass=_draw(spec["mass_kg"], f"{key}.mass_kg", rng),
+        mass=draw_number(spec["mass_kg"], f"{key}.mass_kg", rng),
         friction_x=friction_x,
-        friction_y=friction_x * _draw(spec["friction_ratio"], f"{key}.friction_ratio", rng),
-        friction_torsional=_draw(spec["friction_torsional_m"], f"{key}.friction_torsional_m", rng),
+        friction_y=friction_x * draw_number(spec["friction_ratio"], f"{key}.friction_ratio", rng),
+        friction_torsional=draw_number(spec["friction_torsional_m"], f"{key}.friction_torsional_m", rng),
     )
 
 
@@ -182,35 +238,22 @@ def _draw_blade(spec: Mapping[str, Any] | None, rng: np.random.Generator) -> Bla
     twist = spec["twist_stiffness_nm_rad"]
     return BladeTruth(
         segments=spec["segments"],
-        stiffness=_draw(spec["stiffness_nm_rad"], "blade.stiffness_nm_rad", rng),
-        twist_stiffness=None if twist is None else _draw(twist, "blade.twist_stiffness_nm_rad", rng),
-        damping_ratio=_draw(spec["damping_ratio"], "blade.damping_ratio", rng),
+        stiffness=draw_number(spec["stiffness_nm_rad"], "blade.stiffness_nm_rad", rng),
+        twist_stiffness=None if twist is None else draw_number(twist, "blade.twist_stiffness_nm_rad", rng),
+        damping_ratio=draw_number(spec["damping_ratio"], "blade.damping_ratio", rng),
     )
 
 
 def _draw_height(spec: Mapping[str, Any] | None, rng: np.random.Generator) -> Array:
     if spec is None:
         return FLAT
-    rms = _draw(spec["rms_slope"], "board.rms_slope", rng)
-    return draw_height(rms, _pair(spec["wavelength_m"], "board.wavelength_m"), spec["waves"], rng)
+    rms = draw_number(spec["rms_slope"], "board.rms_slope", rng)
+    return draw_height(rms, pair_of(spec["wavelength_m"], "board.wavelength_m"), spec["waves"], rng)
 
 
 def _draw_log_friction(spec: Mapping[str, Any] | None, rng: np.random.Generator) -> Array:
     if spec is None:
         return FLAT
-    rms = _draw(spec["rms"], "friction_field.rms", rng)
-    wavelengths = _pair(spec["wavelength_m"], "friction_field.wavelength_m")
+    rms = draw_number(spec["rms"], "friction_field.rms", rng)
+    wavelengths = pair_of(spec["wavelength_m"], "friction_field.wavelength_m")
     return draw_log_friction(rms, wavelengths, spec["waves"], rng)
-
-
-def _draw(value: float | list[float], key: str, rng: np.random.Generator) -> float:
-    if isinstance(value, int | float):
-        return float(value)
-    return float(rng.uniform(*_pair(value, key)))
-
-
-def _pair(value: list[float], key: str) -> tuple[float, float]:
-    low, high = value
-    if low > high:
-        raise InputError(f"lab.{key}: {value} runs backwards; write [low, high] with low <= high")
-    return float(low), float(high)

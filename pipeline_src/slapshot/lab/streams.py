@@ -1,0 +1,13 @@
+"""Streams of random numbers that a name picks out, whatever else draws."""
+
+import zlib
+
+import numpy as np
+
+
+def stream_for(rng: np.random.Generator, name: str) -> np.random.Generator:
+    """A stream of its own for `name`; it depends on where `rng` comes from, not on what it has drawn."""
+    parent = rng.bit_generator.seed_seq
+    assert isinstance(parent, np.random.SeedSequence)
+    key = (*parent.spawn_key, zlib.crc32(name.encode()))
+    return np.random.default_rng(np.random.SeedSequence(parent.entropy, spawn_key=key))
