@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.free_form import FREE_FORMS, FREE_LAUNCH
-from slapshot.diagnosis.held_out import HeldOut, errors, noise_floor, predict_held_out
+from slapshot.diagnosis.held_out import FittedScene, errors_of_scenes
 from slapshot.diagnosis.judgement import (
     found_effects,
     limits,
@@ -17,7 +17,7 @@ from slapshot.diagnosis.judgement import (
     strongest,
     unknown_of,
 )
-from slapshot.diagnosis.launch_fit import launch_fitter
+from slapshot.diagnosis.launch_fit import LaunchEvidence, launch_fitter
 from slapshot.diagnosis.next_hits import next_hits
 from slapshot.diagnosis.noise import CameraNoise, estimate_noise, timing_jitter
 from slapshot.diagnosis.rig_model import RigModel
@@ -27,7 +27,7 @@ from slapshot.diagnosis.slide_fit import Fit, SlideFitter
 from slapshot.diagnosis.slide_model import Point, SlideModel
 from slapshot.diagnosis.suitability import cannot_tell
 from slapshot.diagnosis.tracks import HitTracks, hit_tracks
-from slapshot.diagnosis.verdict import Errors, Mismatch, Verdict
+from slapshot.diagnosis.verdict import Mismatch, Verdict
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording
@@ -37,8 +37,8 @@ Array = NDArray[np.float64]
 
 HELD_OUT = 0.25  # share of commands
 LEAST_SHIFT = 0.003  # m, rms of rest points: less is not called missing physics
-P_VALUE = 0.01
-LEAST_EVIDENCE = 3.0  # nats
+P_VALUE = 0.002  # of slides, and of launches: one of two tests
+LEAST_EVIDENCE = 4.0  # nats
 
 
 @dataclass(frozen=True)
@@ -133,16 +133,23 @@ def diagnose(
     slides = [n for n, e in known.items() if e.acts_on_slide or e.acts_on_camera]
     free = [e.name for e in FREE_FORMS]
     search = Search(fitter, slides, [n for n in free if n != FREE_LAUNCH], flip_rng)
-    level = _examine(search)
-    levels, rig = [level], None
+    believed = search.nominal().fit
+    rig = None
     if full and setting.scene is not None:
-        friction = np.exp(level.nominal.fit.point.nuisance)
+        friction = np.exp(believed.point.nuisance)
         rig = RigModel(
             recording, tracks, setting.scene, everything, setting.camera, friction, signatures, threads
         )
-        seen = [n for n, e in known.items() if e.acts_on_camera and n not in level.final.effects]
-        launches = launch_fitter(fitter, level.final.fit, rig.launches(kept, seen), everything)
-        candidates = [n for n, e in known.items() if e.acts_on_launch or n in seen]
+        search.beside = LaunchEvidence(fitter, believed, rig.launches(kept), everything)
+    levels = [level := _examine(search)]
+    if rig is not None:
+        known_by_slides = level.final.fit.point.effects
+        launches = launch_fitter(
+            fitter, level.final.fit, rig.launches(kept).given(known_by_slides), everything
+        )
+        candidates = [
+            n for n, e in known.items() if (e.acts_on_launch or e.acts_on_camera) and n not in known_by_slides
+        ]
         levels.append(_examine(Search(launches, candidates, [FREE_LAUNCH], flip_rng)))
     named = tuple(e for each in levels for e in found_effects(each.search, each.final))
     unknowns = [
@@ -152,6 +159,7 @@ def diagnose(
     unknown = max(unknowns, key=lambda u: (u.flagged, u.log_evidence))
     mismatch = strongest([each.mismatch for each in levels])
     rivals = list(named[0].members)[:2] if named else []
+    nominal = FittedScene(*(part.nominal.fit for part in levels))
     test.drop_jumps(_start_of(test, level.nominal.fit))
     verdict = Verdict(
         rig=recording.rig,
@@ -168,7 +176,14 @@ def diagnose(
         noise_sd_m=noise.sd,
         noise_time_s=noise.time,
         friction_scatter=level.final.fit.scatter,
-        fit=_fit(test, level.nominal, level.final, setting, resample_rng),
+        fit=errors_of_scenes(
+            test,
+            nominal,
+            FittedScene(*(part.final.fit for part in levels)) if named else nominal,
+            setting.friction,
+            rig.launches(held) if rig else None,
+            resample_rng,
+        ),
         next_hits=next_hits(search, level.final, rivals, setting, noise),
         notes=_notes(tracks),
     )
@@ -180,6 +195,7 @@ def diagnose(
         level.screen,
         test,
         levels[1] if len(levels) > 1 else None,
+        rig.signatures if rig is not None else None,
     )
 
 
@@ -209,7 +225,7 @@ def _noise(tracks: HitTracks) -> CameraNoise:
 
 
 def _examine(search: Search[Any]) -> Level:
-    nominal = search.nominal()
+    nominal = search.seen.get(()) or search.nominal()
     screen = search.screen(nominal, [*search.catalogue, *search.free])
     mismatch = mismatch_of(screen, P_VALUE, LEAST_EVIDENCE, LEAST_SHIFT)
     final, leftover = nominal, screen
@@ -251,37 +267,6 @@ def _start_of(fitter: SlideFitter, fit: Fit) -> Point:
     """Launches of other hits under a fit's shared parameters."""
     start = fitter.start()
     return Point(start.latents, fit.point.nuisance, fit.point.effects)
-
-
-def _fit(
-    test: SlideFitter,
-    nominal: Candidate,
-    final: Candidate,
-    setting: Setting,
-    rng: np.random.Generator,
-) -> dict[str, Errors]:
-    """Errors of the scenes on held-out hits."""
-    objects = len(nominal.fit.point.nuisance)
-    believed = Point(nominal.fit.point.latents, np.tile(np.log(setting.friction), (objects, 1)))
-    as_believed = Fit(
-        believed,
-        nominal.fit.scatter,
-        np.nan,
-        (),
-        np.empty((0, 0)),
-        nominal.fit.marginal,
-        1.0,
-        True,
-    )
-    refitted = predict_held_out(test, nominal.fit)
-    augmented = refitted if final is nominal else predict_held_out(test, final.fit)
-    found: dict[str, HeldOut] = {
-        "nominal": predict_held_out(test, as_believed),
-        "refitted": refitted,
-        "augmented": augmented,
-    }
-    judged = {name: errors(held, refitted.loglik, rng) for name, held in found.items()}
-    return judged | {"noise_floor": noise_floor(augmented, refitted.loglik, rng)}
 
 
 def _notes(tracks: HitTracks | None) -> tuple[str, ...]:

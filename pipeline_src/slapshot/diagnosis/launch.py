@@ -7,6 +7,7 @@ they see.
 """
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,7 +57,6 @@ class LaunchModel:
         camera: Array,
         starts: Array,
         readings: Readings | None,
-        seen: Sequence[str] = (),
     ) -> None:
         """Of n hits.
 
@@ -69,9 +69,9 @@ class LaunchModel:
             camera: (2,) m, point of the plane that the camera looks at.
             starts: (n, 2) m, as seen.
             readings: of the encoders, if there are any.
-            seen: camera effects that the measured launches were not corrected for.
         """
-        self._seen = frozenset(seen)
+        # Whose mark on what the camera reports measured launches still bear.
+        self._seen = frozenset(name for name, effect in effects.items() if effect.acts_on_camera)
         self._effects, self._camera, self._starts = effects, camera, starts
         self._simulated = simulated
         ahead = releases - signatures.contact[rows] - LOOK
@@ -109,7 +109,7 @@ class LaunchModel:
         ticks = np.clip(
             np.searchsorted(signatures.times, readings.times - 1e-6), 0, len(signatures.times) - 1
         )
-        speeds = signatures.speeds[rows][:, ticks].astype(float)
+        speeds = signatures.swing(rows, readings.times)[1]
         execution = Execution(readings.times, readings.joints - readings.nominal, speeds, readings.replayed)
         contact = signatures.contact[rows]
         at = np.clip(np.searchsorted(readings.times, contact), 0, len(readings.times) - 1)
@@ -143,6 +143,17 @@ class LaunchModel:
             mean += self._known_shift(owner, values)
             mean += np.einsum("nij,nj->ni", self._by_start, self._start_shift(owner, values))
         return mean
+
+    def given(self, effects: Mapping[str, Values]) -> "LaunchModel":
+        """The model under effects whose mark on what the camera reports of a launch is corrected for."""
+        other = copy(self)
+        other._seen = self._seen - effects.keys()
+        other.mean = other.means(effects)
+        return other
+
+    def predicted(self, effects: Mapping[str, Values], scatter: Array) -> tuple[Array, Array]:
+        """Means (n, 5) under effects, and their covariance (n, 5, 5) for a scatter (5, 5)."""
+        return self.means(effects), self._whole(scatter)
 
     def slopes(self, columns: Sequence[Column], effects: Mapping[str, Values]) -> Array:
         """(n, 5, p) of the means by columns."""

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 ITERATIONS = 40
 CONVERGED = 0.02
+SPIN_SEEN = 3.0  # times the information of its prior
 _NO_INFORMATION = 1e-6  # keeps the information of what a slide does not tell (spin) from being singular
 
 
@@ -177,12 +178,49 @@ def launch_fitter(
 ) -> LaunchFitter:
     """Launches as fitted slides tell them; what the slides' own prior of spin says is taken out."""
     covariance = fit.marginal.covariance[:, :5, :5]
-    information = np.asarray(np.linalg.inv(covariance), float)
-    information[:, 4, 4] = np.maximum(information[:, 4, 4] - SPIN_SD**-2, 0.0)
-    # A spin that was drawn to 0 by its prior was farther out.
-    told = np.einsum("nij,nj->ni", np.linalg.inv(covariance), fit.point.latents[:, :5])
-    measured = np.linalg.solve(information + _NO_INFORMATION * np.eye(5), told[..., None])[..., 0]
+    measured, information = _without_spin_prior(fit.point.latents[:, :5], covariance)
     _, by_latent = slides.model.by_latents(fit.point)
     last = slides.valid.sum(1) - 1
     rest = by_latent[np.arange(len(last)), last][:, :, :5]
     return LaunchFitter(model, effects, measured, information, rest)
+
+
+class LaunchEvidence:
+    """Log evidence in the launches for a fit of the slides, over that for the nominal fit.
+
+    Slides and launches are two halves of one likelihood: an effect that moves what the camera sees, or where
+    an object's mass is, must be right about both.
+    """
+
+    def __init__(
+        self, slides: SlideFitter, nominal: Fit, model: LaunchModel, effects: Mapping[str, Effect]
+    ) -> None:
+        self._slides, self._model, self._effects = slides, model, effects
+        self._nominal = self._log_likelihood(nominal)
+
+    def __call__(self, fit: Fit) -> float:
+        """In nats."""
+        return self._log_likelihood(fit) - self._nominal
+
+    def _log_likelihood(self, fit: Fit) -> float:
+        fitter = launch_fitter(self._slides, fit, self._model.given(fit.point.effects), self._effects)
+        return -fitter.fit(fitter.start()).objective / 2
+
+
+def _without_spin_prior(launches: Array, covariance: Array) -> tuple[Array, Array]:
+    """What slides alone say of launches (n, 5) and their information (n, 5, 5).
+
+    A slide hardly tells spin, whose sign it cannot see without an effect that turns it into a force. Where it
+    says less than its prior, it is taken to say nothing: to take the prior out would magnify what is left.
+    """
+    information = np.asarray(np.linalg.inv(covariance), float)
+    told = information @ launches[..., None]
+    seen = 1 / covariance[:, 4, 4] > (1 + SPIN_SEEN) * SPIN_SD**-2
+    information[seen, 4, 4] -= SPIN_SD**-2
+    measured = launches.copy()
+    # A spin that was drawn to 0 by its prior was farther out.
+    measured[seen] = np.linalg.solve(information[seen], told[seen])[..., 0]
+    blind = np.flatnonzero(~seen)
+    information[blind] = 0.0
+    information[blind, :4, :4] = np.linalg.inv(covariance[blind, :4, :4])
+    return measured, information

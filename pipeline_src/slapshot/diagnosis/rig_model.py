@@ -1,6 +1,6 @@
 """The launch model of a recording whose commands are known: one simulation of all hits, and signatures."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,21 +64,21 @@ class RigModel:
             striker = Striker(scene, executed, tracks.release, mass, friction, times, threads)
             return striker.strike(self._starts)
 
-        self._struck = strike(commands)
         self._readings: Readings | None = None
-        if joints is not None:
-            speeds = np.gradient(self._struck.joints, times, axis=1)
-            execution = Execution(times, joints - self._struck.joints, speeds)
-            replayed, _ = execution.coefficients(execution.residual)
-            # Once more, as the hits were executed: launches are not linear in how they were.
-            positions = replay(commands.positions, period, float(times[-1]), replayed)
-            rates = np.gradient(positions, period, axis=1)
-            targets = positions + scene.info.servo_time * rates
-            self._struck = strike(Commands(positions, targets, period))
-            self._readings = Readings(times, joints, self._struck.joints, replayed)
+        if joints is None:
+            self._struck = strike(commands)
+            return
+        swing, speeds = self.signatures.swing(self._rows, times)
+        execution = Execution(times, joints - swing, speeds)
+        replayed, _ = execution.coefficients(execution.residual)
+        # As the hits were executed, not as they were commanded: launches are not linear in the difference.
+        positions = replay(commands.positions, period, float(times[-1]), replayed)
+        rates = np.gradient(positions, period, axis=1)
+        self._struck = strike(Commands(positions, positions + scene.info.servo_time * rates, period))
+        self._readings = Readings(times, joints, self._struck.joints, replayed)
 
-    def launches(self, rows: NDArray[np.int64], seen: Sequence[str]) -> LaunchModel:
-        """Launches that the commands of some of the hits should give; `seen` as in LaunchModel."""
+    def launches(self, rows: NDArray[np.int64]) -> LaunchModel:
+        """Launches that the commands of some of the hits should give."""
         readings = self._readings
         if readings is not None:
             readings = Readings(
@@ -93,7 +93,6 @@ class RigModel:
             self._camera,
             self._starts[rows],
             readings,
-            seen,
         )
 
 

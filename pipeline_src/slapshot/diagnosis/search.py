@@ -5,7 +5,7 @@ their full nonlinearity, and compared by their evidence. While a recording asks 
 any that the others make superfluous are deleted.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
@@ -75,6 +75,7 @@ class Search(Generic[F]):
         free: names of free forms.
         rng: of the sign flips.
         seen: every set of effects that was refitted.
+        beside: log evidence for a fit, over that for the nominal one, in data that the fitter does not use.
     """
 
     fitter: F
@@ -82,6 +83,7 @@ class Search(Generic[F]):
     free: Sequence[str]
     rng: np.random.Generator
     seen: dict[tuple[str, ...], Candidate] = field(default_factory=dict)
+    beside: Callable[[Fit], float] = lambda fit: 0.0
 
     @property
     def _effects(self) -> Mapping[str, Effect]:
@@ -151,7 +153,7 @@ class Search(Generic[F]):
             effects[name] = values
         begin = replace(at.fit.point, effects=effects)
         fit = self.fitter.fit(begin, at.fit.scatter, key)
-        self.seen[key] = Candidate(key, fit, self._log_evidence(key, fit))
+        self.seen[key] = Candidate(key, fit, self._log_evidence(key, fit) + self.beside(fit))
         return self.seen[key]
 
     def grow(self, at: Candidate, screen: Screen, hypotheses: Sequence[str]) -> list[Candidate]:

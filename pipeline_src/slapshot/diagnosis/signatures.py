@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import load_file, save_file
+from scipy.interpolate import CubicSpline
 
 from slapshot.diagnosis.strikes import Commands, Striker
 from slapshot.effects.effect import Effect, Parameter
@@ -41,7 +42,7 @@ class Signatures:
         digests: (c,) of the commands.
         contact: (c,) s of first contact.
         times: (m,) s of readings.
-        speeds: (c, m, j) rad/s of the nominal swing.
+        joints: (c, m, j) rad of the nominal swing.
         by_start: (c, 5, 2) launch x, y, vx, vy, spin by the object's place.
         by_joints: (c, 5, 2 j) by offset (rad) and rate (rad/s) of each joint about the contact.
         values: effect/parameter -> (v,), the neutral one included, ascending.
@@ -52,7 +53,7 @@ class Signatures:
     digests: tuple[str, ...]
     contact: Array
     times: Array
-    speeds: Array
+    joints: Array
     by_start: Array
     by_joints: Array
     values: Mapping[str, Array]
@@ -66,12 +67,17 @@ class Signatures:
             return None
         return np.array([place[d] for d in digests], np.int64)
 
+    def swing(self, rows: NDArray[np.int64], times: Array) -> tuple[Array, Array]:
+        """Joint angles and speeds (n, times, j) in rad and rad/s of some commands."""
+        spline = CubicSpline(self.times, self.joints[rows], axis=1)
+        return np.asarray(spline(times), float), np.asarray(spline(times, 1), float)
+
     def save(self, file: Path) -> None:
         """Write one safetensors file; joint angles in single precision."""
         arrays = {
             "contact": self.contact,
             "times": self.times,
-            "speeds": self.speeds.astype(np.float32),
+            "joints": self.joints,
             "by_start": self.by_start,
             "by_joints": self.by_joints,
             "digests": np.array([list(bytes.fromhex(d)) for d in self.digests], np.uint8),
@@ -90,7 +96,7 @@ class Signatures:
             kind: {k.partition(":")[2]: v for k, v in arrays.items() if k.startswith(f"{kind}:")}
             for kind in ("values", "launches", "swings")
         }
-        single = {k: arrays[k] for k in ("contact", "times", "speeds", "by_start", "by_joints")}
+        single = {k: arrays[k] for k in ("contact", "times", "joints", "by_start", "by_joints")}
         digests = tuple(bytes(row).hex() for row in arrays["digests"])
         return cls(digests=digests, **single, **parts)
 
@@ -162,7 +168,7 @@ def make_signatures(
         digests=tuple(digest_of(p) for p in commands.positions),
         contact=contact,
         times=times,
-        speeds=np.gradient(nominal.joints, times, axis=1),
+        joints=nominal.joints,
         by_start=by_start,
         by_joints=np.stack(moved, axis=-1),
         values={n: np.array([c[0] for c in changes]) for n, changes in found.items()},

@@ -82,6 +82,10 @@ class SlideModel:
         self.threads = threads
         self._duration = float(tracks.times.max()) + 0.05 if len(tracks) else 0.1
 
+    def of(self, tracks: HitTracks) -> "SlideModel":
+        """The same scene and other hits."""
+        return SlideModel(tracks, self.effects, self.radius, self.camera, self.threads)
+
     def columns(self, effects: Sequence[str]) -> list[Column]:
         """Nuisance of all objects, then the parameters of the effects."""
         found = [

@@ -57,16 +57,20 @@ class Strikes:
 def commands_of(recording: Recording, tracks: HitTracks, scene: Scene, until: float) -> Commands:
     """Commands of the hits of `tracks`, on the control period's grid up to `until` (s)."""
     assert recording.commands is not None
-    info = scene.info
     groups = dict(tuple(recording.commands.groupby("hit")))
-    columns = joint_columns(recording.commands)
+    columns = ["t", *joint_columns(recording.commands)]
+    return commands_through([groups[int(hit)][columns].to_numpy() for hit in tracks.hit], scene, until)
+
+
+def commands_through(rows: Sequence[Array], scene: Scene, until: float) -> Commands:
+    """The same of commands (samples, 1 + joints), t in s and joint positions in rad."""
+    info = scene.info
     times = np.arange(int(np.ceil(until / info.control_period)) + 1) * info.control_period
-    positions = np.empty((len(tracks), len(times), len(columns)))
+    positions = np.empty((len(rows), len(times), rows[0].shape[1] - 1))
     speeds = np.empty_like(positions)
-    for i, hit in enumerate(tracks.hit):
-        rows = groups[int(hit)]
-        spline = CubicSpline(rows["t"], rows[columns], bc_type="clamped")
-        end = float(rows["t"].iloc[-1])
+    for i, command in enumerate(rows):
+        spline = CubicSpline(command[:, 0], command[:, 1:], bc_type="clamped")
+        end = command[-1, 0]
         positions[i] = spline(np.minimum(times, end))
         speeds[i] = np.where((times < end)[:, None], spline(np.minimum(times, end), 1), 0.0)
     return Commands(positions, positions + info.servo_time * speeds, info.control_period)

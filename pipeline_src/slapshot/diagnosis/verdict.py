@@ -106,11 +106,13 @@ class Errors:
     Attributes:
         track_rmse_m: of the frames after the first ones, from which the launch was told.
         rest_rmse_m: of the last of them.
+        command_rest_rmse_m: of rest points predicted from commands alone; None where they are not known.
         loglik_per_hit: nats, over that of the nominal scene with refitted nuisance.
     """
 
     track_rmse_m: Interval
     rest_rmse_m: Interval
+    command_rest_rmse_m: Interval | None
     loglik_per_hit: Interval
 
 

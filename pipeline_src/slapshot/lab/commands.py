@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from slapshot.errors import InputError
@@ -114,6 +116,34 @@ class Diverse:
             f"lab.commands.diverse: only {len(found)} of {_TRIES_PER_COMMAND * count} tasks can be executed "
             "safely; narrow heading_rad, speed_m_s or contact_offset_m"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """Commands from a pool that other sessions draw from as well.
+
+    Attributes:
+        motions: all of them, known to be safe.
+    """
+
+    motions: Sequence[Motion]
+    trajectory_model: str | None = None
+
+    @classmethod
+    def load(cls, file: Path, duration: float, joints: int) -> "Pool":
+        """Demonstrations (Parquet) that each last `duration` s."""
+        waypoints = np.stack(pq.read_table(file)["waypoints"].to_numpy()).astype(float)
+        return cls([Motion.through(w.reshape(-1, joints), duration) for w in waypoints])
+
+    def draw(self, count: int, check: SafetyCheck, rng: np.random.Generator) -> list[Command]:
+        """Some of the pool, none of them twice."""
+        if count > len(self.motions):
+            raise InputError(
+                f"lab.commands: a session of {count} commands is more than the {len(self.motions)} of its "
+                "pool; raise the pool's count or lower lab.hits"
+            )
+        chosen = rng.permutation(len(self.motions))[:count]
+        return [Command(self.motions[i], None, None) for i in chosen]
 
 
 @dataclass(frozen=True, eq=False)

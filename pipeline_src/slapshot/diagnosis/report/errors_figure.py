@@ -15,9 +15,10 @@ from slapshot.figures.drawing import Drawing
 
 NAME = "D4-errors"
 CAPTION = (
-    "Errors on hits that took no part in fitting or choosing, each predicted from its first frames; bars are "
-    "90 % bootstrap intervals over hits. Noise floor: what camera noise and a launch told from few frames "
-    "leave of the best scene. Log-likelihoods are over the nominal scene, refitted."
+    "Errors on hits that took no part in fitting or choosing, each predicted from its first frames, rest "
+    "points also from the command alone where it is known; bars are 90 % bootstrap intervals over hits. "
+    "Noise floor: what camera noise, a launch told from few frames and the scatter of launches leave of the "
+    "best scene. Log-likelihoods are over the nominal scene, refitted."
 )
 
 _PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}  # behind a number
@@ -25,6 +26,7 @@ _PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}  # behind a num
 _MEASURES = {
     "track_rmse_m": ("track error", "rms, mm", 1e3),
     "rest_rmse_m": ("rest-point error", "rms, mm", 1e3),
+    "command_rest_rmse_m": ("rest point from command", "rms, mm", 1e3),
     "loglik_per_hit": ("log-likelihood a hit", "nats", 1.0),
 }
 _TICKS = [k * 10**p for p in range(-1, 4) for k in (1, 2, 3, 5, 7)]  # mm
@@ -37,10 +39,11 @@ _ROWS = {
 
 
 def draw(outcome: Outcome) -> Drawing:
-    """Panels (a) tracks, (b) rest points, (c) log-likelihood."""
+    """A panel a measure: tracks, rest points, those from commands where they are known, log-likelihood."""
     table = error_table(outcome.verdict)
-    figure, axes = plt.subplots(1, 3, figsize=(10.2, 2.6), sharey=True)
-    for part, letter, measure in zip(axes, "abc", _MEASURES, strict=True):
+    measured = list(dict.fromkeys(table["measure"]))
+    figure, axes = plt.subplots(1, len(measured), figsize=(1.2 + 3 * len(measured), 2.6), sharey=True)
+    for part, letter, measure in zip(axes, "abcd", measured, strict=False):
         title, unit, factor = _MEASURES[measure]
         _draw_measure(part, table[table["measure"] == measure], factor, far=measure == "loglik_per_hit")
         part.set_title(f"({letter}) {title}", loc="left")
@@ -56,7 +59,8 @@ def error_table(verdict: Verdict) -> pd.DataFrame:
     for scene in scenes(verdict):
         for measure in _MEASURES:
             interval = getattr(verdict.fit[scene], measure)
-            rows.append({"measure": measure, "scene": scene, **vars(interval)})
+            if interval is not None:
+                rows.append({"measure": measure, "scene": scene, **vars(interval)})
     return pd.DataFrame(rows)
 
 

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.held_out import SEEN_SHARE, _launches
+from slapshot.diagnosis.held_out import first_frames, told_launches
 from slapshot.diagnosis.slide_fit import Fit, SlideFitter
 
 Array = NDArray[np.float64]
-
-_FEWEST_SHOWN = 6  # frames
 
 
 @dataclass(frozen=True)
@@ -59,9 +57,7 @@ class Predicted:
 def predict(fitter: SlideFitter, nominal: Fit, augmented: Fit | None) -> Predicted:
     """Predictions of the hits of a fitter by two fits, the second where effects were found."""
     tracks, valid = fitter.model.tracks, fitter.valid
-    frames = np.arange(valid.shape[1])
-    count = np.maximum(_FEWEST_SHOWN, np.ceil(SEEN_SHARE * valid.sum(1)))
-    shown = valid & (frames < count[:, None])
+    shown = first_frames(valid)
     return Predicted(
         hit=tracks.hit,
         times=tracks.times,
@@ -75,5 +71,5 @@ def predict(fitter: SlideFitter, nominal: Fit, augmented: Fit | None) -> Predict
 
 def _from_first_frames(fitter: SlideFitter, fit: Fit, shown: NDArray[np.bool_]) -> Array:
     """(n, frames, 2) m: the launch is told from the frames shown, the shared parameters are held."""
-    point, _ = _launches(fitter, fit, shown)
+    point, _ = told_launches(fitter, fit, shown)
     return fitter.model.predict(point)

@@ -49,7 +49,12 @@ def _mapping(schema: _Schema) -> _Schema:
 
 _PHASE, _VARIABLE = {"enum": list(get_args(Phase))}, {"enum": list(get_args(Follows))}
 _INTERVAL = _object(value=_NUMBER, low=_NUMBER, high=_NUMBER)
-_ERRORS = _object(track_rmse_m=_INTERVAL, rest_rmse_m=_INTERVAL, loglik_per_hit=_INTERVAL)
+_ERRORS = _object(
+    track_rmse_m=_INTERVAL,
+    rest_rmse_m=_INTERVAL,
+    command_rest_rmse_m=_or_null(_INTERVAL),
+    loglik_per_hit=_INTERVAL,
+)
 _MISMATCH = _object(found=_YES_NO, p_value=_SHARE, log_evidence=_NUMBER, shift_m=_NOT_NEGATIVE)
 _LOCATION = _object(phase=_or_null(_PHASE), variable=_or_null(_VARIABLE), size=_TEXT)
 _PARAMETER = _object(name=_TEXT, unit=_TEXT, value=_NUMBER, low=_NUMBER, high=_NUMBER, meaning=_TEXT)
