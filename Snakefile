@@ -7,7 +7,9 @@ from snakemake.utils import min_version
 
 from slapshot.config import check_config
 from slapshot.errors import InputError
-from slapshot.plan import FIGURES, ON_DEMAND, STAGES, make_plan
+from slapshot.plan import FIGURES, make_plan
+from slapshot.plan.proof import FRESH
+from slapshot.proof.lists import draw_file
 from slapshot.store.folder import Store
 
 min_version("9.0")
@@ -30,6 +32,7 @@ include: "workflow/rules/regression.smk"
 include: "workflow/rules/uncertainty.smk"
 include: "workflow/rules/claims.smk"
 include: "workflow/rules/viewer.smk"
+include: "workflow/rules/proof.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmark.smk"
@@ -40,7 +43,7 @@ rule figures:
     """Every figure, published to figures/ with the table behind it; checks the data it stands on."""
     default_target: True
     input:
-        marks(*(stage for stage in STAGES if stage not in ON_DEMAND)),
+        of_figures(),
         reported(),
     log:
         "logs/publish.log",

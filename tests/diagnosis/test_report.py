@@ -7,7 +7,7 @@ from typing import get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 from slapshot.diagnosis.report import read_verdict, terminal_text, wording, write_verdict
-from slapshot.diagnosis.report.schema import VERDICT_FILE, VERDICT_SCHEMA
+from slapshot.diagnosis.verdict_file import VERDICT_FILE, VERDICT_SCHEMA
 from slapshot.diagnosis.report.sentences import SCENES, headline, markdown
 from slapshot.diagnosis.verdict import Location, NextHit, ParameterValue, Unknown, Verdict
 from slapshot.effects.catalogue import catalogue

@@ -14,12 +14,12 @@ from matplotlib.container import ErrorbarContainer
 from matplotlib.quiver import Quiver
 from rerun.chunk import RrdReader
 from slapshot.diagnosis.diagnose import Level
-from slapshot.diagnosis.held_out import predict_held_out
+from slapshot.diagnosis.held_out import FittedScene, predict_held_out
 from slapshot.diagnosis.report import FIGURES, errors_figure, location_map, ranking, tracks_figure
 from slapshot.diagnosis.report.by_variable import launch_table
 from slapshot.diagnosis.report.outcome import Launches
 from slapshot.diagnosis.report.rerun_recording import HIT, RECORDING_FILE
-from slapshot.diagnosis.report.schema import VERDICT_FILE
+from slapshot.diagnosis.verdict_file import VERDICT_FILE
 from slapshot.diagnosis.report.sentences import VERDICT_TEXT, headline
 from slapshot.diagnosis.search import Candidate, Screen
 from slapshot.diagnosis.verdict import Location
@@ -115,11 +115,11 @@ def test_launches_have_their_part_of_the_figures(tilt):
     expected = np.column_stack([np.zeros((count, 2)), rng.uniform(1, 2, count), np.zeros((count, 2))])
     turned = expected + np.array([0, 0, 0, 0.1, 0])
     fitter = SimpleNamespace(
-        _measured=turned + rng.normal(0, 0.01, turned.shape),
+        measured=turned + rng.normal(0, 0.01, turned.shape),
         launches=SimpleNamespace(means=lambda effects: turned if effects else expected),
     )
     fit = SimpleNamespace(point=SimpleNamespace(effects={"blade_yaw": {"angle": 0.1}}))
-    found = Candidate(("blade_yaw",), fit, 33.0)
+    found = Candidate(("blade_yaw",), fit, 33.0, fitter)
     screen = Screen(
         {"blade_yaw": 30.0, "free_launch": 12.0}, {"blade_yaw": 0.02, "free_launch": 0.01}, 0.001, {}
     )
@@ -168,7 +168,7 @@ def test_the_ranking_is_that_of_the_search(tilt, drawings):
 def test_tracks_are_predicted_as_for_the_errors_of_the_verdict(tilt):
     outcome = tilt.outcome
     predicted = outcome.predicted
-    wanted = predict_held_out(outcome.held_out, outcome.nominal.fit)
+    wanted = predict_held_out(outcome.held_out, FittedScene(outcome.nominal.fit))
     np.testing.assert_allclose(predicted.rmse(predicted.nominal) ** 2, wanted.track_square, rtol=1e-6)
     mean = np.sqrt((predicted.rmse(predicted.augmented) ** 2).mean())
     np.testing.assert_allclose(mean, tilt.verdict.fit["augmented"].track_rmse_m.value, rtol=1e-6)

@@ -72,16 +72,16 @@ def test_a_jump_is_an_outlier_and_a_bend_is_none():
 def test_the_marginal_is_that_of_the_joint_gaussian(rng):
     """-2 log p(y | t) with the latents integrated out, by the covariance of y."""
     m, u, p = 9, 3, 2
-    h, j = rng.normal(size=(m, u)), rng.normal(size=(m, p))
+    h, j, drift = rng.normal(size=(m, u)), rng.normal(size=(m, p)), rng.normal(size=(u, p))
     root = np.diag([0.7, 1.3, 2.0])
     mean, latents = rng.normal(size=(2, u))
     z = rng.normal(size=m)
-    out = marginalise(z[None], h[None], j[None], (mean - latents)[None], root)
+    out = marginalise(z[None], h[None], j[None], (mean - latents)[None], root, drift[None])
     covariance = np.eye(m) + h @ np.linalg.inv(root.T @ root) @ h.T
 
     def exact(d):
-        # z is y - f(latents, 0): what remains at the prior's mean and shared parameters d.
-        left = z - h @ (mean - latents) - j @ d
+        # z is y - f(latents, 0): what remains at the prior's mean, which moves with d, and parameters d.
+        left = z - h @ (mean + drift @ d - latents) - j @ d
         return left @ np.linalg.solve(covariance, left)
 
     def ours(d):
@@ -95,7 +95,8 @@ def test_the_marginal_is_that_of_the_joint_gaussian(rng):
 
 def test_a_flat_prior_gives_least_squares(rng):
     h, z = rng.normal(size=(8, 3)), rng.normal(size=8)
-    out = marginalise(z[None], h[None], np.zeros((1, 8, 0)), np.zeros((1, 3)), np.zeros((3, 3)))
+    none = np.zeros((1, 3, 0))
+    out = marginalise(z[None], h[None], np.zeros((1, 8, 0)), np.zeros((1, 3)), np.zeros((3, 3)), none)
     best, squares, *_ = np.linalg.lstsq(h, z, rcond=None)
     np.testing.assert_allclose(out.step[0], best)
     assert out.squares[0] == pytest.approx(squares[0])

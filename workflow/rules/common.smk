@@ -10,6 +10,8 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 store = Store(Path("data/store"))
 
 try:
+    if config.get("proof") == "fresh" and not FRESH.exists():
+        draw_file("full", FRESH)
     check_config(config, ", ".join(map(str, workflow.configfiles)))
     plan = make_plan(config)
 except InputError as error:
@@ -25,6 +27,11 @@ def marks(*stages):
         for stage in stages
         for recipe in plan.of_stage(stage).values()
     ]
+
+
+def of_figures():
+    """Marks of all that belongs to the figures."""
+    return [str(store.mark(recipe.stage, recipe.id)) for recipe in plan.of_figures().values()]
 
 
 def version(stage):

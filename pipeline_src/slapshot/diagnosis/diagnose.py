@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,21 +12,22 @@ from slapshot.diagnosis.judgement import (
     found_effects,
     limits,
     location_of,
-    mismatch_of,
     strongest,
-    unknown_of,
 )
-from slapshot.diagnosis.launch_fit import LaunchEvidence, launch_fitter
+from slapshot.diagnosis.launch_fit import launch_fitter
+from slapshot.diagnosis.level import Level, examine
 from slapshot.diagnosis.next_hits import next_hits
 from slapshot.diagnosis.noise import CameraNoise, estimate_noise, timing_jitter
 from slapshot.diagnosis.rig_model import RigModel
-from slapshot.diagnosis.search import ADD, CLASS, MOST, Candidate, Screen, Search
+from slapshot.diagnosis.search import Candidate, Screen, Search
 from slapshot.diagnosis.signatures import Signatures
+from slapshot.diagnosis.simulated import LaunchEvidence, launches_about
 from slapshot.diagnosis.slide_fit import Fit, SlideFitter
 from slapshot.diagnosis.slide_model import Point, SlideModel
+from slapshot.diagnosis.spin import SimulatedSpin
 from slapshot.diagnosis.suitability import cannot_tell
 from slapshot.diagnosis.tracks import HitTracks, hit_tracks
-from slapshot.diagnosis.verdict import Mismatch, Verdict
+from slapshot.diagnosis.verdict import Verdict
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording
@@ -35,10 +35,8 @@ from slapshot.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
+FIRST_S = 0.24  # s of a slide that launches are told from where the law of the slide was mended
 HELD_OUT = 0.25  # share of commands
-LEAST_SHIFT = 0.003  # m, rms of rest points: less is not called missing physics
-P_VALUE = 0.002  # of slides, and of launches: one of two tests
-LEAST_EVIDENCE = 4.0  # nats
 
 
 @dataclass(frozen=True)
@@ -133,30 +131,35 @@ def diagnose(
     slides = [n for n, e in known.items() if e.acts_on_slide or e.acts_on_camera]
     free = [e.name for e in FREE_FORMS]
     search = Search(fitter, slides, [n for n in free if n != FREE_LAUNCH], flip_rng)
-    believed = search.nominal().fit
     rig = None
     if full and setting.scene is not None:
-        friction = np.exp(believed.point.nuisance)
+        # A first fit, because a launch hardly depends on friction.
+        friction = np.exp(fitter.fit(fitter.start()).point.nuisance)
         rig = RigModel(
             recording, tracks, setting.scene, everything, setting.camera, friction, signatures, threads
         )
-        search.beside = LaunchEvidence(fitter, believed, rig.launches(kept), everything)
-    levels = [level := _examine(search)]
+        fitter.spin, test.spin = (SimulatedSpin(rig.launches(rows)) for rows in (kept, held))
+        believed = search.nominal().fit
+        search.beside = LaunchEvidence(fitter, believed, rig, kept, everything)
+    levels = [level := examine(search)]
     if rig is not None:
         known_by_slides = level.final.fit.point.effects
+        first_s = FIRST_S if known_by_slides else np.inf
         launches = launch_fitter(
-            fitter, level.final.fit, rig.launches(kept).given(known_by_slides), everything
+            fitter,
+            level.final.fit,
+            rig.about(known_by_slides).launches(kept).given(known_by_slides, level.final.fit.point.nuisance),
+            everything,
+            first_s,
         )
         candidates = [
             n for n, e in known.items() if (e.acts_on_launch or e.acts_on_camera) and n not in known_by_slides
         ]
-        levels.append(_examine(Search(launches, candidates, [FREE_LAUNCH], flip_rng)))
+        about = launches_about(fitter, level.final.fit, rig, kept, launches, first_s, everything)
+        levels.append(examine(Search(launches, candidates, [FREE_LAUNCH], flip_rng, about=about), level))
+    found = {n: v for part in levels for n, v in part.final.fit.point.effects.items()}
     named = tuple(e for each in levels for e in found_effects(each.search, each.final))
-    unknowns = [
-        unknown_of(each.search, each.final, each.leftover, each.mismatch.found, LEAST_SHIFT)
-        for each in levels
-    ]
-    unknown = max(unknowns, key=lambda u: (u.flagged, u.log_evidence))
+    unknown = max((part.unknown for part in levels), key=lambda u: (u.flagged, u.log_evidence))
     mismatch = strongest([each.mismatch for each in levels])
     rivals = list(named[0].members)[:2] if named else []
     nominal = FittedScene(*(part.nominal.fit for part in levels))
@@ -170,7 +173,7 @@ def diagnose(
         cannot_tell=None,
         mismatch=mismatch,
         location=location_of(named, unknown),
-        effects=tuple(sorted(named, key=lambda e: -e.log_evidence)),
+        effects=tuple(sorted(named, key=lambda e: -e.shift_m)),
         unknown=unknown,
         limits=() if mismatch.found else limits(search, level.nominal),
         noise_sd_m=noise.sd,
@@ -181,7 +184,7 @@ def diagnose(
             nominal,
             FittedScene(*(part.final.fit for part in levels)) if named else nominal,
             setting.friction,
-            rig.launches(held) if rig else None,
+            rig.about(found).launches(held) if rig else None,
             resample_rng,
         ),
         next_hits=next_hits(search, level.final, rivals, setting, noise),
@@ -199,60 +202,10 @@ def diagnose(
     )
 
 
-@dataclass(frozen=True)
-class Level:
-    """One part of a diagnosis: slides, or launches given the slides.
-
-    Attributes:
-        search: with its fitter and all that was refitted.
-        nominal, final: fits without and with the effects that were found.
-        screen, leftover: of all hypotheses at those fits.
-        mismatch: of this part.
-    """
-
-    search: Search[Any]
-    nominal: Candidate
-    final: Candidate
-    screen: Screen
-    leftover: Screen
-    mismatch: Mismatch
-
-
 def _noise(tracks: HitTracks) -> CameraNoise:
     """Of the camera, at rest and while objects move."""
     noise = estimate_noise(*tracks.resting)
     return replace(noise, jitter=timing_jitter(tracks.times, tracks.places, tracks.valid, noise.sd))
-
-
-def _examine(search: Search[Any]) -> Level:
-    nominal = search.seen.get(()) or search.nominal()
-    screen = search.screen(nominal, [*search.catalogue, *search.free])
-    mismatch = mismatch_of(screen, P_VALUE, LEAST_EVIDENCE, LEAST_SHIFT)
-    final, leftover = nominal, screen
-    if mismatch.found:
-        final, leftover = _search(search, nominal, screen)
-    return Level(search, nominal, final, screen, leftover, mismatch)
-
-
-def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Candidate, Screen]:
-    """Add effects while the recording asks for them, then delete what became superfluous."""
-    best = search.grow(nominal, screen, search.catalogue)[0]
-    if best.log_evidence < ADD:
-        return nominal, screen
-    leftover = search.screen_beyond(best)
-    while len(best.effects) < MOST:
-        further = [n for n in search.catalogue if n not in best.effects]
-        strongest = leftover.best(further)[0]
-        # A screen is linear: what falls short of ADD by a class may still gain it in a refit.
-        asked = leftover.log_evidence[strongest] > ADD - CLASS and leftover.p_value < P_VALUE
-        if not asked or leftover.shift[strongest] < LEAST_SHIFT:
-            break
-        grown = search.grow(best, leftover, further)[0]
-        if grown.log_evidence < best.log_evidence + ADD:
-            break
-        best = search.prune(grown)
-        leftover = search.screen_beyond(best)
-    return best, leftover
 
 
 def _split(tracks: HitTracks, rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -65,7 +65,14 @@ def readings_of(
 class Execution:
     """Encoder residuals of n hits with the execution's own coefficients integrated out."""
 
-    def __init__(self, times: Array, residual: Array, speeds: Array, replayed: Array | None = None) -> None:
+    def __init__(
+        self,
+        times: Array,
+        residual: Array,
+        speeds: Array,
+        replayed: Array | None = None,
+        reference: "Execution | None" = None,
+    ) -> None:
         """Of n hits.
 
         Args:
@@ -73,6 +80,7 @@ class Execution:
             residual: (n, m, joints) rad, read less simulated without effects.
             speeds: (n, m, joints) rad/s, simulated.
             replayed: (n, c) coefficients that the simulation replayed already; None for 0.
+            reference: whose noise and scatter are taken for known, so that likelihoods can be compared.
         """
         self.times = times
         n, m, joints = residual.shape
@@ -87,13 +95,10 @@ class Execution:
         self.residual = (
             residual if replayed is None else residual + np.einsum("nmjc,nc->nmj", basis, replayed)
         )
-        # The basis fits what is smooth; what it leaves is noise.
         flat, r = basis.reshape(n, m * joints, -1), self.residual.reshape(n, -1)
-        fitted = np.stack([f @ np.linalg.lstsq(f, y, rcond=None)[0] for f, y in zip(flat, r, strict=True)])
-        left = (r - fitted) ** 2
-        self.sd = float(np.sqrt(np.median(left.sum(1) / (flat.shape[1] - flat.shape[2]))))
+        self.sd: float = _noise_beside(flat, r) if reference is None else reference.sd
         self._gram = np.einsum("nab,nac->nbc", flat, flat) / self.sd**2
-        self.covariance = self._estimate(r)
+        self.covariance: Array = self._estimate(r) if reference is None else reference.covariance
 
     def _estimate(self, residual: Array) -> Array:
         """Covariance of the coefficients (c, c), by expectation maximisation."""
@@ -148,6 +153,13 @@ class Execution:
         pace = coefficients[:, :1]
         offset = np.einsum("njk,nk->nj", drift, powers) - pace * moment[:, None] * speeds
         return offset, np.einsum("njk,nk->nj", drift, rates) - pace * speeds
+
+
+def _noise_beside(basis: Array, residual: Array) -> float:
+    """Sd of what the basis (n, rows, c), which fits what is smooth, leaves of residuals (n, rows)."""
+    fitted = [f @ np.linalg.lstsq(f, y, rcond=None)[0] for f, y in zip(basis, residual, strict=True)]
+    left = (residual - np.stack(fitted)) ** 2
+    return float(np.sqrt(np.median(left.sum(1) / (basis.shape[1] - basis.shape[2]))))
 
 
 def pace_matrix(execution: Execution, moment: Array, speeds: Array) -> tuple[Array, Array]:

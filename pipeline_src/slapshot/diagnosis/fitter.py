@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from slapshot.diagnosis.marginal import Marginal
 from slapshot.diagnosis.slide_fit import Fit
-from slapshot.diagnosis.slide_model import Column, Point
+from slapshot.diagnosis.slide_model import Column, Point, Values
 from slapshot.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -29,11 +29,17 @@ class Fitter(Protocol):
     def fit(self, start: Point, scatter: Any = ..., effects: Sequence[str] = ()) -> Fit:
         """Fit the effects named, what they share with the nominal scene, and the scatter of hits."""
 
+    def starts(self, name: str) -> Sequence[Values]:
+        """Values of an effect from which a fit may begin beside a screen's; none where fits are dear."""
+
+    def objective(self, point: Point, scatter: Any, effects: Sequence[str]) -> float:
+        """What a fit makes as small as it can, at a point."""
+
     def quadratic(self, fit: Fit, effects: Sequence[str]) -> tuple[list[Column], Marginal, Array]:
-        """Columns, hits marginalised over them, and (n, 2, p) change of rest points in m."""
+        """Columns, hits marginalised over them, and (n, frames, 2, p) change of some frames in m."""
 
     def prior(self, columns: Sequence[Column]) -> tuple[Array, Array]:
         """Mean and information (p,) of shared parameters."""
 
-    def rest_shift(self, fit: Fit, name: str) -> float:
-        """Root mean square change of rest points in m if one effect of a fit were absent."""
+    def shift(self, fit: Fit, name: str) -> float:
+        """Root mean square change of tracks in m, where it is largest, if an effect of a fit were absent."""

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.launch import LaunchModel
-from slapshot.diagnosis.slide_fit import Fit, SlideFitter, bounded_step
+from slapshot.diagnosis.slide_fit import Fit, SlideFitter
 from slapshot.diagnosis.slide_model import Point
+from slapshot.diagnosis.told import told_launches
 from slapshot.diagnosis.verdict import Errors, Interval
 
 Array = NDArray[np.float64]
@@ -20,7 +21,6 @@ Array = NDArray[np.float64]
 SEEN_SHARE = 0.35  # of a hit's frames, from which its launch is told
 RESAMPLES = 1000
 RESTED_S = 6.0  # s after the release
-STEPS = 6  # of Gauss-Newton for a launch
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ class HeldOut:
         command_square, expected_command: (n,) m^2, of the last frame predicted from the command; None
             where commands are not known.
         loglik, expected_loglik: (n,) nats, constants left out that are equal for all scenes.
+        chi2: (n,) whitened squares over their number, of which 1 is expected.
     """
 
     track_square: Array
@@ -56,6 +57,7 @@ class HeldOut:
     expected_command: Array | None
     loglik: Array
     expected_loglik: Array
+    chi2: Array
 
 
 def predict_held_out(fitter: SlideFitter, scene: FittedScene, model: LaunchModel | None = None) -> HeldOut:
@@ -83,6 +85,7 @@ def predict_held_out(fitter: SlideFitter, scene: FittedScene, model: LaunchModel
         expected_command=from_command[1],
         loglik=-(marginal.squares + marginal.log_volume) / 2,
         expected_loglik=-(fitter.freedom() + marginal.log_volume) / 2,
+        chi2=marginal.squares / fitter.freedom(),
     )
 
 
@@ -94,7 +97,7 @@ def first_frames(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _from_command(fitter: SlideFitter, fit: Fit, model: LaunchModel, launches: Fit) -> tuple[Array, Array]:
     """(n,) m^2 of the last frame, and what the scatter of launches, of friction and frames make of it."""
-    given = model.given(fit.point.effects)
+    given = model.given(fit.point.effects, fit.point.nuisance)
     mean, covariance = given.predicted(launches.point.effects, launches.scatter)
     latents = np.column_stack([mean, np.zeros(len(mean))])
     spread = np.zeros((len(mean), 6, 6))
@@ -115,18 +118,6 @@ def _from_command(fitter: SlideFitter, fit: Fit, model: LaunchModel, launches: F
     return square, expected + 2 * fitter.noise.sd**2
 
 
-def told_launches(fitter: SlideFitter, fit: Fit, shown: NDArray[np.bool_]) -> tuple[Point, Array]:
-    """Latents from the frames shown, shared parameters held, and their covariance (n, 6, 6)."""
-    start = fitter.start()
-    point = Point(start.latents, fit.point.nuisance, fit.point.effects)
-    covariance = np.empty(0)
-    for _ in range(STEPS):
-        marginal = fitter.evaluate(point, [], fit.scatter, shown)
-        point = replace(point, latents=bounded_step(point.latents, marginal.step))
-        covariance = marginal.covariance
-    return point, covariance
-
-
 def errors_of(held: HeldOut, reference: Array, rng: np.random.Generator) -> Errors:
     """With 90 % bootstrap intervals over hits; likelihood over `reference` (n,)."""
     command = held.command_square
@@ -135,6 +126,7 @@ def errors_of(held: HeldOut, reference: Array, rng: np.random.Generator) -> Erro
         _root_mean(held.rest_square, rng),
         None if command is None else _root_mean(command, rng),
         _mean(held.loglik - reference, rng),
+        _mean(held.chi2, rng),
     )
 
 
@@ -146,6 +138,7 @@ def noise_floor(held: HeldOut, reference: Array, rng: np.random.Generator) -> Er
         _root_mean(held.expected_rest, rng),
         None if command is None else _root_mean(command, rng),
         _mean(held.expected_loglik - reference, rng),
+        Interval(1.0, 1.0, 1.0),
     )
 
 

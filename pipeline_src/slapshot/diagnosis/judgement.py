@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.evidence import project
-from slapshot.diagnosis.search import ADD, CLASS, Candidate, Screen, Search
+from slapshot.diagnosis.search import CLASS, Candidate, Screen, Search
 from slapshot.diagnosis.slide_fit import Fit
 from slapshot.diagnosis.slide_model import Column
 from slapshot.diagnosis.verdict import (
@@ -22,6 +22,7 @@ from slapshot.diagnosis.verdict import (
 Array = NDArray[np.float64]
 
 Z90, Z95 = 1.645, 1.96
+LEFT = 0.02  # of the evidence for what was named: less is no further effect
 MOST_PARAMETERS = 4  # of an effect that are listed one by one
 
 
@@ -54,7 +55,7 @@ def found_effects(search: Search[Any], final: Candidate) -> tuple[NamedEffect, .
                 variable=effect.follows,
                 members=members,
                 log_evidence=gain,
-                shift_m=search.rest_shift(final, name),
+                shift_m=search.shift(final, name),
                 parameters=parameters_of(search, final.fit, name),
                 physics=" ".join(effect.physics.split("\n")),
             )
@@ -104,11 +105,19 @@ def robust_covariance(fit: Fit) -> Array:
     return fit.covariance * np.outer(scale, scale)
 
 
-def unknown_of(search: Search[Any], final: Candidate, leftover: Screen, found: bool, shift: float) -> Unknown:
-    """Whether a free form says clearly more than the effects that were named."""
+def unknown_of(search: Search[Any], leftover: Screen, least: float, shift: float, stretched: bool) -> Unknown:
+    """Whether a free form says clearly more than the effects that were named.
+
+    Args:
+        search: of a level where something is missing.
+        leftover: screen beyond the effects that were named.
+        least: nats that a free form must add.
+        shift: m by which it must move tracks.
+        stretched: whether what was named bends to anything.
+    """
     best = leftover.best(search.free)[0]
     evidence, moved = leftover.log_evidence[best], leftover.shift[best]
-    flagged = found and evidence > ADD + CLASS and moved >= shift and leftover.p_value < 0.01
+    flagged = stretched or (evidence > least and moved >= shift and leftover.p_value < 0.01)
     effect = search.fitter.effects[best]
     if not flagged:
         return Unknown(False, None, None, evidence, moved)
@@ -126,7 +135,7 @@ def location_of(named: Sequence[NamedEffect], unknown: Unknown) -> Location:
 
 
 def _size(shift: float) -> str:
-    return f"it moves rest points by {1e3 * shift:.0f} mm (rms)"
+    return f"it moves tracks by {1e3 * shift:.0f} mm (rms)"
 
 
 def limits(search: Search[Any], nominal: Candidate) -> tuple[Limit, ...]:

@@ -8,14 +8,16 @@ they see.
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from slapshot.diagnosis.camera_view import camera_shift, start_shift
+from slapshot.diagnosis.encoders import Encoders, each, value_at
 from slapshot.diagnosis.execution import Execution, Readings, pace_matrix
 from slapshot.diagnosis.free_form import launch_features
+from slapshot.diagnosis.on_the_way import shift_on_the_way
 from slapshot.diagnosis.signatures import LOOK, Signatures
 from slapshot.diagnosis.slide_model import Column, Values
 from slapshot.effects.effect import Effect
@@ -24,24 +26,8 @@ Array = NDArray[np.float64]
 
 LEAST_SD = np.array([5e-4, 5e-4, 5e-3, 5e-3, 0.1])  # m, m/s, rad/s: contact is no better known than that
 FIRST_SD = np.array([0.02, 0.02, 0.15, 0.15, 2.0])
-SHORT = 1e-3  # s
-DECELERATION = 3.5  # m/s^2, typical of dry friction
+CONTACT = 0.01  # s for which a striker pushes
 TAILS = 6.0  # degrees of freedom of a launch: some hits go wrong
-
-
-@dataclass(frozen=True)
-class Encoders:
-    """What encoders say of n hits beyond the nominal swing.
-
-    Attributes:
-        execution: with the residuals of the encoders.
-        white: (n, rows) of those residuals.
-        changes: effect/parameter -> (v, n, rows) of the changes at the signature's values.
-    """
-
-    execution: Execution
-    white: Array
-    changes: Mapping[str, PchipInterpolator]
 
 
 class LaunchModel:
@@ -52,11 +38,17 @@ class LaunchModel:
         signatures: Signatures,
         rows: NDArray[np.int64],
         simulated: Array,
+        contact: Array,
         releases: Array,
         effects: Mapping[str, Effect],
         camera: Array,
         starts: Array,
+        order: Array,
+        objects: NDArray[np.int64],
+        friction: Array,
         readings: Readings | None,
+        base: Mapping[str, Values] | None = None,
+        reference: Execution | None = None,
     ) -> None:
         """Of n hits.
 
@@ -64,17 +56,25 @@ class LaunchModel:
             signatures: of a pool that holds their commands.
             rows: (n,) of those commands.
             simulated: (n, 5) launches at the release, nominal scene.
+            contact: (n,) s at which objects were struck.
             releases: (n,) s.
             effects: that may act.
             camera: (2,) m, point of the plane that the camera looks at.
             starts: (n, 2) m, as seen.
+            order: (n,) place in the recording, -1/2 to 1/2.
+            objects: (n,) index of the object.
+            friction: (n, 3) mu_x, mu_y, torsional in m, with which hits were simulated.
             readings: of the encoders, if there are any.
+            base: effects with which hits were simulated; None for the nominal scene.
+            reference: execution whose scatter is taken for known; None to estimate it.
         """
         # Whose mark on what the camera reports measured launches still bear.
         self._seen = frozenset(name for name, effect in effects.items() if effect.acts_on_camera)
         self._effects, self._camera, self._starts = effects, camera, starts
-        self._simulated = simulated
+        self._simulated, self._object, self._friction = simulated, objects, friction
         ahead = releases - signatures.contact[rows] - LOOK
+        struck = np.where(np.isnan(contact), releases, contact)
+        self._free, self._order = np.maximum(releases - struck - CONTACT, 0.0), order
         carry = np.tile(np.eye(5), (len(rows), 1, 1))
         carry[:, 0, 2] = carry[:, 1, 3] = ahead
         self._by_start = np.einsum("nij,njk->nik", carry, signatures.by_start[rows])
@@ -85,8 +85,15 @@ class LaunchModel:
         self.mean, self.spread = simulated.copy(), np.zeros((len(rows), 5, 5))
         self.encoders: Encoders | None = None
         if readings is not None:
-            changes = self._correct(signatures, rows, readings, by_joints, changes)
+            changes = self._correct(signatures, rows, readings, by_joints, changes, reference)
         self._changes = {n: PchipInterpolator(signatures.values[n], c) for n, c in changes.items()}
+        for name, values in (base or {}).items():
+            self.mean -= np.einsum("nij,nj->ni", self._by_start, self._start_shift(name, values))
+        for name, value in each(base or {}):
+            if name in self._changes:
+                self.mean -= value_at(self._changes[name], value)
+            if self.encoders is not None and name in self.encoders.changes:
+                self.encoders.white[...] += value_at(self.encoders.changes[name], value)
         heading = np.arctan2(simulated[:, 3], simulated[:, 2])
         self._turn = np.tile(np.eye(5), (len(rows), 1, 1))
         cosine, sine = np.cos(heading), np.sin(heading)
@@ -104,13 +111,15 @@ class LaunchModel:
         readings: Readings,
         by_joints: Array,
         changes: dict[str, Array],
+        reference: Execution | None,
     ) -> dict[str, Array]:
         """Take what the encoders say into the mean, and what they say of effects into their changes."""
         ticks = np.clip(
             np.searchsorted(signatures.times, readings.times - 1e-6), 0, len(signatures.times) - 1
         )
         speeds = signatures.swing(rows, readings.times)[1]
-        execution = Execution(readings.times, readings.joints - readings.nominal, speeds, readings.replayed)
+        left = readings.joints - readings.nominal
+        execution = Execution(readings.times, left, speeds, readings.replayed, reference)
         contact = signatures.contact[rows]
         at = np.clip(np.searchsorted(readings.times, contact), 0, len(readings.times) - 1)
         offset, rate = pace_matrix(execution, contact, speeds[np.arange(len(rows)), at])
@@ -132,24 +141,45 @@ class LaunchModel:
         )
         return changes
 
+    def sizes(self, name: str) -> list[Values]:
+        """Values at which an effect was simulated, but for the neutral ones."""
+        neutral = self._effects[name].neutral()
+        return [
+            {**neutral, parameter: float(value)}
+            for parameter in neutral
+            if f"{name}/{parameter}" in self._changes
+            for value in self._changes[f"{name}/{parameter}"].x
+            if value != neutral[parameter]
+        ]
+
     def means(self, effects: Mapping[str, Values]) -> Array:
         """(n, 5) under effects."""
         mean = self.mean.copy()
+        for name, value in each(effects):
+            if name in self._changes:
+                mean += value_at(self._changes[name], value)
         for owner, values in effects.items():
-            for parameter, value in values.items():
-                change = self._changes.get(f"{owner}/{parameter}")
-                if change is not None:
-                    mean += _at(change, value)
             mean += self._known_shift(owner, values)
             mean += np.einsum("nij,nj->ni", self._by_start, self._start_shift(owner, values))
         return mean
 
-    def given(self, effects: Mapping[str, Values]) -> "LaunchModel":
-        """The model under effects whose mark on what the camera reports of a launch is corrected for."""
+    def given(self, effects: Mapping[str, Values], log_friction: Array) -> "LaunchModel":
+        """The model under what slides were found to lack.
+
+        Args:
+            effects: whose mark on what the camera reports of a launch is corrected for.
+            log_friction: (objects, 3) of mu_x, mu_y and torsional friction in m.
+        """
         other = copy(self)
         other._seen = self._seen - effects.keys()
-        other.mean = other.means(effects)
+        other.mean = other.means(effects) + self._on_the_way(effects, np.exp(log_friction)[self._object])
         return other
+
+    def _on_the_way(self, effects: Mapping[str, Values], friction: Array) -> Array:
+        """(n, 5) by which the slide changes a launch between striker and release."""
+        sliding = [(self._effects[n], v) for n, v in effects.items() if self._effects[n].acts_on_slide]
+        both = self._friction, friction
+        return shift_on_the_way(sliding, self._simulated, self._free, self._order, both)
 
     def predicted(self, effects: Mapping[str, Values], scatter: Array) -> tuple[Array, Array]:
         """Means (n, 5) under effects, and their covariance (n, 5, 5) for a scatter (5, 5)."""
@@ -166,7 +196,7 @@ class LaunchModel:
             if change is not None:
                 step = column.step
                 here = values[column.parameter]
-                slopes[..., c] = (_at(change, here + step) - _at(change, here)) / step
+                slopes[..., c] = (value_at(change, here + step) - value_at(change, here)) / step
             base, known = self._start_shift(column.owner, values), self._known_shift(column.owner, values)
             values[column.parameter] += column.step
             slopes[..., c] += (self._known_shift(column.owner, values) - known) / column.step
@@ -182,54 +212,25 @@ class LaunchModel:
         if change is not None:
             total += np.einsum("nij,nj->ni", self._turn, change)
         if owner in self._seen and effect.acts_on_camera:
-            total += self._camera_shift(effect, values)
+            total += camera_shift(effect, values, self._simulated, self._camera)
         return total
 
-    def _camera_shift(self, effect: Effect, values: Values) -> Array:
-        """(n, 5) seen less true launch: a place, and another a moment later."""
-        each = {name: np.full(len(self.mean), value) for name, value in values.items()}
-        place, velocity = self._simulated[:, :2], self._simulated[:, 2:4]
-        delay = effect.camera_delay(each)
-        moment = np.zeros(len(place)) if delay is None else -delay
-        speed = np.maximum(np.linalg.norm(velocity, axis=1), 1e-6)
-        # What slows the object is nearly the same under all hypotheses.
-        slowed = velocity * (1 - DECELERATION * moment / speed)[:, None]
-        places = (
-            np.stack([place, place + SHORT * velocity], axis=1) + moment[:, None, None] * velocity[:, None]
-        )
-        seen = effect.see(each, places, self._camera)
-        shift = np.zeros_like(self.mean)
-        shift[:, :2] = seen[:, 0] - place
-        shift[:, 2:4] = (seen[:, 1] - seen[:, 0]) / SHORT - velocity + (slowed - velocity)
-        return shift
-
     def _start_shift(self, owner: str, values: Values) -> Array:
-        """(n, 2) m by which the object really lay elsewhere, the camera seeing it where it did."""
-        effect = self._effects[owner]
-        if not effect.acts_on_camera:
-            return np.zeros_like(self._starts)
-        each = {name: np.full(len(self._starts), value) for name, value in values.items()}
-        return self._starts - effect.see(each, self._starts[:, None], self._camera)[:, 0]
+        return start_shift(self._effects[owner], values, self._starts, self._camera)
+
+    @property
+    def execution(self) -> Execution | None:
+        """How hits were executed; None without encoders."""
+        return None if self.encoders is None else self.encoders.execution
 
     def encoder_rows(
         self, columns: Sequence[Column], effects: Mapping[str, Values]
     ) -> tuple[Array, Array] | None:
-        """Whitened residuals (n, rows) and their derivatives (n, rows, p)."""
+        """Whitened residuals (n, rows) and their derivatives (n, rows, p); None without encoders."""
         if self.encoders is None:
             return None
-        left = self.encoders.white.copy()
-        for owner, values in effects.items():
-            for parameter, value in values.items():
-                change = self.encoders.changes.get(f"{owner}/{parameter}")
-                if change is not None:
-                    left -= _at(change, value)
-        slopes = np.zeros((*left.shape, len(columns)), np.float32)
-        for c, column in enumerate(columns):
-            change = self.encoders.changes.get(f"{column.owner}/{column.parameter}")
-            if change is not None:
-                here = effects.get(column.owner, self._effects[column.owner].neutral())[column.parameter]
-                slopes[..., c] = (_at(change, here + column.step) - _at(change, here)) / column.step
-        return left, slopes
+        neutral = {column.owner: self._effects[column.owner].neutral() for column in columns}
+        return self.encoders.rows(columns, effects, neutral)
 
     def roots(self, scatter: Array, offset: Array, noise: Array) -> tuple[Array, Array]:
         """Square root information (n, 5, 5) and log determinants (n,) of launches about their means.
@@ -273,8 +274,3 @@ class LaunchModel:
         """(n,) of a Student's t."""
         distance = np.einsum("ni,nij,nj->n", offset, information, offset)
         return np.minimum((TAILS + 5) / (TAILS + distance), 1.0)
-
-
-def _at(change: PchipInterpolator, value: float) -> Array:
-    """A change at a value; beyond what was simulated, that of the last value."""
-    return np.asarray(change(np.clip(value, change.x[0], change.x[-1])), float)

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from slapshot.diagnosis.evidence import LARGEST
 from slapshot.diagnosis.launch import FIRST_SD, LaunchModel
 from slapshot.diagnosis.marginal import Marginal
-from slapshot.diagnosis.slide_fit import SPIN_SD, Fit, SlideFitter, parameter_of
+from slapshot.diagnosis.slide_fit import Fit, SlideFitter, parameter_of
 from slapshot.diagnosis.slide_model import STEP_SHARE, Column, Point, Values
+from slapshot.diagnosis.told import told_launches
 from slapshot.effects.effect import Effect
 
 Array = NDArray[np.float64]
 
 ITERATIONS = 40
 CONVERGED = 0.02
-SPIN_SEEN = 3.0  # times the information of its prior
 _NO_INFORMATION = 1e-6  # keeps the information of what a slide does not tell (spin) from being singular
 
 
@@ -47,13 +47,13 @@ class LaunchFitter:
             rest_by_launch: (n, 2, 5) derivatives of rest points.
         """
         self.launches, self.effects = model, effects
-        self._measured, self._rest = measured, rest_by_launch
+        self.measured, self._rest = measured, rest_by_launch
         self.sizes: dict[str, float] = {}
         self._noise = np.asarray(np.linalg.inv(information + _NO_INFORMATION * np.eye(5)), float)
 
     def start(self) -> Point:
         """No effects."""
-        return Point(np.empty((len(self._measured), 0)), np.empty((0, 3)))
+        return Point(np.empty((len(self.measured), 0)), np.empty((0, 3)))
 
     def drop_jumps(self, point: Point) -> None:
         """Launches have none."""
@@ -116,15 +116,24 @@ class LaunchFitter:
         """(n,) expected squares of each hit."""
         encoders = self.launches.encoders
         rows = 5.0 + (0 if encoders is None else encoders.white.shape[1])
-        return np.full(len(self._measured), rows)
+        return np.full(len(self.measured), rows)
+
+    def starts(self, name: str) -> Sequence[Values]:
+        """Every size at which an effect was simulated, one parameter at a time."""
+        return self.launches.sizes(name)
+
+    def objective(self, point: Point, scatter: Array, effects: Sequence[str]) -> float:
+        """At a point."""
+        columns = self.columns(effects)
+        return self._objective(self.evaluate(point, columns, scatter), point, columns, *self.prior(columns))
 
     def quadratic(self, fit: Fit, effects: Sequence[str]) -> tuple[list[Column], Marginal, Array]:
-        """Columns of effects at a fitted point; hits; (n, 2, p) change of rest points in m."""
+        """Columns of effects at a fitted point; hits; (n, 1, 2, p) change of rest points in m."""
         columns = self.columns(effects)
         rest = self._rest @ self.launches.slopes(columns, fit.point.effects)
-        return columns, self.evaluate(fit.point, columns, fit.scatter), rest
+        return columns, self.evaluate(fit.point, columns, fit.scatter), rest[:, None]
 
-    def rest_shift(self, fit: Fit, name: str) -> float:
+    def shift(self, fit: Fit, name: str) -> float:
         """Root mean square change of rest points in m if one effect were absent."""
         rest = {n: v for n, v in fit.point.effects.items() if n != name}
         moved = self.launches.means(fit.point.effects) - self.launches.means(rest)
@@ -150,7 +159,7 @@ class LaunchFitter:
 
     def _offset(self, point: Point) -> Array:
         """(n, 5) measured less expected."""
-        return self._measured - self.launches.means(point.effects)
+        return self.measured - self.launches.means(point.effects)
 
     @staticmethod
     def _objective(
@@ -174,53 +183,26 @@ def _values(point: Point, columns: Sequence[Column]) -> Array:
 
 
 def launch_fitter(
-    slides: SlideFitter, fit: Fit, model: LaunchModel, effects: Mapping[str, Effect]
+    slides: SlideFitter, fit: Fit, model: LaunchModel, effects: Mapping[str, Effect], first_s: float = np.inf
 ) -> LaunchFitter:
-    """Launches as fitted slides tell them; what the slides' own prior of spin says is taken out."""
-    covariance = fit.marginal.covariance[:, :5, :5]
-    measured, information = _without_spin_prior(fit.point.latents[:, :5], covariance)
+    """Launches as fitted slides tell them, but for spin, whose prior already is what commands should give.
+
+    Args:
+        slides: fitter of the slides.
+        fit: of them.
+        model: of launches by command.
+        effects: that may act.
+        first_s: s of each slide that launches are told from. what is wrong with its law passes into
+            launches the more, the longer the part of it that they are told from.
+    """
+    latents, covariance = fit.point.latents, fit.marginal.covariance
+    if np.isfinite(first_s):
+        shown = slides.valid & (slides.model.tracks.times <= first_s)
+        point, covariance = told_launches(slides, fit, shown)
+        latents = point.latents
+    information = np.zeros((len(latents), 5, 5))
+    information[:, :4, :4] = np.linalg.inv(covariance[:, :4, :4])
     _, by_latent = slides.model.by_latents(fit.point)
     last = slides.valid.sum(1) - 1
     rest = by_latent[np.arange(len(last)), last][:, :, :5]
-    return LaunchFitter(model, effects, measured, information, rest)
-
-
-class LaunchEvidence:
-    """Log evidence in the launches for a fit of the slides, over that for the nominal fit.
-
-    Slides and launches are two halves of one likelihood: an effect that moves what the camera sees, or where
-    an object's mass is, must be right about both.
-    """
-
-    def __init__(
-        self, slides: SlideFitter, nominal: Fit, model: LaunchModel, effects: Mapping[str, Effect]
-    ) -> None:
-        self._slides, self._model, self._effects = slides, model, effects
-        self._nominal = self._log_likelihood(nominal)
-
-    def __call__(self, fit: Fit) -> float:
-        """In nats."""
-        return self._log_likelihood(fit) - self._nominal
-
-    def _log_likelihood(self, fit: Fit) -> float:
-        fitter = launch_fitter(self._slides, fit, self._model.given(fit.point.effects), self._effects)
-        return -fitter.fit(fitter.start()).objective / 2
-
-
-def _without_spin_prior(launches: Array, covariance: Array) -> tuple[Array, Array]:
-    """What slides alone say of launches (n, 5) and their information (n, 5, 5).
-
-    A slide hardly tells spin, whose sign it cannot see without an effect that turns it into a force. Where it
-    says less than its prior, it is taken to say nothing: to take the prior out would magnify what is left.
-    """
-    information = np.asarray(np.linalg.inv(covariance), float)
-    told = information @ launches[..., None]
-    seen = 1 / covariance[:, 4, 4] > (1 + SPIN_SEEN) * SPIN_SD**-2
-    information[seen, 4, 4] -= SPIN_SD**-2
-    measured = launches.copy()
-    # A spin that was drawn to 0 by its prior was farther out.
-    measured[seen] = np.linalg.solve(information[seen], told[seen])[..., 0]
-    blind = np.flatnonzero(~seen)
-    information[blind] = 0.0
-    information[blind, :4, :4] = np.linalg.inv(covariance[blind, :4, :4])
-    return measured, information
+    return LaunchFitter(model, effects, latents[:, :5], information, rest)

@@ -3,9 +3,9 @@
 With whitened residuals z = y - f, Jacobians H (by the hit's latents u) and J (by shared parameters t), and
 a Gaussian prior of the latents with mean m and square root information R (R'R = P^-1), to second order
 
-    -2 log p(y | t + d) = min over e of |z - H e - J d|^2 + |R (m - u - e)|^2 + constants,
+    -2 log p(y | t + d) = min over e of |z - H e - J d|^2 + |R (m + dm/dt d - u - e)|^2 + constants,
 
-a least-squares problem in e. Projecting [z; R (m - u)] and [J; 0] off the columns of [H; R] by QR leaves
+a least-squares problem in e. Projecting [z; R (m - u)] and [J; -R dm/dt] off the columns of [H; R] leaves
 |z~ - J~ d|^2, so that correlated errors along a track count once.
 """
 
@@ -40,7 +40,9 @@ class Marginal:
     gain: Array
 
 
-def marginalise(z: Array, by_latent: Array, by_shared: Array, offset: Array, root: Array) -> Marginal:
+def marginalise(
+    z: Array, by_latent: Array, by_shared: Array, offset: Array, root: Array, prior_by_shared: Array
+) -> Marginal:
     """Integrate the latents out.
 
     Args:
@@ -49,13 +51,14 @@ def marginalise(z: Array, by_latent: Array, by_shared: Array, offset: Array, roo
         by_shared: (n, m, p) likewise.
         offset: (n, u) prior mean minus latents.
         root: (u, u) square root of the prior's information; rows of 0 for a flat prior.
+        prior_by_shared: (n, u, p) derivatives of the prior mean.
     """
     n, _, u = by_latent.shape
     root = np.broadcast_to(root, (n, u, u))
     h = np.concatenate([by_latent, root], axis=1)
     q, r = np.linalg.qr(h)
     y = np.concatenate([z, np.einsum("nij,nj->ni", root, offset)], axis=1)
-    j = np.concatenate([by_shared, np.zeros((n, u, by_shared.shape[2]))], axis=1)
+    j = np.concatenate([by_shared, -root @ prior_by_shared], axis=1)
     qy = np.einsum("nmu,nm->nu", q, y)
     qj = q.transpose(0, 2, 1) @ j
     rest_y = y - np.einsum("nmu,nu->nm", q, qy)

@@ -6,7 +6,7 @@ camera_m: [1.65, 0.0]              # point of the plane that the camera looks at
 effects: [my_package.my_effect]    # modules with effects of one's own (optional)
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -87,7 +87,7 @@ def rig_of_domain(domain: Mapping[str, Any]) -> RigFile:
     condition = middle_condition(domain["randomisation"])
     scene = load_domain(domain["scene"]["domain"]).build_scene(domain["scene"])
     friction = [condition[f"friction_{axis}"] for axis in ("x", "y", "torsional")]
-    return _rig(domain["scene"], friction, camera_foot(scene), ())
+    return RigFile(scene, setting_of(scene, friction), ())
 
 
 def camera_foot(scene: Scene) -> tuple[float, float]:
@@ -106,8 +106,13 @@ def camera_foot(scene: Scene) -> tuple[float, float]:
 
 def _rig(settings: Mapping[str, Any], friction: Any, camera: Any, effects: tuple[str, ...]) -> RigFile:
     scene = load_domain(settings["domain"]).build_scene(settings)
+    return RigFile(scene, setting_of(scene, friction, camera), effects)
+
+
+def setting_of(scene: Scene, friction: Sequence[float], camera: Sequence[float] | None = None) -> Setting:
+    """What `diagnose` needs to know; without a point for the camera, that below the scene's own."""
     # Without an arm there is nothing that commands could move.
     armed = scene if scene.info.joints else None
     mu = (float(friction[0]), float(friction[1]), float(friction[2]))
-    setting = Setting(scene.info.object_radius, np.array(camera, float), mu, armed)
-    return RigFile(scene, setting, effects)
+    foot = np.array(camera if camera is not None else camera_foot(scene), float)
+    return Setting(scene.info.object_radius, foot, mu, armed)

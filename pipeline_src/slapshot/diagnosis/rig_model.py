@@ -1,14 +1,17 @@
 """The launch model of a recording whose commands are known: one simulation of all hits, and signatures."""
 
 from collections.abc import Mapping
+from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.diagnosis.camera_view import start_shift
 from slapshot.diagnosis.execution import Execution, Readings, readings_of, replay
 from slapshot.diagnosis.launch import LaunchModel
 from slapshot.diagnosis.signatures import LOOK, Signatures, digest_of, make_signatures
-from slapshot.diagnosis.strikes import Commands, Striker, Strikes, commands_of
+from slapshot.diagnosis.slide_model import Values
+from slapshot.diagnosis.strikes import Commands, Striker, commands_of
 from slapshot.diagnosis.tracks import HitTracks
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording
@@ -58,27 +61,52 @@ class RigModel:
             times, joints = readings_of(
                 recording.joints, tracks.hit, period, float(self.signatures.times[-1])
             )
-        friction = friction[tracks.object]
+        self._commands, self._times, self._joints = commands, times, joints
+        self._friction = friction[tracks.object]
+        arguments = (tracks.release, mass, self._friction, times, threads)
+        self._striker = lambda executed: Striker(scene, executed, *arguments)
+        self._servo_time = scene.info.servo_time
+        self._base: Mapping[str, Values] = {}
+        self._simulate()
 
-        def strike(executed: Commands) -> Strikes:
-            striker = Striker(scene, executed, tracks.release, mass, friction, times, threads)
-            return striker.strike(self._starts)
+    def about(self, effects: Mapping[str, Values]) -> "RigModel":
+        """The same hits simulated with effects of swing, contact and camera; linear about those."""
+        acting = {
+            n: v
+            for n, v in effects.items()
+            if self._effects[n].acts_on_launch or self._effects[n].acts_on_camera
+        }
+        if acting == self._base:
+            return self
+        other = copy(self)
+        other._base = acting
+        other._simulate()
+        return other
 
+    def _simulate(self) -> None:
+        acting = [(self._effects[name], values) for name, values in self._base.items()]
+        # Where objects lay, not where the camera saw them.
+        starts = self._starts + sum(
+            (start_shift(effect, values, self._starts, self._camera) for effect, values in acting),
+            np.zeros_like(self._starts),
+        )
         self._readings: Readings | None = None
-        if joints is None:
-            self._struck = strike(commands)
+        if self._joints is None:
+            self._struck = self._striker(self._commands).strike(starts, acting)
             return
-        swing, speeds = self.signatures.swing(self._rows, times)
-        execution = Execution(times, joints - swing, speeds)
+        times, period = self._times, self._commands.period
+        swing, speeds = self.signatures.swing(self._rows, times, self._base)
+        execution = Execution(times, self._joints - swing, speeds)
         replayed, _ = execution.coefficients(execution.residual)
         # As the hits were executed, not as they were commanded: launches are not linear in the difference.
-        positions = replay(commands.positions, period, float(times[-1]), replayed)
+        positions = replay(self._commands.positions, period, float(times[-1]), replayed)
         rates = np.gradient(positions, period, axis=1)
-        self._struck = strike(Commands(positions, positions + scene.info.servo_time * rates, period))
-        self._readings = Readings(times, joints, self._struck.joints, replayed)
+        executed = Commands(positions, positions + self._servo_time * rates, period)
+        self._struck = self._striker(executed).strike(starts, acting)
+        self._readings = Readings(times, self._joints, self._struck.joints, replayed)
 
-    def launches(self, rows: NDArray[np.int64]) -> LaunchModel:
-        """Launches that the commands of some of the hits should give."""
+    def launches(self, rows: NDArray[np.int64], reference: Execution | None = None) -> LaunchModel:
+        """Launches that the commands of some of the hits should give; `reference` as in LaunchModel."""
         readings = self._readings
         if readings is not None:
             readings = Readings(
@@ -88,11 +116,17 @@ class RigModel:
             self.signatures,
             self._rows[rows],
             self._struck.released[rows],
+            self._struck.contact[rows],
             self._tracks.release[rows],
             self._effects,
             self._camera,
             self._starts[rows],
+            self._tracks.order[rows],
+            self._tracks.object[rows],
+            self._friction[rows],
             readings,
+            self._base,
+            reference,
         )
 
 

@@ -7,7 +7,7 @@ any that the others make superfluous are deleted.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,10 @@ from slapshot.diagnosis.evidence import LARGEST, SIZES, LinearEvidence, project
 from slapshot.diagnosis.fitter import Fitter
 from slapshot.diagnosis.slide_fit import Fit
 from slapshot.diagnosis.slide_model import Column
-from slapshot.effects.effect import Effect
+from slapshot.effects.effect import Effect, Parameter
 
 Array = NDArray[np.float64]
+Effects = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
 F = TypeVar("F", bound=Fitter)
 
 REFITTED = 4  # best of a screen that are refitted
@@ -27,6 +28,10 @@ ADD = 4.0  # nats that a further effect must add
 MOST = 3  # effects in one recording
 FIELD = 4  # parameters; effects with more get a prior of the size that the recording asks for
 FLIPS = 4000
+RIVAL = 0.4  # share of the best one's gain with which another may still win once both are exact
+RIVALS = 3  # at most so many
+STAYED = 0.1  # of a parameter's scale
+FINISHED = 2  # most rounds of fitting about the last fit
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,7 @@ class Screen:
 
     Attributes:
         log_evidence: hypothesis -> nats over no further effect.
-        shift: hypothesis -> rms shift of the rest points in m that its best values make.
+        shift: hypothesis -> rms shift of the tracks in m that its best values make, where it is largest.
         p_value: of the largest, by sign flips of whole hits.
         direction: hypothesis -> best change of its parameters.
     """
@@ -58,11 +63,20 @@ class Candidate:
         effects: names.
         fit: of them and the nuisance.
         log_evidence: nats over the nominal scene with refitted nuisance.
+        fitter: that fitted it.
+        final: whether that fitter is linear about the fit, not about the nominal scene.
     """
 
     effects: tuple[str, ...]
     fit: Fit
     log_evidence: float
+    fitter: Any
+    final: bool = True
+
+
+def largest_shift(moved: Array) -> float:
+    """Root mean square over hits of changes (n, frames, 2) in m, at the frame where it is largest."""
+    return float(np.sqrt((moved**2).sum(-1).mean(0).max()))
 
 
 @dataclass
@@ -76,6 +90,7 @@ class Search(Generic[F]):
         rng: of the sign flips.
         seen: every set of effects that was refitted.
         beside: log evidence for a fit, over that for the nominal one, in data that the fitter does not use.
+        about: a fitter that is linear about a fit, where the first one is exact near the nominal scene only.
     """
 
     fitter: F
@@ -84,22 +99,27 @@ class Search(Generic[F]):
     rng: np.random.Generator
     seen: dict[tuple[str, ...], Candidate] = field(default_factory=dict)
     beside: Callable[[Fit], float] = lambda fit: 0.0
+    about: Callable[[Fit], F] | None = None
 
     @property
     def _effects(self) -> Mapping[str, Effect]:
         return self.fitter.effects
+
+    def is_field(self, name: str) -> bool:
+        """Whether an effect has so many parameters that it bends to almost anything."""
+        return len(self._effects[name].parameters) > FIELD
 
     def nominal(self) -> Candidate:
         """The scene as it is, with its nuisance fitted; mistracked frames are left out."""
         fit = self.fitter.fit(self.fitter.start())
         self.fitter.drop_jumps(fit.point)
         fit = self.fitter.fit(fit.point, fit.scatter)
-        self.seen[()] = Candidate((), fit, 0.0)
+        self.seen[()] = Candidate((), fit, 0.0, self.fitter)
         return self.seen[()]
 
     def screen(self, at: Candidate, hypotheses: Sequence[str]) -> Screen:
         """Judge hypotheses beyond those of a fit, which are projected out with the nuisance."""
-        columns, marginal, rest = self.fitter.quadratic(at.fit, [*at.effects, *hypotheses])
+        columns, marginal, moved = at.fitter.quadratic(at.fit, [*at.effects, *hypotheses])
         _, precision = self.fitter.prior(columns)
         fixed = np.array([c for c, column in enumerate(columns) if column.owner not in hypotheses], np.int64)
         projected = project(marginal.information.sum(0), marginal.scores, fixed, np.diag(precision[fixed]))
@@ -108,11 +128,13 @@ class Search(Generic[F]):
         inflation = max(1.0, at.fit.dispersion)
         total = projected.scores.sum(0) / inflation
         flipped = self.rng.choice([-1.0, 1.0], (FLIPS, len(projected.scores))) @ projected.scores / inflation
-        largest = np.full(FLIPS, -np.inf)
+        # Fields fit what chance left in many ways; what has few parameters is judged apart from them.
+        largest = {field: np.full(FLIPS, -np.inf) for field in (False, True)}
+        best = {False: -np.inf, True: -np.inf}
         log_evidence, shift, direction = {}, {}, {}
-        # Beyond what another friction would have done to the rest points.
+        # Beyond what another friction would have done to the track.
         others_at = np.setdiff1d(np.arange(len(columns)), fixed)
-        rest = rest[..., others_at] - rest[..., fixed] @ projected.weights
+        moved = moved[..., others_at] - moved[..., fixed] @ projected.weights
         for name in hypotheses:
             mine = np.array([c for c, column in enumerate(others) if column.owner == name])
             own = [others[c] for c in mine]
@@ -122,19 +144,21 @@ class Search(Generic[F]):
                 self.fitter.sizes[name] = judge.best_size(total[mine])
             estimate = judge.estimate(total[None, mine], self.fitter.sizes.get(name, LARGEST))[0]
             direction[name] = {column.parameter: v for column, v in zip(own, estimate, strict=True)}
-            largest = np.maximum(largest, judge.log_ratio(flipped[:, mine]))
-            shift[name] = float(np.sqrt(((rest[..., mine] @ estimate) ** 2).sum(-1).mean()))
-        best = max(log_evidence.values(), default=-np.inf)
-        p_value = float((1 + (largest >= best).sum()) / (1 + FLIPS))
+            wide = len(mine) > FIELD
+            largest[wide] = np.maximum(largest[wide], judge.log_ratio(flipped[:, mine]))
+            best[wide] = max(best[wide], log_evidence[name])
+            shift[name] = largest_shift(moved[..., mine] @ estimate)
+        chance = [(1 + (largest[wide] >= best[wide]).sum()) / (1 + FLIPS) for wide in (False, True)]
+        p_value = min(1.0, 2 * float(min(chance)))
         return Screen(log_evidence, shift, p_value, direction)
 
     def screen_beyond(self, at: Candidate) -> Screen:
         """Judge all other effects and all free forms beyond those of a fit."""
         return self.screen(at, [n for n in (*self.catalogue, *self.free) if n not in at.effects])
 
-    def rest_shift(self, at: Candidate, name: str) -> float:
-        """Root mean square change of the rest points in m if one effect of a fit were absent."""
-        return self.fitter.rest_shift(at.fit, name)
+    def shift(self, at: Candidate, name: str) -> float:
+        """Root mean square change of the tracks in m, where it is largest, if an effect were absent."""
+        return float(at.fitter.shift(at.fit, name))
 
     def refit(
         self, at: Candidate, names: Sequence[str], direction: Mapping[str, Mapping[str, float]]
@@ -151,17 +175,52 @@ class Search(Generic[F]):
                     start = values[parameter.name] + float(direction[name].get(parameter.name, 0.0))
                     values[parameter.name] = float(np.clip(start, parameter.low, parameter.high))
             effects[name] = values
-        begin = replace(at.fit.point, effects=effects)
-        fit = self.fitter.fit(begin, at.fit.scatter, key)
-        self.seen[key] = Candidate(key, fit, self._log_evidence(key, fit) + self.beside(fit))
+        begins = [replace(at.fit.point, effects=effects)]
+        for name in set(key) - set(at.effects):
+            begins += [replace(begins[0], effects={**effects, name: v}) for v in self.fitter.starts(name)]
+        if len(begins) > 1:
+            begins.sort(key=lambda begin: self.fitter.objective(begin, at.fit.scatter, key))
+        fit = self.fitter.fit(begins[0], at.fit.scatter, key)
+        evidence = self._log_evidence(key, fit) + self.beside(fit)
+        self.seen[key] = Candidate(key, fit, evidence, self.fitter, final=self.about is None)
         return self.seen[key]
+
+    def finish(self, candidate: Candidate) -> Candidate:
+        """A candidate with a fitter that is exact where it is."""
+        if candidate.final or self.about is None:
+            return candidate
+        fit = candidate.fit
+        for _ in range(FINISHED):
+            before = fit.point.effects
+            fitter = self.about(fit)
+            fitter.sizes = self.fitter.sizes
+            fit = fitter.fit(fit.point, fit.scatter, candidate.effects)
+            if self._stayed(before, fit.point.effects):
+                break
+        evidence = self._log_evidence(candidate.effects, fit) + self.beside(fit)
+        self.seen[candidate.effects] = Candidate(candidate.effects, fit, evidence, fitter)
+        return self.seen[candidate.effects]
+
+    def _stayed(self, before: Effects, after: Effects) -> bool:
+        """Whether no parameter moved by a notable share of its scale."""
+        return all(
+            abs(after[name][p.name] - before[name][p.name]) < STAYED * p.scale
+            for name in before
+            for p in self._effects[name].parameters
+        )
 
     def grow(self, at: Candidate, screen: Screen, hypotheses: Sequence[str]) -> list[Candidate]:
         """Refits of the best hypotheses of a screen added to a fit, best first."""
         best = screen.best(hypotheses)[:REFITTED]
         best = [n for n in best if screen.log_evidence[n] > screen.log_evidence[best[0]] - 8 * CLASS]
+        # A screen is blind to what is not linear; where refits cost little, all are tried.
+        best += [n for n in hypotheses if n not in best and self.fitter.starts(n)]
         found = [self.refit(at, [*at.effects, name], screen.direction) for name in best]
-        return sorted(found, key=lambda c: -c.log_evidence)
+        best_gain = max(c.log_evidence for c in found) - at.log_evidence
+        least = at.log_evidence + best_gain - max(8 * CLASS, RIVAL * best_gain)
+        found.sort(key=lambda c: -c.log_evidence)
+        found = [self.finish(c) if c.log_evidence > least and i < RIVALS else c for i, c in enumerate(found)]
+        return sorted(found, key=lambda c: (not c.final, -c.log_evidence))
 
     def prune(self, candidate: Candidate) -> Candidate:
         """Delete effects while the evidence for the rest is no smaller by more than ADD."""
@@ -169,7 +228,7 @@ class Search(Generic[F]):
             fewer = tuple(n for n in candidate.effects if n != name)
             if not fewer:
                 continue
-            without = self.refit(candidate, fewer, {})
+            without = self.finish(self.refit(candidate, fewer, {}))
             if without.log_evidence > candidate.log_evidence - ADD:
                 return self.prune(without)
         return candidate
@@ -181,9 +240,8 @@ class Search(Generic[F]):
         scales = np.array([parameters[column.parameter].scale for column in columns])
         return LinearEvidence(information, scales, one_sided)
 
-    def _scale(self, column: Column) -> float:
-        parameters = self._effects[column.owner].parameters
-        return next(p.scale for p in parameters if p.name == column.parameter)
+    def _parameter(self, column: Column) -> Parameter:
+        return next(p for p in self._effects[column.owner].parameters if p.name == column.parameter)
 
     def _log_evidence(self, names: tuple[str, ...], fit: Fit) -> float:
         """Laplace's approximation at the refit, averaged over sizes, against the nominal scene."""
@@ -200,7 +258,12 @@ class Search(Generic[F]):
         values = np.array([fit.point.effects[columns[c].owner][columns[c].parameter] for c in own])
         offset = values - mean[own]
         slope = projected.scores.sum(0) / inflation
-        scales = np.array([self._scale(columns[c]) for c in own])
+        parameters = [self._parameter(columns[c]) for c in own]
+        scales = np.array([p.scale for p in parameters])
+        # A slope that leads out of what is possible promises nothing.
+        low, high = (np.array([getattr(p, end) for p in parameters]) for end in ("low", "high"))
+        outward = ((values <= low) & (slope < 0)) | ((values >= high) & (slope > 0))
+        slope = np.where(outward, 0.0, slope)
         gain = (nominal.objective - fit.objective + float((precision[own] * offset**2).sum())) / 2 / inflation
         # The quadratic about the refit, as if it stood about the neutral values.
         constant = gain - slope @ offset - offset @ information @ offset / 2

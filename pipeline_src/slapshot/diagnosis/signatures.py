@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import load_file, save_file
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from slapshot.diagnosis.strikes import Commands, Striker
 from slapshot.effects.effect import Effect, Parameter
@@ -27,8 +27,8 @@ LOOK = (
     0.05  # s after first contact at which launches are compared: contact is over, friction has hardly acted
 )
 READ_EVERY = 0.01  # s
-ONE_SIDED = (0.25, 0.75, 1.5, 3.0)  # sizes in scales of the parameter
-TWO_SIDED = (-1.5, -0.5, 0.5, 1.5)
+ONE_SIDED = (0.25, 0.75, 1.5, 3.0, 6.0)  # sizes in scales of the parameter
+TWO_SIDED = (-3.0, -1.5, -0.5, 0.5, 1.5, 3.0)
 START_STEP = 0.004  # m
 OFFSET_STEP, RATE_STEP = 0.01, 0.05  # rad, rad/s
 _NOMINAL_FRICTION = (0.4, 0.4, 0.008)
@@ -67,9 +67,19 @@ class Signatures:
             return None
         return np.array([place[d] for d in digests], np.int64)
 
-    def swing(self, rows: NDArray[np.int64], times: Array) -> tuple[Array, Array]:
-        """Joint angles and speeds (n, times, j) in rad and rad/s of some commands."""
-        spline = CubicSpline(self.times, self.joints[rows], axis=1)
+    def swing(
+        self, rows: NDArray[np.int64], times: Array, effects: Mapping[str, Mapping[str, float]] | None = None
+    ) -> tuple[Array, Array]:
+        """Joint angles and speeds (n, times, j) in rad and rad/s of some commands, under effects."""
+        joints = self.joints[rows]
+        for owner, values in (effects or {}).items():
+            for parameter, value in values.items():
+                known = self.values.get(f"{owner}/{parameter}")
+                if known is not None:
+                    inside = np.clip(value, known[0], known[-1])
+                    swings = self.swings[f"{owner}/{parameter}"][:, rows]
+                    joints = joints + PchipInterpolator(known, swings)(inside)
+        spline = CubicSpline(self.times, joints, axis=1)
         return np.asarray(spline(times), float), np.asarray(spline(times, 1), float)
 
     def save(self, file: Path) -> None:

@@ -4,7 +4,7 @@ Damped Gauss-Newton on the marginal likelihood. Camera noise was estimated at re
 from hit to hit is estimated on the way (expectation maximisation), never assumed.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,20 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.evidence import LARGEST
+from slapshot.diagnosis.first_guess import NUISANCE_MEAN, first_guess
 from slapshot.diagnosis.marginal import Marginal, marginalise
 from slapshot.diagnosis.noise import CameraNoise, frame_speeds, leaps, outliers
 from slapshot.diagnosis.slide_model import Column, Point, SlideModel, Values
-from slapshot.effects.effect import GRAVITY
+from slapshot.diagnosis.spin import SpinPrior, UnknownSpin
 
 Array = NDArray[np.float64]
 
 ITERATIONS = 12
 CONVERGED = 0.02  # of the objective (nats): differences that matter are of order 1
-SPIN_SD = 8.0  # rad/s, of a launch; twice what oblique hits give
+SHOWN = 4  # frames that stand for a track where its shift is told
+NEARLY_FLAT = (
+    0.1,
+    0.1,
+    0.1,
+    0.1,
+)  # 1/m and s/m: nothing beside a frame, but a hit that does not move has one
 FIRST_FRICTION_SD = 0.03
 FRICTION_SD = (0.002, 0.3)  # bounds of the scatter of log friction from hit to hit
-# Prior of the nuisance parameters: any dry surface.
-NUISANCE_MEAN = np.log([0.35, 0.35, 0.01])
+# Of the prior of the nuisance parameters.
 NUISANCE_SD = np.array([1.0, 1.0, 1.0])
 NUISANCE_BOUNDS = np.log([[0.01, 3.0], [0.01, 3.0], [1e-5, 0.3]])
 # m, m/s, rad/s and log friction: of a hit's own unknowns, within an iteration and at all.
@@ -61,8 +67,9 @@ class Fit:
 class SlideFitter:
     """Fits one set of hits; frames that jump are left out."""
 
-    def __init__(self, model: SlideModel, noise: CameraNoise) -> None:
+    def __init__(self, model: SlideModel, noise: CameraNoise, spin: SpinPrior | None = None) -> None:
         self.model, self.noise, self.effects = model, noise, model.effects
+        self.spin = spin or UnknownSpin(len(model.tracks))
         self.valid = model.tracks.valid.copy()
         self.frame_sd = self._frame_sd()
         self.sizes: dict[str, float] = {}
@@ -70,23 +77,7 @@ class SlideFitter:
     def start(self) -> Point:
         """Launches from the first frames, friction from how far the object went."""
         self._drop(leaps(self.model.tracks.places, self.valid, self.noise.sd))
-        tracks = self.model.tracks
-        count = len(tracks)
-        latents = np.zeros((count, 6))
-        for i in range(count):
-            t, p = tracks.times[i][tracks.valid[i]], tracks.places[i][tracks.valid[i]]
-            first = slice(0, max(4, min(7, len(t) // 3)))
-            fit = np.polynomial.polynomial.polyfit(t[first], p[first], 1)
-            latents[i, :2], latents[i, 2:4] = fit[0], fit[1]
-        ends = np.array([p[v][-3:].mean(0) for p, v in zip(tracks.places, tracks.valid, strict=True)])
-        distance = np.linalg.norm(ends - latents[:, :2], axis=1)
-        mu = (latents[:, 2:4] ** 2).sum(1) / (2 * GRAVITY * np.maximum(distance, 0.02))
-        nuisance = np.tile(NUISANCE_MEAN, (len(tracks.objects), 1))
-        for k in range(len(tracks.objects)):
-            mine = mu[tracks.object == k]
-            if len(mine):
-                nuisance[k, :2] = np.log(np.clip(np.median(mine), 0.02, 2.0))
-        return Point(latents, nuisance)
+        return first_guess(self.model.tracks, self.spin.means({}))
 
     def drop_jumps(self, point: Point) -> None:
         """Leave mistracked frames out from now on."""
@@ -151,27 +142,44 @@ class SlideFitter:
             converged,
         )
 
+    def starts(self, name: str) -> Sequence[Values]:
+        """None: slides are nearly linear in all effects."""
+        return ()
+
+    def objective(self, point: Point, scatter: float, effects: Sequence[str]) -> float:
+        """At a point, launches being what they are there."""
+        columns = self.model.columns(effects)
+        state = self.evaluate(point, columns, scatter)
+        return self._objective(state, point, columns, *self.prior(columns))
+
     def quadratic(self, fit: Fit, effects: Sequence[str]) -> tuple[list[Column], Marginal, Array]:
         """Columns of nuisance and effects at a fitted point.
 
         Returns:
-            The columns; hits marginalised over them; (n, 2, p) change of each hit's last frame in m, its
-            launch being what it is.
+            The columns; hits marginalised over them; (n, SHOWN, 2, p) change in m of some frames of each
+            hit, the last among them, its launch being what it is.
         """
         columns = self.model.columns(effects)
         predicted, by_latent, by_column = self.model.derivatives(fit.point, columns)
-        last = self.valid.sum(1) - 1
-        hits = np.arange(len(last))
-        rest = by_column[hits, last]
-        return columns, self._marginal(fit.point, predicted, by_latent, by_column, fit.scatter), rest
+        moved = by_column[self._some_frames()]
+        return (
+            columns,
+            self._marginal(fit.point, columns, predicted, by_latent, by_column, fit.scatter),
+            moved,
+        )
 
-    def rest_shift(self, fit: Fit, name: str) -> float:
-        """Root mean square change of the last frames in m if one effect were absent, launches given."""
+    def _some_frames(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Hits and frames (n, SHOWN) that stand for a track."""
+        last = self.valid.sum(1) - 1
+        frames = np.round(last[:, None] * np.arange(1, SHOWN + 1) / SHOWN).astype(np.int64)
+        return np.arange(len(last))[:, None], frames
+
+    def shift(self, fit: Fit, name: str) -> float:
+        """Root mean square change of tracks in m if one effect were absent, launches given."""
         point = fit.point
         without = replace(point, effects={n: v for n, v in point.effects.items() if n != name})
-        hits, last = np.arange(len(self.valid)), self.valid.sum(1) - 1
         moved = self.model.predict(point) - self.model.predict(without)
-        return float(np.sqrt((moved[hits, last] ** 2).sum(-1).mean()))
+        return float(np.sqrt((moved[self._some_frames()] ** 2).sum(-1).mean(0).max()))
 
     def prior(self, columns: Sequence[Column]) -> tuple[Array, Array]:
         """Mean and information (p,) of the shared parameters."""
@@ -198,11 +206,12 @@ class SlideFitter:
         shown: NDArray[np.bool_] | None = None,
     ) -> Marginal:
         """Hits marginalised at a point, from all frames or from those shown (n, frames)."""
-        return self._marginal(point, *self.model.derivatives(point, columns), scatter, shown)
+        return self._marginal(point, columns, *self.model.derivatives(point, columns), scatter, shown)
 
     def _marginal(
         self,
         point: Point,
+        columns: Sequence[Column],
         predicted: Array,
         by_latent: Array,
         by_column: Array,
@@ -216,7 +225,10 @@ class SlideFitter:
         j = self.noise.whiten(by_column, times, valid, self.frame_sd)
         offset = np.zeros_like(point.latents)
         offset[:, 4:] = -point.latents[:, 4:]
-        root = np.diag([0.0, 0.0, 0.0, 0.0, 1 / SPIN_SD, 1 / scatter])
+        offset[:, 4] += self.spin.means(point.effects)
+        by_prior = np.zeros((count, 6, len(columns)))
+        by_prior[:, 4] = self.spin.slopes(columns, point.effects)
+        root = np.diag([*NEARLY_FLAT, 1 / self.spin.sd, 1 / scatter])
         rows = z.shape[1] * z.shape[2]
         marginal = marginalise(
             z.reshape(count, rows),
@@ -224,6 +236,7 @@ class SlideFitter:
             j.reshape(count, rows, j.shape[-1]),
             offset,
             root,
+            by_prior,
         )
         return replace(marginal, log_volume=marginal.log_volume + 2 * np.log(scatter))
 
@@ -267,12 +280,6 @@ class SlideFitter:
 def parameter_of(parameters, name: str):  # type: ignore[no-untyped-def]
     """The parameter of that name."""
     return next(p for p in parameters if p.name == name)
-
-
-def effect_values(fit: Fit, name: str) -> Values:
-    """Fitted values of an effect."""
-    values: Mapping[str, float] = fit.point.effects[name]
-    return values
 
 
 def bounded_step(latents: Array, step: Array) -> Array:

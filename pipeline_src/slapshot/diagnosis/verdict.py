@@ -21,7 +21,7 @@ class Mismatch:
         found: the verdict.
         p_value: of the largest evidence, by sign flips of whole hits.
         log_evidence: nats of the best hypothesis over the nominal scene.
-        shift_m: rms shift of rest points by it, beyond what another friction would do.
+        shift_m: rms shift of tracks by it where it is largest, beyond what another friction would do.
     """
 
     found: bool
@@ -66,7 +66,7 @@ class NamedEffect:
         phase, variable: where it acts and what it follows.
         members: name -> probability of all that this recording cannot tell apart from it, itself included.
         log_evidence: nats that it adds to the others.
-        shift_m: rms shift of rest points by it.
+        shift_m: rms shift of tracks by it, where it is largest.
         parameters: of the most probable one.
         physics: what it is.
     """
@@ -89,7 +89,7 @@ class Unknown:
         flagged: the verdict.
         phase, variable: where the free form that describes it acts, and what it follows.
         log_evidence: nats of that free form beyond the named effects.
-        shift_m: rms shift of rest points by it.
+        shift_m: rms shift of tracks by it, where it is largest.
     """
 
     flagged: bool
@@ -108,12 +108,14 @@ class Errors:
         rest_rmse_m: of the last of them.
         command_rest_rmse_m: of rest points predicted from commands alone; None where they are not known.
         loglik_per_hit: nats, over that of the nominal scene with refitted nuisance.
+        chi2_per_freedom: of the whitened residuals, 1 where the model holds.
     """
 
     track_rmse_m: Interval
     rest_rmse_m: Interval
     command_rest_rmse_m: Interval | None
     loglik_per_hit: Interval
+    chi2_per_freedom: Interval
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,17 @@ _registered: dict[str, Effect] = {}
 
 def catalogue() -> Mapping[str, Effect]:
     """Name -> effect, in the order of phases and names: those of this package and those registered."""
-    package = __name__.rpartition(".")[0]
-    folder = import_module(package).__path__
-    for module in sorted(info.name for info in iter_modules(folder)):
-        if module not in _MACHINERY:
-            import_effects(f"{package}.{module}")
+    import_effects(*effect_modules())
     phases = ("swing", "contact", "slide", "across hits", "camera")
     order = sorted(_registered, key=lambda name: (phases.index(_registered[name].phase), name))
     return {name: _registered[name] for name in order}
+
+
+def effect_modules() -> list[str]:
+    """Dotted names of the modules of this package that define an effect."""
+    package = __name__.rpartition(".")[0]
+    names = sorted(info.name for info in iter_modules(import_module(package).__path__))
+    return [f"{package}.{name}" for name in names if name not in _MACHINERY]
 
 
 def register(effect: Effect) -> None:

@@ -10,7 +10,7 @@ class Curl(Effect):
     phase = "slide"
     follows = "spin"
     parameters = (
-        Parameter("strength", "1", -1.0, 1.0, 0.02, "bends to the left of its motion where spin is positive"),
+        Parameter("strength", "1", -5.0, 5.0, 0.3, "bends to the left of its motion where spin is positive"),
     )
     physics = (
         "A force across the motion in proportion to spin and speed, a = strength spin z x v: air (Magnus)\n"

@@ -12,7 +12,7 @@ import numpy as np
 from slapshot.command import Run, stage_command
 from slapshot.errors import InputError
 from slapshot.lab.camera import observe
-from slapshot.lab.commands import Diverse, Latents, Session, Source, draw_session
+from slapshot.lab.commands import Diverse, Latents, Pool, Session, Source, draw_session
 from slapshot.lab.concealed.draw import check_concealed, draw_concealed
 from slapshot.lab.concealed.rehearsal import Rehearsal
 from slapshot.lab.hit import TOGETHER, Bench
@@ -26,7 +26,6 @@ from slapshot.recordings.write import write_recording
 from slapshot.scenes.domain import load_domain
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.safety import SafetyCheck
-from slapshot.trajectories.vae import TrajectoryVae
 
 RIG = "stand-in lab"
 NOTE = (
@@ -45,7 +44,13 @@ def produce(run: Run) -> None:
     scene = Scene.load(run.inputs["scene"])
     settings = run.config["lab"]
     source: Source
-    if settings["commands"] == "latents":
+    if settings["commands"] == "pool":
+        file = run.inputs["demonstrations"] / "demonstrations.parquet"
+        source = Pool.load(file, run.config["duration_s"], len(scene.info.joints))
+    elif settings["commands"] == "latents":
+        # Here, because it takes longer to import than a rig without a trajectory model needs.
+        from slapshot.trajectories.vae import TrajectoryVae
+
         model = TrajectoryVae.load(run.inputs["trajectory_model"])
         source = Latents(model.motion, model.sizes.latent, run.config.get("trajectory_model_id"))
     else:
@@ -112,7 +117,9 @@ def record(
     commands = [commanded(command.motion, joints["rate_hz"]) for command in session.commands]
     # What only shows the slide says nothing of commands; rest points alone need them, in one way.
     trajectory_model = None if keep == "tracks only" else source.trajectory_model
-    with_commands = keep == "full" or (keep == "rest points only" and trajectory_model is None)
+    with_commands = keep in ("full", "no encoders") or (
+        keep == "rest points only" and trajectory_model is None
+    )
     recording = Recording(
         rig=RIG,
         objects=_weigh(scene, rig, settings["scale_sd_kg"], scale_rng),

@@ -19,6 +19,10 @@ STAGES = {
     "claims": "slapshot.claims.report",
     "figure": "slapshot.figures.__main__",
     "viewer": "slapshot.viewer.__main__",
+    "signatures": "slapshot.diagnosis.stage_signatures",
+    "case": "slapshot.lab.__main__",
+    "verdict": "slapshot.diagnosis.stage_verdict",
+    "proof": "slapshot.proof.__main__",
 }
 # Made on demand and not part of `figures`: the bytes of a Rerun recording never repeat.
 ON_DEMAND = ("viewer",)
@@ -60,4 +64,8 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "claims": _TABLES,
     "figure": ("matplotlib", "mujoco", "scipy", "torch", *_TABLES),
     "viewer": ("rerun-sdk", *_MUJOCO, *_TABLES),
+    "signatures": (*_MUJOCO, "scipy", "pyarrow"),
+    "case": (*_MUJOCO, "scipy", "numba", "pyarrow"),
+    "verdict": (*_MUJOCO, "scipy", *_TABLES),
+    "proof": ("scipy", "matplotlib", *_TABLES),
 }

@@ -16,9 +16,11 @@ class Plan:
 
     Attributes:
         recipes: label -> recipe, upstream first. Equal recipes under two labels are one version.
+        on_demand: labels of what `snakemake figures` does not make.
     """
 
     recipes: dict[str, Recipe] = field(default_factory=dict)
+    on_demand: set[str] = field(default_factory=set)
 
     def add(
         self,
@@ -28,8 +30,11 @@ class Plan:
         upstream: Mapping[str, str] | None = None,
         modules: Iterable[str] = (),
         files: Mapping[str, Path] | None = None,
+        on_demand: bool = False,
     ) -> None:
         """Add one recipe; `upstream` maps a role to the label of an earlier one."""
+        if on_demand or stage in ON_DEMAND:
+            self.on_demand.add(label)
         self.recipes[label] = make_recipe(
             stage,
             [STAGES[stage], *modules],
@@ -45,7 +50,7 @@ class Plan:
 
     def of_figures(self) -> dict[str, Recipe]:
         """Label -> recipe of all that `snakemake figures` makes."""
-        return {label: r for label, r in self.recipes.items() if r.stage not in ON_DEMAND}
+        return {label: r for label, r in self.recipes.items() if label not in self.on_demand}
 
     def names_of(self, stage: str) -> list[str]:
         """What tells the versions of a stage apart, such as hockey-F7."""

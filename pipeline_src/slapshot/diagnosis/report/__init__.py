@@ -8,9 +8,9 @@ from slapshot.diagnosis.diagnose import Diagnosis
 from slapshot.diagnosis.report import errors_figure, location_map, ranking, tracks_figure
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.rerun_recording import write_recording
-from slapshot.diagnosis.report.schema import read_verdict, write_verdict
 from slapshot.diagnosis.report.sentences import VERDICT_TEXT, markdown
 from slapshot.diagnosis.report.terminal import terminal_text
+from slapshot.diagnosis.verdict_file import read_verdict, write_verdict
 from slapshot.figures.drawing import save, use_style
 
 FIGURES: tuple[ModuleType, ...] = (location_map, ranking, tracks_figure, errors_figure)

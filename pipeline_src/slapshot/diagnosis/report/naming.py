@@ -16,7 +16,7 @@ def what(verdict: Verdict) -> list[str]:
         parts += [
             f"### {wording.phrase(effect.name)[:1].upper()}{wording.phrase(effect.name)[1:]}",
             f"{effect.physics} It adds {effect.log_evidence:.1f} nats of evidence; without it, all else "
-            f"being equal, rest points would lie {1e3 * effect.shift_m:.1f} mm (rms) elsewhere.",
+            f"being equal, tracks would lie {1e3 * effect.shift_m:.1f} mm (rms) elsewhere.",
             *_members(effect),
             *_parameters(effect),
         ]
@@ -74,6 +74,6 @@ def _unknown(verdict: Verdict) -> str:
     return (
         f"**Not in the catalogue:** {beyond}something acts {wording.PHASES[str(unknown.phase)]} and follows "
         f"{wording.VARIABLES[str(unknown.variable)]}. Described without a name it gains "
-        f"{unknown.log_evidence:.1f} nats and moves rest points by {1e3 * unknown.shift_m:.1f} mm (rms). "
+        f"{unknown.log_evidence:.1f} nats and moves tracks by {1e3 * unknown.shift_m:.1f} mm (rms). "
         "The location map shows it."
     )

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.diagnose import Diagnosis, Level
+from slapshot.diagnosis.diagnose import Diagnosis
+from slapshot.diagnosis.level import Level
 from slapshot.diagnosis.report.predictions import Predicted, predict
 from slapshot.diagnosis.report.residuals import arrow_table
 from slapshot.diagnosis.search import Candidate, Screen, Search
@@ -102,10 +103,10 @@ class Outcome:
         """Of the hits that took part in fitting; None where commands are not known."""
         if self.launch_level is None:
             return None
-        fitter, effects = self.launch_level.search.fitter, self.launch_level.final.fit.point.effects
+        fitter, effects = self.launch_level.final.fitter, self.launch_level.final.fit.point.effects
         return Launches(
             order=self.fitter.model.tracks.order,
-            measured=fitter._measured,
+            measured=fitter.measured,
             nominal=fitter.launches.means({}),
             augmented=fitter.launches.means(effects) if effects else None,
         )

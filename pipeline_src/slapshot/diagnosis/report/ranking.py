@@ -6,7 +6,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullLocator
 
-from slapshot.diagnosis.diagnose import LEAST_EVIDENCE
+from slapshot.diagnosis.level import LEAST_EVIDENCE
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.style import AUGMENTED, mark_stand_in
 from slapshot.diagnosis.report.wording import title

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from slapshot.diagnosis.diagnose import HELD_OUT, LEAST_EVIDENCE, LEAST_SHIFT, P_VALUE
+from slapshot.diagnosis.diagnose import HELD_OUT
 from slapshot.diagnosis.held_out import SEEN_SHARE
+from slapshot.diagnosis.level import LEAST_EVIDENCE, LEAST_SHIFT, P_VALUE
 from slapshot.diagnosis.report import wording
 from slapshot.diagnosis.report.naming import what
 from slapshot.diagnosis.report.wording import table

@@ -19,7 +19,7 @@ def terminal_text(verdict: Verdict) -> str:
     assert mismatch is not None
     lines.append(
         f"  mismatch   {'yes' if mismatch.found else 'no'}: p = {mismatch.p_value:.2g}, "
-        f"evidence {mismatch.log_evidence:.1f} nats, rest points {MM * mismatch.shift_m:.1f} mm"
+        f"evidence {mismatch.log_evidence:.1f} nats, tracks {MM * mismatch.shift_m:.1f} mm"
     )
     if mismatch.found:
         lines.append(f"  where      {place(verdict)}")

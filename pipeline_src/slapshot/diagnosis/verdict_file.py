@@ -54,6 +54,7 @@ _ERRORS = _object(
     rest_rmse_m=_INTERVAL,
     command_rest_rmse_m=_or_null(_INTERVAL),
     loglik_per_hit=_INTERVAL,
+    chi2_per_freedom=_INTERVAL,
 )
 _MISMATCH = _object(found=_YES_NO, p_value=_SHARE, log_evidence=_NUMBER, shift_m=_NOT_NEGATIVE)
 _LOCATION = _object(phase=_or_null(_PHASE), variable=_or_null(_VARIABLE), size=_TEXT)

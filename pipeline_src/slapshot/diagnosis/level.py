@@ -1,0 +1,93 @@
+"""One level of a diagnosis: slides, or launches given the slides; whether and what each of them lacks."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from slapshot.diagnosis.judgement import LEFT, mismatch_of, unknown_of
+from slapshot.diagnosis.search import ADD, CLASS, MOST, Candidate, Screen, Search
+from slapshot.diagnosis.verdict import Mismatch, Unknown
+
+LEAST_SHIFT = 0.003  # m, rms of rest points: less is not called missing physics
+P_VALUE = 0.002  # of slides, and of launches: one of two tests
+LEAST_EVIDENCE = 4.0  # nats
+LEFT_OPEN = 0.08  # of the evidence for what was named: less is how effects differ from what they stand for
+LEAK_OF_FIELDS = 0.1  # of the evidence for fields, which hold what they stand for only coarsely
+
+
+@dataclass(frozen=True)
+class Level:
+    """One part of a diagnosis: slides, or launches given the slides.
+
+    Attributes:
+        search: with its fitter and all that was refitted.
+        nominal, final: fits without and with the effects that were found.
+        screen, leftover: of all hypotheses at those fits.
+        mismatch: of this part.
+        feigned: nats that what is wrong with the level before may feign in this one.
+    """
+
+    search: Search[Any]
+    nominal: Candidate
+    final: Candidate
+    screen: Screen
+    leftover: Screen
+    mismatch: Mismatch
+    feigned: float = 0.0
+
+    @property
+    def unknown(self) -> Unknown:
+        """What the catalogue does not explain."""
+        least = max(ADD + CLASS, LEFT_OPEN * self.final.log_evidence) + self.feigned
+        if not self.mismatch.found:
+            least = float("inf")
+        return unknown_of(self.search, self.leftover, least, LEAST_SHIFT, self.stretched)
+
+    @property
+    def leak(self) -> float:
+        """Nats that what is wrong with this level's explanation may feign in the next one."""
+        share = LEAK_OF_FIELDS if any(self.search.is_field(n) for n in self.final.effects) else LEFT
+        return share * self.final.log_evidence
+
+    @property
+    def stretched(self) -> bool:
+        """Whether two fields, which bend to almost anything, were needed where one free form says more."""
+        fields = [n for n in self.final.effects if self.search.is_field(n)]
+        evidence = self.screen.log_evidence
+        free = max(evidence[n] for n in self.search.free)
+        return len(fields) > 1 and free > max(evidence[n] for n in fields) + CLASS
+
+
+def examine(search: Search[Any], before: "Level | None" = None) -> Level:
+    """Whether something is missing, and if so what; `before` is the level that this one stands on."""
+    nominal = search.seen.get(()) or search.nominal()
+    screen = search.screen(nominal, [*search.catalogue, *search.free])
+    feigned = before.leak if before else 0.0
+    mismatch = mismatch_of(screen, P_VALUE, LEAST_EVIDENCE + feigned, LEAST_SHIFT)
+    final, leftover = nominal, screen
+    if mismatch.found:
+        final, leftover = _search(search, nominal, screen, feigned)
+    return Level(search, nominal, final, screen, leftover, mismatch, feigned)
+
+
+def _search(
+    search: Search[Any], nominal: Candidate, screen: Screen, feigned: float
+) -> tuple[Candidate, Screen]:
+    """Add effects while the recording asks for them, then delete what became superfluous."""
+    best = search.grow(nominal, screen, search.catalogue)[0]
+    if best.log_evidence < ADD:
+        return nominal, screen
+    leftover = search.screen_beyond(best)
+    while len(best.effects) < MOST:
+        further = [n for n in search.catalogue if n not in best.effects]
+        strongest = leftover.best(further)[0]
+        # A screen is linear: what falls short of ADD by a class may still gain it in a refit.
+        least = max(ADD, LEFT * best.log_evidence) + feigned
+        asked = leftover.log_evidence[strongest] > least - CLASS and leftover.p_value < P_VALUE
+        if not asked or leftover.shift[strongest] < LEAST_SHIFT:
+            break
+        grown = search.grow(best, leftover, further)[0]
+        if grown.log_evidence < best.log_evidence + least:
+            break
+        best = search.prune(grown)
+        leftover = search.screen_beyond(best)
+    return best, leftover
