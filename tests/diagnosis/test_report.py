@@ -7,9 +7,9 @@ from typing import get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 from slapshot.diagnosis.report import read_verdict, terminal_text, wording, write_verdict
-from slapshot.diagnosis.verdict_file import VERDICT_FILE, VERDICT_SCHEMA
 from slapshot.diagnosis.report.sentences import SCENES, headline, markdown
 from slapshot.diagnosis.verdict import Location, NextHit, ParameterValue, Unknown, Verdict
+from slapshot.diagnosis.verdict_file import VERDICT_FILE, VERDICT_SCHEMA
 from slapshot.effects.catalogue import catalogue
 from slapshot.errors import InputError
 from slapshot.figures.drawing import STAND_IN

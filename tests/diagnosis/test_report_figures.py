@@ -19,10 +19,10 @@ from slapshot.diagnosis.report import FIGURES, errors_figure, location_map, rank
 from slapshot.diagnosis.report.by_variable import launch_table
 from slapshot.diagnosis.report.outcome import Launches
 from slapshot.diagnosis.report.rerun_recording import HIT, RECORDING_FILE
-from slapshot.diagnosis.verdict_file import VERDICT_FILE
 from slapshot.diagnosis.report.sentences import VERDICT_TEXT, headline
 from slapshot.diagnosis.search import Candidate, Screen
 from slapshot.diagnosis.verdict import Location
+from slapshot.diagnosis.verdict_file import VERDICT_FILE
 from slapshot.effects.effect import GRAVITY
 from slapshot.figures import drawing
 from slapshot.figures.drawing import STAND_IN

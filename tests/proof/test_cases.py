@@ -77,7 +77,9 @@ def test_drawn_sizes_are_those_of_their_condition(full):
     for case in full:
         low, high = WEAK if case.condition == "weak" else PLAIN
         assert all(low <= size <= high for _, size in case.conceals)
-        assert len(case.conceals) == (0 if "null" in case.condition else 2 if case.condition == "pairs" else 1)
+        assert len(case.conceals) == (
+            0 if "null" in case.condition else 2 if case.condition == "pairs" else 1
+        )
 
 
 def test_names_and_order_say_nothing_of_conditions(full):

@@ -60,7 +60,9 @@ def test_a_right_name_with_an_interval_that_holds(scored):
     tilt = effect("tilt", slope_x=(0.01, 0.009, 0.011), slope_y=(0.0, 0.001, 0.002))
     row = scored("plain", [concealed("tilt", slope_x=0.0105, slope_y=0.0)], verdict(tilt))
     assert row["condition"] == "plain"
-    assert row["top1"] and row["in_class"] and row["phase_right"]
+    assert row["top1"]
+    assert row["in_class"]
+    assert row["phase_right"]
     assert (row["intervals"], row["intervals_held"]) == (2, 1)
 
 
@@ -87,13 +89,16 @@ def test_pairs_count_both_and_one(scored):
 def test_what_cannot_be_plain_is_scored_by_its_size(scored):
     said = verdict()
     assert scored("plain", [concealed("curl", 0.3)], said)["condition"] == "weak"
-    assert scored("launch", [concealed("blade_friction", 0.06, "contact")], said)["condition"] == "launch, faint"
+    assert (
+        scored("launch", [concealed("blade_friction", 0.06, "contact")], said)["condition"] == "launch, faint"
+    )
     assert scored("weak", [concealed("tilt", 0.3)], said)["condition"] == "weak"
 
 
 def test_uncatalogued_physics_is_scored_by_place_and_not_by_name(scored):
     row = scored("uncatalogued", [concealed("tether", catalogued=False)], verdict(unknown=True))
-    assert row["unknown"] and row["phase_right"]
+    assert row["unknown"]
+    assert row["phase_right"]
     assert "top1" not in row
 
 

@@ -31,7 +31,10 @@ def marks(*stages):
 
 def of_figures():
     """Marks of all that belongs to the figures."""
-    return [str(store.mark(recipe.stage, recipe.id)) for recipe in plan.of_figures().values()]
+    return [
+        str(store.mark(recipe.stage, recipe.id))
+        for recipe in plan.of_figures().values()
+    ]
 
 
 def version(stage):

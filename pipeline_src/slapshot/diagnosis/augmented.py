@@ -11,6 +11,7 @@ from slapshot.diagnosis.slide_model import Values
 from slapshot.effects.effect import Effect
 from slapshot.scenes.scene import Scene
 
+AUGMENTED = "augmented"  # folder of a report
 EFFECTS_FILE = "effects.json"
 
 

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from slapshot.config import load_config
-from slapshot.diagnosis.augmented import write_augmented
+from slapshot.diagnosis.augmented import AUGMENTED, write_augmented
 from slapshot.diagnosis.diagnose import Diagnosis, diagnose
 from slapshot.diagnosis.report import terminal_text, write_report
 from slapshot.diagnosis.rig_file import RigFile, read_rig, rig_of_domain
@@ -20,8 +20,6 @@ from slapshot.errors import InputError, writing
 from slapshot.recordings.read import read_recording
 from slapshot.store.closure import code_digest
 from slapshot.store.content import content_digest
-
-AUGMENTED = "augmented"
 
 
 def run_diagnose(args: argparse.Namespace) -> int:

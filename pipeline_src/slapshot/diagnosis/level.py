@@ -9,7 +9,7 @@ from slapshot.diagnosis.verdict import Mismatch, Unknown
 
 LEAST_SHIFT = 0.003  # m, rms of rest points: less is not called missing physics
 P_VALUE = 0.002  # of slides, and of launches: one of two tests
-LEAST_EVIDENCE = 4.0  # nats
+LEAST_EVIDENCE = 2.0  # nats
 LEFT_OPEN = 0.08  # of the evidence for what was named: less is how effects differ from what they stand for
 LEAK_OF_FIELDS = 0.1  # of the evidence for fields, which hold what they stand for only coarsely
 
@@ -74,7 +74,7 @@ def _search(
 ) -> tuple[Candidate, Screen]:
     """Add effects while the recording asks for them, then delete what became superfluous."""
     best = search.grow(nominal, screen, search.catalogue)[0]
-    if best.log_evidence < ADD:
+    if best.log_evidence < LEAST_EVIDENCE + feigned:
         return nominal, screen
     leftover = search.screen_beyond(best)
     while len(best.effects) < MOST:

@@ -53,12 +53,14 @@ class LaunchEvidence:
         self._nominal = self._log_likelihood(nominal)
 
     def __call__(self, fit: Fit) -> float:
-        """In nats."""
+        """In nats; none for effects that begin with the slide."""
+        acting = [self._effects[name] for name in fit.point.effects]
+        if not any(effect.acts_on_launch or effect.acts_on_camera for effect in acting):
+            return 0.0
         return self._log_likelihood(fit) - self._nominal
 
     def _log_likelihood(self, fit: Fit) -> float:
-        effects, model = fit.point.effects, self._model
-        if any(self._effects[n].acts_on_launch or self._effects[n].acts_on_camera for n in effects):
-            model = self._rig.about(effects).launches(self._rows, self._model.execution)
+        effects = fit.point.effects
+        model = self._rig.about(effects).launches(self._rows, self._model.execution)
         fitter = launch_fitter(self._slides, fit, model.given(effects, fit.point.nuisance), self._effects)
         return -fitter.fit(fitter.start()).objective / 2

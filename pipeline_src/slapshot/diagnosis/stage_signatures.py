@@ -19,7 +19,7 @@ def produce(run: Run) -> None:
     waypoints = pq.read_table(run.inputs["demonstrations"] / "demonstrations.parquet")["waypoints"]
     times = np.arange(round(duration * rate) + 1) / rate
     rows = []
-    for flat in waypoints.to_numpy():
+    for flat in waypoints.to_numpy()[: run.config["count"]]:
         motion = Motion.through(flat.reshape(-1, len(scene.info.joints)).astype(float), duration)
         rows.append(np.column_stack([times, motion.position(times)]))
     commands = commands_through(rows, scene, times[-1] + 2 * LOOK)

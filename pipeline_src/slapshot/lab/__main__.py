@@ -46,7 +46,8 @@ def produce(run: Run) -> None:
     source: Source
     if settings["commands"] == "pool":
         file = run.inputs["demonstrations"] / "demonstrations.parquet"
-        source = Pool.load(file, run.config["duration_s"], len(scene.info.joints))
+        pool = run.config["pool"]
+        source = Pool.load(file, pool["count"], pool["duration_s"], len(scene.info.joints))
     elif settings["commands"] == "latents":
         # Here, because it takes longer to import than a rig without a trajectory model needs.
         from slapshot.trajectories.vae import TrajectoryVae

@@ -130,9 +130,9 @@ class Pool:
     trajectory_model: str | None = None
 
     @classmethod
-    def load(cls, file: Path, duration: float, joints: int) -> "Pool":
-        """Demonstrations (Parquet) that each last `duration` s."""
-        waypoints = np.stack(pq.read_table(file)["waypoints"].to_numpy()).astype(float)
+    def load(cls, file: Path, count: int, duration: float, joints: int) -> "Pool":
+        """The first `count` demonstrations of a file (Parquet), which last `duration` s each."""
+        waypoints = np.stack(pq.read_table(file)["waypoints"].to_numpy()[:count]).astype(float)
         return cls([Motion.through(w.reshape(-1, joints), duration) for w in waypoints])
 
     def draw(self, count: int, check: SafetyCheck, rng: np.random.Generator) -> list[Command]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from slapshot.plan.adaptation import add_method, add_regression, add_uncertainty
 from slapshot.plan.catalogue import CLAIMS, FIGURES, LIBRARIES, ON_DEMAND, STAGES
+from slapshot.plan.diagnosis import add_diagnoses
 from slapshot.plan.proof import add_proof
 from slapshot.plan.recipes import Plan
 from slapshot.plan.results import add_claims, add_figures, add_viewer
@@ -32,6 +33,7 @@ def make_plan(config: Mapping[str, Any]) -> Plan:
             add_method(plan, name, domain, method)
         add_uncertainty(plan, name, domain)
         add_viewer(plan, name, domain)
+        add_diagnoses(plan, name, domain)
     add_proof(plan, config)
     add_claims(plan, config)
     add_figures(plan, config)

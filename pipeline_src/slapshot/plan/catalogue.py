@@ -19,13 +19,14 @@ STAGES = {
     "claims": "slapshot.claims.report",
     "figure": "slapshot.figures.__main__",
     "viewer": "slapshot.viewer.__main__",
+    "diagnosis": "slapshot.diagnosis.stage_report",
     "signatures": "slapshot.diagnosis.stage_signatures",
     "case": "slapshot.lab.__main__",
     "verdict": "slapshot.diagnosis.stage_verdict",
     "proof": "slapshot.proof.__main__",
 }
 # Made on demand and not part of `figures`: the bytes of a Rerun recording never repeat.
-ON_DEMAND = ("viewer",)
+ON_DEMAND = ("viewer", "diagnosis")
 # Figure id -> its module.
 FIGURES = {
     "F1": "slapshot.figures.f1_intro",
@@ -64,6 +65,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "claims": _TABLES,
     "figure": ("matplotlib", "mujoco", "scipy", "torch", *_TABLES),
     "viewer": ("rerun-sdk", *_MUJOCO, *_TABLES),
+    "diagnosis": (*_MUJOCO, "scipy", "matplotlib", "rerun-sdk", *_TABLES),
     "signatures": (*_MUJOCO, "scipy", "pyarrow"),
     "case": (*_MUJOCO, "scipy", "numba", "pyarrow"),
     "verdict": (*_MUJOCO, "scipy", *_TABLES),

@@ -6,12 +6,11 @@ from typing import Any
 
 from slapshot.config import merge
 from slapshot.effects.catalogue import effect_modules
+from slapshot.plan.diagnosis import SEED, what_is_believed
 from slapshot.plan.recipes import Plan
 from slapshot.proof.cases import Case, read_cases
 from slapshot.scenes.domain import domain_module
-from slapshot.scenes.randomisation import middle_condition
 
-DIAGNOSIS_SEED = 0
 SMALL, FULL = "small", "full"
 FRESH = Path("data/proof/fresh.csv")  # cases of `--config proof=fresh`, drawn by the workflow
 
@@ -34,7 +33,12 @@ def add_proof(plan: Plan, config: Mapping[str, Any]) -> None:
     plan.add(
         f"signatures/{name}/pool",
         "signatures",
-        {"effects": [], "duration_s": pool["duration_s"], "rate_hz": lab["joints"]["rate_hz"]},
+        {
+            "effects": [],
+            "count": pool["count"],
+            "duration_s": pool["duration_s"],
+            "rate_hz": lab["joints"]["rate_hz"],
+        },
         {"scene": f"scene/{name}", "demonstrations": f"demonstrations/{name}/pool"},
         modules=[module, *effect_modules()],
     )
@@ -50,8 +54,7 @@ def _add_list(
     domain = config["domains"][name]
     module = domain_module(domain["scene"]["domain"])
     shared = {"scene": f"scene/{name}", "signatures": f"signatures/{name}/pool"}
-    believed = middle_condition(domain["randomisation"])
-    rig = {"friction": [believed[f"friction_{axis}"] for axis in ("x", "y", "torsional")], "effects": []}
+    rig = what_is_believed(domain)
     inputs = dict(shared)
     for case in cases:
         label, found = f"case/{which}/{case.case}", f"verdict/{which}/{case.case}"
@@ -62,7 +65,7 @@ def _add_list(
                 "seed": case.seed,
                 "rig": 0,
                 "scene": domain["scene"],
-                "duration_s": config["cases"]["pool"]["duration_s"],
+                "pool": {key: config["cases"]["pool"][key] for key in ("count", "duration_s")},
                 "lab": case.settings(lab),
             },
             {"scene": f"scene/{name}", "demonstrations": f"demonstrations/{name}/pool"},
@@ -72,7 +75,7 @@ def _add_list(
         plan.add(
             found,
             "verdict",
-            {"seed": DIAGNOSIS_SEED, **rig},
+            {"seed": SEED, **rig},
             {**shared, "recording": label},
             modules=effect_modules(),
             on_demand=which == FULL,
@@ -84,7 +87,7 @@ def _add_list(
         {
             "list": which,
             "cases": {case.case: case.condition for case in cases},
-            "diagnosis_seed": DIAGNOSIS_SEED,
+            "diagnosis_seed": SEED,
             "pool": config["cases"]["pool"],
             "lab": lab,
             **rig,

@@ -104,8 +104,8 @@ _SMALL = (
     Condition("plain, rest points only", 1, _slides, how=RESTS_ONLY, kinds=1),
 )
 _TINY = (
-    Condition("null", 1, how={"hits": 40}),
-    Condition("plain", 1, lambda kind: kind.name == "tilt", how={"hits": 40}),
+    Condition("null", 1, how={"hits": 16}),
+    Condition("plain", 1, lambda kind: kind.name == "tilt", how={"hits": 16}),
 )
 LISTS: Mapping[str, Sequence[Condition]] = {"full": _FULL, "small": _SMALL, "tiny": _TINY}
 
