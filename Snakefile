@@ -9,7 +9,6 @@ from slapshot.config import check_config
 from slapshot.errors import InputError
 from slapshot.plan import FIGURES, make_plan
 from slapshot.plan.proof import FRESH
-from slapshot.proof.lists import draw_file
 from slapshot.store.folder import Store
 
 min_version("9.0")

@@ -11,6 +11,7 @@ import pytest
 from slapshot.config import read_yaml
 from slapshot.errors import InputError
 from slapshot.plan import CLAIMS, FIGURES, LIBRARIES, ON_DEMAND, STAGES, make_plan
+from slapshot.proof.cases import Case, write_cases
 from slapshot.store.closure import code_digest
 from slapshot.store.recipe import Recipe, file_digest
 
@@ -52,11 +53,23 @@ FROM_TRAIN = each("train/hockey/{}") | EVALUATIONS | RIG | OWN | CALIBRATION | B
 FROM_ROLLOUTS = {"rollouts/hockey"} | FROM_TRAIN
 FROM_SWINGS = {"swings/hockey"} | FROM_ROLLOUTS
 LABS = {"lab/hockey/rig/0", "lab/hockey/rig/1"}
-FROM_LAB = LABS | RIG | PREDICTIONS | BELIEFS | figures("F6")
+DIAGNOSES = {"diagnosis/hockey/rig", "diagnosis/hockey/own"}
+FROM_LAB = LABS | RIG | PREDICTIONS | BELIEFS | figures("F6") | {"diagnosis/hockey/rig"}
 FROM_MODEL = {"trajectory_model/hockey"} | FROM_SWINGS | FROM_LAB
 FROM_DEMONSTRATIONS = {"demonstrations/hockey"} | FROM_MODEL
-FROM_SCENE = {"scene/hockey"} | FROM_DEMONSTRATIONS
+VERDICTS = {"verdict/small/s1", "score/small", "verdict/full/f1", "score/full"}
+FROM_SIGNATURES = {"signatures/hockey/pool"} | VERDICTS
+FROM_POOL = {"demonstrations/hockey/pool", "case/small/s1", "case/full/f1"} | FROM_SIGNATURES
+FROM_SCENE = {"scene/hockey"} | FROM_DEMONSTRATIONS | FROM_POOL | DIAGNOSES
 ALL = FROM_SCENE | figures("T2", "F2") | REGRESSION
+
+LAB = {
+    "hits": 10,
+    "blade": {"segments": 3},
+    "camera": {},
+    "objects": {"red": {}},
+    "joints": {"rate_hz": 100},
+}
 
 _digest_once = functools.cache(code_digest)
 
@@ -78,16 +91,26 @@ def own(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def config(own) -> dict:
-    """A domain with every figure, three methods, a stand-in's recording of two rigs and one's own."""
+def config(own, tmp_path) -> dict:
+    """Two lists of one case; a domain with every figure, three methods, two stand-in rigs, a recording."""
     domain = copy.deepcopy(DOMAIN)
     domain["figures"] = IN_DOMAIN
     domain["methods"] = {method: domain["methods"][method] for method in METHODS}
     domain["recordings"] = {
-        "rig": {"lab": {"hits": 10, "blade": {"segments": 3}}, "rigs": 2, "samples": 5, "repeats": 2},
+        "rig": {"lab": LAB, "rigs": 2, "samples": 5, "repeats": 2},
         "own": {"path": str(own), "samples": 5, "repeats": 2},
     }
-    return {"name": "test", "regression": copy.deepcopy(DEFAULT["regression"]), "domains": {"hockey": domain}}
+    cases = copy.deepcopy(DEFAULT["cases"]) | {"like": "rig", "lab": {"blade": None}}
+    for key, name in (("small", "s1"), ("published", "f1")):
+        cases[key] = str(tmp_path / f"{key}.csv")
+        write_cases([Case(name, "plain", 7, (("tilt", 0.8),))], Path(cases[key]))
+    return {
+        "name": "test",
+        "regression": copy.deepcopy(DEFAULT["regression"]),
+        "proof": "published",
+        "cases": cases,
+        "domains": {"hockey": copy.deepcopy(domain)},
+    }
 
 
 def ids(config: dict) -> dict[str, str]:
@@ -100,9 +123,9 @@ def changed(before: dict[str, str], after: dict[str, str]) -> set[str]:
 
 
 def put(config: dict, path: str, value: object) -> None:
-    """Change a value of the domain, or of the regression if the path begins with it."""
+    """Change a value of the domain, or of the regression or the cases if the path begins so."""
     *above, last = path.split(".")
-    place = config if above[:1] == ["regression"] else config["domains"]["hockey"]
+    place = config if above[:1] in (["regression"], ["cases"]) else config["domains"]["hockey"]
     for key in above:
         place = place[key]
     place[last] = value
@@ -153,7 +176,7 @@ def test_the_recipes_survive_the_command_line(config):
         ("recordings.rig.samples", 6, RIG),
         ("recordings.own.repeats", 6, OWN),
         ("recordings.rig.lab.blade.segments", 4, FROM_LAB),
-        ("recordings.rig.rigs", 3, {"lab/hockey/rig/2"} | FROM_LAB - LABS - figures("F6")),
+        ("recordings.rig.rigs", 3, {"lab/hockey/rig/2"} | FROM_LAB - LABS - DIAGNOSES - figures("F6")),
         ("training.steps", 7, FROM_TRAIN),
         ("training.noise_variance_max", 0.3, FROM_TRAIN),
         ("methods.kalman.drift", 0.5, FROM_KALMAN | figures("F2")),
@@ -173,7 +196,7 @@ def test_the_recipes_survive_the_command_line(config):
         ("rollouts.hits", 100, FROM_ROLLOUTS),
         ("rollouts.named_conditions.low friction.friction_x", 0.21, FROM_ROLLOUTS),
         ("randomisation.mass.uniform", [0.02, 0.1], FROM_ROLLOUTS | figures("T2")),
-        ("randomisation.friction_y.times", "mass", FROM_ROLLOUTS | figures("T2")),
+        ("randomisation.friction_y.times", "mass", FROM_ROLLOUTS | figures("T2") | VERDICTS | DIAGNOSES),
         ("randomisation.mass.label", "Weight", figures("T2")),
         ("randomisation.mass.unit", "g", figures("T2")),
         ("swings.test", 9, FROM_SWINGS),
@@ -184,6 +207,9 @@ def test_the_recipes_survive_the_command_line(config):
         ("scene.timestep_s", 0.001, FROM_SCENE),
         ("scene.start_m", [0.5, 0.0], FROM_SCENE),
         ("seed", 2, FROM_DEMONSTRATIONS),
+        ("cases.seed", 9, FROM_POOL),
+        ("cases.pool.speed_m_s", [1.0, 2.0], FROM_POOL),
+        ("cases.lab.keep", "tracks only", {"score/small", "score/full"}),
         ("figures", ["F7"], set()),
         ("claims", ["C4"], {"claims"}),
         ("regression.tasks", 7, REGRESSION),
@@ -226,8 +252,11 @@ def test_a_recording_adds_versions_and_changes_only_what_shows_all_recordings(co
     config["domains"]["hockey"]["recordings"]["more"] = {"path": str(own), "samples": 3, "repeats": 1}
     after = ids(config)
     new = each("evaluate_recording/hockey/{}/more")
-    assert set(after) - set(before) == new
-    assert changed(before, after) == new | figures("F8") | claims("C5") | PREDICTIONS | BELIEFS
+    assert set(after) - set(before) == new | {"diagnosis/hockey/more"}
+    assert (
+        changed(before, after)
+        == new | {"diagnosis/hockey/more"} | figures("F8") | claims("C5") | PREDICTIONS | BELIEFS
+    )
 
 
 def test_a_second_domain_shares_what_is_equal_and_leaves_the_first_alone(config):
@@ -237,12 +266,14 @@ def test_a_second_domain_shares_what_is_equal_and_leaves_the_first_alone(config)
     config["domains"]["second"]["seed"] = 2
     after = ids(config)
     assert changed(before, {label: after[label] for label in before}) == {"claims"}
-    shared = REGRESSION - {"claims"}
+    shared = REGRESSION - {"claims"} | FROM_POOL
     assert set(after) - set(before) == {
         label.replace("hockey", "second") for label in ALL - shared - {"claims"}
     }
-    others = {label for label in before if after[label.replace("hockey", "second")] == after[label]}
-    assert others == {"scene/hockey", "claims"} | shared
+    twice = {label for label in before if label.replace("hockey", "second") in after}
+    others = {label for label in twice if after[label.replace("hockey", "second")] == after[label]}
+    equal = {"scene/hockey", "diagnosis/hockey/own", "claims"} | shared
+    assert others == equal & twice
 
 
 def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
@@ -262,7 +293,7 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
         last = ids(config)
         change()
         now = ids(config)
-        assert changed(last, now) == OWN | PREDICTIONS | BELIEFS
+        assert changed(last, now) == OWN | PREDICTIONS | BELIEFS | {"diagnosis/hockey/own"}
     shutil.rmtree(own)
     with pytest.raises(InputError):
         make_plan(config)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from slapshot.errors import InputError
-from slapshot.publish import MANIFEST, publish
+from slapshot.publish import MANIFEST, SMALL_PROOF, publish
 from slapshot.store.folder import Store
 from slapshot.store.lock import held
 from slapshot.store.recipe import Recipe
@@ -58,6 +58,16 @@ def test_files_of_figures_are_copied_and_the_manifest_says_where_from(store, tar
     assert json.loads((target / MANIFEST).read_text()) == {
         "F7-simulated.png": figure, "F7-simulated.csv": figure, "T2-list.csv": table,
     }  # fmt: skip
+
+
+def test_the_small_proof_has_a_folder_of_its_own(store, target):
+    first = put(store, "score", 1, proof_page_md="told", P1_confusion_png="seen")
+    publish(store, [first], target)
+    folder = target / SMALL_PROOF
+    assert sorted(p.name for p in folder.iterdir()) == ["P1-confusion.png", "proof-page.md"]
+    publish(store, [put(store, "score", 2, proof_page_md="told anew")], target)
+    assert [p.name for p in folder.iterdir()] == ["proof-page.md"]
+    assert (folder / "proof-page.md").read_text() == "told anew"
 
 
 def test_publishing_again_changes_no_file(store, target):

@@ -19,6 +19,8 @@ log = logging.getLogger("slapshot")
 MANIFEST = "versions.json"
 _PUBLISHED = re.compile(r"^([A-Z]\d+-|claims\.)")
 _SHOWN = ("figure/", "claims/")  # versions whose files are published
+_SMALL_PROOF = "score/"  # version whose files go to a folder of their own
+SMALL_PROOF = "small-proof"
 
 
 def publish(store: Store, versions: list[str], target: Path, available: bool = False) -> None:
@@ -64,6 +66,8 @@ def _publish_whole(store: Store, versions: list[str], target: Path) -> None:
                 if _PUBLISHED.match(file.name):
                     _copy(file, target / file.name)
                     manifest[file.name] = version
+        elif version.startswith(_SMALL_PROOF) and store.is_whole(*version.split("/")):
+            manifest |= _publish_small_proof(store.root / version, version, target / SMALL_PROOF)
     for file in target.iterdir():
         if not file.is_file() or file.name in manifest:
             continue
@@ -75,6 +79,18 @@ def _publish_whole(store: Store, versions: list[str], target: Path) -> None:
     aside.write_text(text)
     aside.rename(target / MANIFEST)
     log.info("%d files in %s", len(manifest), target)
+
+
+def _publish_small_proof(folder: Path, version: str, target: Path) -> dict[str, str]:
+    """Copy table, page and figures; return name -> version."""
+    target.mkdir(exist_ok=True)
+    names = [f.name for f in sorted(folder.iterdir()) if f.suffix in {".csv", ".md", ".png", ".pdf"}]
+    for name in names:
+        _copy(folder / name, target / name)
+    for file in target.iterdir():
+        if file.name.removeprefix(".") not in names:
+            file.unlink()
+    return {f"{target.name}/{name}": version for name in names}
 
 
 def _published_before(target: Path) -> dict[str, str]:

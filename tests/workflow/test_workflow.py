@@ -3,6 +3,7 @@
 One full run is shared by all tests, which put back what they change; tests/faults kills another.
 """
 
+import json
 import shutil
 from collections import Counter
 from collections.abc import Callable
@@ -10,6 +11,9 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from slapshot.command import Run
+from slapshot.diagnosis.stage_verdict import produce
+from slapshot.store.recipe import Recipe
 from workspace import Version, Workspace, downstream, job_counts, snakemake_command
 
 pytestmark = pytest.mark.workflow
@@ -35,7 +39,7 @@ def manifest_ids(workspace: Workspace) -> set[str]:
 
 def shown_ids(versions: dict[str, Version]) -> set[str]:
     """Versions whose files are published."""
-    return {f"{versions[n].stage}/{versions[n].id}" for n in of_stages(versions, "figure", "claims")}
+    return {f"{versions[n].stage}/{versions[n].id}" for n in of_stages(versions, "figure", "claims", "score")}
 
 
 def fewer_queries(domain: dict) -> None:
@@ -68,6 +72,9 @@ def test_everything_is_made_and_published_and_nothing_is_left_over(workspace):
         assert log.with_suffix(".tsv").read_text().startswith("s\t")
     assert manifest_ids(workspace) == shown_ids(versions)
     for version_id in shown_ids(versions):
+        if version_id.startswith("score/"):
+            assert {"small-proof/proof.md", "small-proof/proof.csv"} < set(workspace.manifest())
+            continue
         files = {name for name, source in workspace.manifest().items() if source == version_id}
         kinds = {".md", ".html", ".csv"} if version_id.startswith("claims/") else {".png", ".pdf", ".csv"}
         assert {Path(name).suffix for name in files} == kinds
@@ -95,6 +102,26 @@ def test_the_default_target_is_the_figures(workspace):
 def test_every_stage_can_be_asked_for_by_its_name(workspace):
     stages = {version.stage for version in workspace.plan().values()} - {"figure", "claim"}
     assert job_counts(workspace.snakemake("--dry-run", *sorted(stages)).stdout) == {}
+
+
+def test_a_diagnosis_says_the_same_without_the_truth(workspace, tmp_path):
+    """Twice the same bytes, and nothing of the sealed file in them."""
+    versions = workspace.plan()
+    for label in sorted(of_stages(versions, "verdict")):
+        folder = workspace.folder(versions[label])
+        recipe = Recipe.from_json(json.dumps(json.loads((folder / "version.json").read_text())["recipe"]))
+        inputs = {
+            role: workspace.root / "data/store" / stage / name
+            for role, (stage, name) in recipe.upstream.items()
+        }
+        sealed = inputs["recording"]
+        assert (sealed / "truth/truth.json").is_file()
+        inputs["recording"] = tmp_path / label / sealed.name
+        shutil.copytree(sealed / "recording", inputs["recording"] / "recording")
+        out = tmp_path / label / "out"
+        out.mkdir()
+        produce(Run(recipe.config, inputs, out, 1))
+        assert (out / "verdict.json").read_bytes() == (folder / "verdict.json").read_bytes()
 
 
 # --- Parameters

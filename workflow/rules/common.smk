@@ -11,6 +11,9 @@ store = Store(Path("data/store"))
 
 try:
     if config.get("proof") == "fresh" and not FRESH.exists():
+        # Here, because the kinds of physics take long to import.
+        from slapshot.proof.lists import draw_file
+
         draw_file("full", FRESH)
     check_config(config, ", ".join(map(str, workflow.configfiles)))
     plan = make_plan(config)
@@ -29,12 +32,10 @@ def marks(*stages):
     ]
 
 
-def of_figures():
-    """Marks of all that belongs to the figures."""
-    return [
-        str(store.mark(recipe.stage, recipe.id))
-        for recipe in plan.of_figures().values()
-    ]
+def of_figures(stage=None):
+    """Marks of what belongs to the figures, of one stage or of all."""
+    recipes = plan.of_figures().values()
+    return [str(store.mark(r.stage, r.id)) for r in recipes if stage in (None, r.stage)]
 
 
 def version(stage):
@@ -59,6 +60,10 @@ def recipe(stage):
 
 def mark_of(label):
     """Mark of the version with that label."""
+    if label not in plan.recipes:
+        raise WorkflowError(
+            f"the configuration asks for no {label}; see `cases` and `recordings` in it"
+        )
     return str(store.mark(plan.recipes[label].stage, plan.recipes[label].id))
 
 

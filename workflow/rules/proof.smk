@@ -1,5 +1,24 @@
 # Concealed cases, diagnosed and scored. Only the last of these rules opens the seals.
 
+SECONDS_A_CASE = 75  # of one core: a recording, a diagnosis and their share of the rest
+
+
+onstart:
+    if "proof" in workflow.dag_settings.targets:
+        verdicts = plan.of_stage("verdict").items()
+        left = [r for label, r in verdicts if label.startswith("verdict/full/")]
+        left = [r for r in left if not store.is_whole("verdict", r.id)]
+        hours = len(left) * SECONDS_A_CASE / workflow.cores / 3600
+        print(
+            f"proof: {len(left)} cases to do, about {hours:.1f} hours on {workflow.cores} cores"
+        )
+
+
+rule signatures:
+    """How launches change with every effect, for the pool of commands of the concealed cases."""
+    input:
+        of_figures("signatures"),
+
 
 rule signatures_version:
     input:
@@ -17,6 +36,12 @@ rule signatures_version:
         "python -m slapshot.diagnosis.stage_signatures --recipe {params.recipe:q} --cores {threads} --log {log}"
 
 
+rule case:
+    """Recordings of the small proof, and the sealed truths behind them."""
+    input:
+        of_figures("case"),
+
+
 rule case_version:
     input:
         ancient(upstream("case")),
@@ -31,6 +56,12 @@ rule case_version:
         recipe=recipe("case"),
     shell:
         "python -m slapshot.lab --recipe {params.recipe:q} --cores {threads} --log {log}"
+
+
+rule verdict:
+    """What the diagnosis says of the recordings of the small proof."""
+    input:
+        of_figures("verdict"),
 
 
 rule verdict_version:
@@ -50,18 +81,24 @@ rule verdict_version:
         "python -m slapshot.diagnosis.stage_verdict --recipe {params.recipe:q} --cores {threads} --log {log}"
 
 
-rule proof_version:
+rule score:
+    """The small proof."""
     input:
-        ancient(upstream("proof")),
+        of_figures("score"),
+
+
+rule score_version:
+    input:
+        ancient(upstream("score")),
     output:
-        version("proof"),
+        version("score"),
     log:
-        "logs/proof/{id}.log",
+        "logs/score/{id}.log",
     benchmark:
-        "logs/proof/{id}.tsv"
+        "logs/score/{id}.tsv"
     threads: 1
     params:
-        recipe=recipe("proof"),
+        recipe=recipe("score"),
     shell:
         "python -m slapshot.proof --recipe {params.recipe:q} --cores {threads} --log {log}"
 
@@ -69,12 +106,12 @@ rule proof_version:
 rule proof:
     """Concealed cases diagnosed and then scored, to figures/proof.csv and figures/proof.md; takes hours."""
     input:
-        mark_of("proof/full"),
+        lambda wildcards: mark_of("score/full"),
     log:
         "logs/proof.log",
     localrule: True
     params:
-        folder=folder_of("proof/full"),
+        folder=lambda wildcards: folder_of("score/full"),
         # What is drawn anew does not replace what is published.
         name="fresh" if config["proof"] == "fresh" else config["name"],
     shell:

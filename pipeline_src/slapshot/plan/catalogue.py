@@ -23,7 +23,7 @@ STAGES = {
     "signatures": "slapshot.diagnosis.stage_signatures",
     "case": "slapshot.lab.__main__",
     "verdict": "slapshot.diagnosis.stage_verdict",
-    "proof": "slapshot.proof.__main__",
+    "score": "slapshot.proof.__main__",
 }
 # Made on demand and not part of `figures`: the bytes of a Rerun recording never repeat.
 ON_DEMAND = ("viewer", "diagnosis")
@@ -69,5 +69,5 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "signatures": (*_MUJOCO, "scipy", "pyarrow"),
     "case": (*_MUJOCO, "scipy", "numba", "pyarrow"),
     "verdict": (*_MUJOCO, "scipy", *_TABLES),
-    "proof": ("scipy", "matplotlib", *_TABLES),
+    "score": ("scipy", "matplotlib", *_TABLES),
 }

@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.config import merge
-from slapshot.effects.catalogue import effect_modules
-from slapshot.plan.diagnosis import SEED, what_is_believed
+from slapshot.errors import InputError
+from slapshot.plan.diagnosis import SEED, effect_modules, what_is_believed
 from slapshot.plan.recipes import Plan
+from slapshot.plan.simulation import stand_ins
 from slapshot.proof.cases import Case, read_cases
 from slapshot.scenes.domain import domain_module
 
@@ -19,7 +20,12 @@ def add_proof(plan: Plan, config: Mapping[str, Any]) -> None:
     """The small proof, which belongs to the figures, and the full one."""
     cases = config["cases"]
     name = cases["domain"]
-    domain = config["domains"][name]
+    domain = config["domains"].get(name)
+    if domain is None:
+        known = ", ".join(config["domains"])
+        raise InputError(f"cases.domain: no domain {name!r}; use one of: {known}")
+    if cases["like"] not in stand_ins(domain):
+        return  # without a stand-in rig there is nothing to conceal anything on
     pool = cases["pool"]
     module = domain_module(domain["scene"]["domain"])
     plan.add(
@@ -82,8 +88,8 @@ def _add_list(
         )
         inputs |= {f"case/{case.case}": label, f"verdict/{case.case}": found}
     plan.add(
-        f"proof/{which}",
-        "proof",
+        f"score/{which}",
+        "score",
         {
             "list": which,
             "cases": {case.case: case.condition for case in cases},

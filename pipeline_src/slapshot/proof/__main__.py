@@ -1,4 +1,4 @@
-"""Stage `proof`: open the seals of diagnosed cases, score them, and tell it in table and picture."""
+"""Stage `score`: open the seals of diagnosed cases, score them, and tell it in table and picture."""
 
 import json
 
@@ -41,4 +41,4 @@ def produce(run: Run) -> None:
 
 
 if __name__ == "__main__":
-    stage_command("proof", produce)
+    stage_command("score", produce)

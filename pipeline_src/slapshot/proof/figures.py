@@ -16,8 +16,9 @@ SIZES = (0.0, 0.1, 0.2, 0.35, 0.5, 0.75, 1.1, 2.5)  # edges of displacement over
 def draw_all(cases: pd.DataFrame) -> Iterator[Drawing]:
     """Confusion, size and fit."""
     use_style()
-    one = cases[(cases["conceals"] != "") & ~cases["conceals"].str.contains("+", regex=False)]
-    yield _confusion(cases[cases["conceals"].isin(one["conceals"]) | (cases["conceals"] == "")])
+    whole = cases[~cases["condition"].str.contains("only")]  # recordings that keep less are another matter
+    one = whole[(whole["conceals"] != "") & ~whole["conceals"].str.contains("+", regex=False)]
+    yield _confusion(pd.concat([one, whole[whole["conceals"] == ""]]))
     yield _by_size(one)
     yield _fit(cases[cases["conceals"] != ""])
 
@@ -47,7 +48,7 @@ def _confusion(cases: pd.DataFrame) -> Drawing:
     axes.set_yticks(range(len(rows)), [r.replace("_", " ") for r in rows])
     axes.set_xlabel("named first")
     axes.set_ylabel("concealed")
-    axes.set_title(f"cases by what was concealed and what was said; {STAND_IN}", loc="left")
+    axes.set_title(f"{len(cases)} cases by what was concealed and what was said; {STAND_IN}", loc="left")
     axes.grid(False)
     long = counts.reset_index().melt("concealed", var_name="named", value_name="cases")
     return Drawing("P1-confusion", figure, long[long["cases"] > 0])
@@ -68,11 +69,14 @@ def _by_size(cases: pd.DataFrame) -> Drawing:
     rows = []
     bins = pd.cut(known["displacement"].astype(float), SIZES)
     columns = {"found": "called mismatched", "in_class": "truth in the class", "top1": "named first"}
-    for (column, text), colour in zip(columns.items(), OTHER_COLOURS, strict=False):
+    # Beside each other, where they are equal.
+    for (column, text), colour, beside in zip(
+        columns.items(), OTHER_COLOURS, (0.93, 1.0, 1.07), strict=False
+    ):
         for interval, group in known.groupby(bins, observed=True):
             yes, n = int(group[column].astype(bool).sum()), len(group)
             ci = binomtest(yes, n).proportion_ci(0.95, method="wilson")
-            middle = float(np.sqrt(max(interval.left, 0.03) * interval.right))
+            middle = beside * float(np.sqrt(max(interval.left, 0.03) * interval.right))
             rows.append(
                 {"share": column, "size": middle, "value": yes / n, "low": ci.low, "high": ci.high, "n": n}
             )
@@ -89,7 +93,9 @@ def _by_size(cases: pd.DataFrame) -> Drawing:
     axes.set_xticks([0.1, 0.2, 0.5, 1, 2], ["0.1", "0.2", "0.5", "1", "2"])
     axes.minorticks_off()
     axes.legend(loc="lower right")
-    axes.set_title(f"one catalogued effect concealed; 95 % intervals;\n{STAND_IN}", loc="left")
+    axes.set_title(
+        f"{len(known)} cases, one catalogued effect concealed; 95 % intervals;\n{STAND_IN}", loc="left"
+    )
     return Drawing("P2-by-size", figure, pd.DataFrame(rows))
 
 
@@ -121,11 +127,12 @@ def _fit(cases: pd.DataFrame) -> Drawing:
             tables.append(pd.DataFrame({"measure": measure, "scene": scene, "over_floor": ratio}))
         axis.axvline(1.0, color="#888888", lw=1, ls=":")
         axis.set_xscale("log")
+        axis.set_xlim(left=0.6)  # below it are floors of launches that scatter wildly
         axis.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
         axis.minorticks_off()
         axis.set_xlabel("held-out error over the noise floor")
         axis.set_title(title, loc="left")
     axes[0].set_ylabel("share of cases at most so far off")
     axes[0].legend(loc="lower right")
-    figure.suptitle(STAND_IN, fontsize=8)
+    figure.suptitle(f"{len(cases)} cases; {STAND_IN}", fontsize=8)
     return Drawing("P3-fit", figure, pd.concat(tables) if tables else pd.DataFrame())

@@ -16,7 +16,7 @@ TOLD = ("proof.csv", "proof.md")  # stand in figures/ itself, the rest in figure
 
 
 def publish(version: Path, target: Path) -> None:
-    """Copy a version of stage `proof`: proof.csv and proof.md to `target`, the rest to `target`/proof."""
+    """Copy a version of stage `score`: proof.csv and proof.md to `target`, the rest to `target`/proof."""
     with writing(target):
         folder = target / "proof"
         folder.mkdir(parents=True, exist_ok=True)
@@ -24,7 +24,7 @@ def publish(version: Path, target: Path) -> None:
             if file.suffix in {".csv", ".md", ".png", ".pdf"}:
                 _copy(file, (target if file.name in TOLD else folder) / file.name)
         recipe = json.loads((version / "version.json").read_text())["recipe"]
-        made_from = {"proof": version.name} | {role: pair[1] for role, pair in recipe["upstream"].items()}
+        made_from = {"score": version.name} | {role: pair[1] for role, pair in recipe["upstream"].items()}
         aside = folder / ".versions.json"
         aside.write_text(json.dumps(made_from, indent=1, sort_keys=True) + "\n")
         aside.rename(folder / "versions.json")
@@ -40,7 +40,7 @@ def _copy(file: Path, target: Path) -> None:
 def main() -> None:
     """Command line, as the workflow calls it."""
     parser = argparse.ArgumentParser(prog="python -m slapshot.proof.publish")
-    parser.add_argument("version", type=Path, help="folder of a version of stage `proof`")
+    parser.add_argument("version", type=Path, help="folder of a version of stage `score`")
     parser.add_argument("--name", required=True, help="of the configuration")
     parser.add_argument("--log", type=Path)
     args = parser.parse_args()
