@@ -124,7 +124,8 @@ class Workspace:
     def manifest(self) -> dict[str, str]:
         """Published file -> stage/id; the files that are there must be these."""
         manifest = json.loads((self.published / "versions.json").read_text())
-        assert {p.name for p in self.published.iterdir()} == {*manifest, "versions.json"}
+        files = {str(p.relative_to(self.published)) for p in self.published.rglob("*") if p.is_file()}
+        assert files == {*manifest, "versions.json"}
         return manifest
 
     @contextlib.contextmanager

@@ -130,11 +130,11 @@ def test_a_stage_by_hand_on_a_read_only_store_says_so_in_one_line(copy, namespac
 def test_a_read_only_folder_of_figures_is_named_in_one_line(copy, namespace):
     folder = copy.published.relative_to(copy.root)
     next(copy.published.glob("*.csv")).write_text("old\n")
-    before = {path.name: path.read_bytes() for path in copy.published.iterdir()}
+    before = {path: path.read_bytes() for path in copy.published.rglob("*") if path.is_file()}
     done = copy.run(*namespace, "bash", "-c", READ_ONLY, "bash", str(folder), *command_of(copy))
     assert done.returncode == 1
     assert lines(done.stdout, f"[figures] {folder} could not be written: Read-only file system", "make that")
     assert "Traceback" not in done.stdout
-    assert {path.name: path.read_bytes() for path in copy.published.iterdir()} == before
+    assert {path: path.read_bytes() for path in copy.published.rglob("*") if path.is_file()} == before
     copy.snakemake("figures")
     assert copy.manifest()
