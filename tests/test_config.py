@@ -89,8 +89,8 @@ def test_a_file_is_laid_over_the_default(tmp_path):
     ("path", "value", "key", "problem"),
     [
         # Unknown and missing keys.
-        ("nme", "x", "top level", r"unknown key .nme.; write .name., or use one of: cases, domains, name, proof"),
-        ("zzz", "x", "top level", r"unknown key .zzz.; remove it, or use one of: cases, domains, name, proof"),
+        ("nme", "x", "top level", r"unknown key .nme.; write .name., or use one of: cases, domains, name"),
+        ("zzz", "x", "top level", r"unknown key .zzz.; remove it, or use one of: cases, domains, name"),
         (".trainnig", {}, DOMAIN, "unknown key 'trainnig'; write 'training'"),
         (".rollouts.hit", 3, ".rollouts", "unknown key 'hit'; write 'hits'"),
         (".randomisation.gravity", {}, ".randomisation", "unknown key 'gravity'"),
