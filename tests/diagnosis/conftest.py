@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from slapshot.diagnosis import report
-from slapshot.diagnosis.diagnose import Diagnosis, Setting, diagnose
+from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.judgement import limits
 from slapshot.diagnosis.report import write_report
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.sentences import VERDICT_TEXT
+from slapshot.diagnosis.result import Diagnosis, Setting
 from slapshot.diagnosis.verdict import Location, Mismatch, Unknown
 from slapshot.effects.catalogue import catalogue
 from slapshot.figures import drawing

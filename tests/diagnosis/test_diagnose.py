@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from slapshot.diagnosis.diagnose import Setting, diagnose
+from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.result import Setting
 
 from .synthetic import CAMERA, RADIUS, recording
 

@@ -13,8 +13,8 @@ from matplotlib.collections import PathCollection
 from matplotlib.container import ErrorbarContainer
 from matplotlib.quiver import Quiver
 from rerun.chunk import RrdReader
-from slapshot.diagnosis.diagnose import Level
 from slapshot.diagnosis.held_out import FittedScene, predict_held_out
+from slapshot.diagnosis.level import Level
 from slapshot.diagnosis.report import FIGURES, errors_figure, location_map, ranking, tracks_figure
 from slapshot.diagnosis.report.by_variable import launch_table
 from slapshot.diagnosis.report.outcome import Launches

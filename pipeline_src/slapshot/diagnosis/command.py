@@ -11,8 +11,9 @@ from pathlib import Path
 
 from slapshot.config import load_config
 from slapshot.diagnosis.augmented import AUGMENTED, write_augmented
-from slapshot.diagnosis.diagnose import Diagnosis, diagnose
+from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.report import terminal_text, write_report
+from slapshot.diagnosis.result import Diagnosis
 from slapshot.diagnosis.rig_file import RigFile, read_rig, rig_of_domain
 from slapshot.diagnosis.signatures import Signatures
 from slapshot.effects.catalogue import catalogue, import_effects

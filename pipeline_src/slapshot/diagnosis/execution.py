@@ -10,6 +10,7 @@ same to all hits.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -127,14 +128,17 @@ class Execution:
         With S = sd^2 I + B C B', x' S^-1 y = (x'y - x'B (B'B + sd^2 C^-1)^-1 B'y) / sd^2: the part within
         the basis is shrunk, the rest is divided by sd.
         """
-        n = len(residual)
-        flat, r = self.basis.reshape(n, -1, self.basis.shape[-1]), residual.reshape(n, -1)
-        q, upper = np.linalg.qr(flat)
-        inside = np.einsum("nab,na->nb", q, r)
-        outside = (r - np.einsum("nab,nb->na", q, inside)) / self.sd
+        r = residual.reshape(len(residual), -1, 1)
+        within, shrunk = self._factors
+        inside = within.transpose(0, 2, 1) @ r
+        return np.concatenate([shrunk @ inside, (r - within @ inside) / self.sd], axis=1)[..., 0]
+
+    @cached_property
+    def _factors(self) -> tuple[Array, Array]:
+        """Orthonormal basis (n, rows, c), and what whitens (n, c, c) the part within it."""
+        q, upper = np.linalg.qr(self.basis.reshape(len(self.basis), -1, self.basis.shape[-1]))
         spread = upper @ self.covariance @ upper.transpose(0, 2, 1) + self.sd**2 * np.eye(upper.shape[-1])
-        root = np.linalg.cholesky(spread)
-        return np.concatenate([np.linalg.solve(root, inside[..., None])[..., 0], outside], axis=1)
+        return q, np.linalg.inv(np.linalg.cholesky(spread))
 
     def displacement(self, coefficients: Array, moment: Array, speeds: Array) -> tuple[Array, Array]:
         """Joint offsets (n, joints) in rad and their rates at moments (n,), of coefficients (n, c).

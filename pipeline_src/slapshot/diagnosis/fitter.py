@@ -6,8 +6,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.diagnosis.gauss_newton import Fit
 from slapshot.diagnosis.marginal import Marginal
-from slapshot.diagnosis.slide_fit import Fit
 from slapshot.diagnosis.slide_model import Column, Point, Values
 from slapshot.effects.effect import Effect
 

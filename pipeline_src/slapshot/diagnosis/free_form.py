@@ -70,9 +70,7 @@ class FreePlaceForce(Effect):
 
     def accelerate(self, values: Mapping[str, Array], state: SlideState) -> tuple[Array, Array]:
         """Any force field over the board: it may have curl."""
-        weights = [
-            np.stack([values[f"{axis}_{j}"] for j in range(len(BOARD))], axis=1) for axis in ("ax", "ay")
-        ]
+        weights = [np.array([values[f"{axis}_{j}"] for j in range(len(BOARD))]) for axis in ("ax", "ay")]
         return BOARD.total(weights[0], state.x, state.y), BOARD.total(weights[1], state.x, state.y)
 
     def reaches(self, parameter: str, places: Array) -> bool:

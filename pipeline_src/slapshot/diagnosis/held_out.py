@@ -10,17 +10,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.diagnosis.gauss_newton import Fit
 from slapshot.diagnosis.launch import LaunchModel
-from slapshot.diagnosis.slide_fit import Fit, SlideFitter
+from slapshot.diagnosis.slide_fit import SlideFitter
 from slapshot.diagnosis.slide_model import Point
 from slapshot.diagnosis.told import told_launches
+from slapshot.diagnosis.tracks import RESTED_S, HitTracks
 from slapshot.diagnosis.verdict import Errors, Interval
 
 Array = NDArray[np.float64]
 
+HELD_OUT = 0.25  # share of commands
 SEEN_SHARE = 0.35  # of a hit's frames, from which its launch is told
 RESAMPLES = 1000
-RESTED_S = 6.0  # s after the release
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,14 @@ class HeldOut:
     loglik: Array
     expected_loglik: Array
     chi2: Array
+
+
+def split_hits(tracks: HitTracks, rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows to use and to hold out; repeats of one command are on one side."""
+    commands = np.unique(tracks.command)
+    held = rng.permutation(commands)[: max(2, round(HELD_OUT * len(commands)))]
+    mask = np.isin(tracks.command, held)
+    return np.flatnonzero(~mask), np.flatnonzero(mask)
 
 
 def predict_held_out(fitter: SlideFitter, scene: FittedScene, model: LaunchModel | None = None) -> HeldOut:
@@ -122,11 +132,11 @@ def errors_of(held: HeldOut, reference: Array, rng: np.random.Generator) -> Erro
     """With 90 % bootstrap intervals over hits; likelihood over `reference` (n,)."""
     command = held.command_square
     return Errors(
-        _root_mean(held.track_square, rng),
-        _root_mean(held.rest_square, rng),
-        None if command is None else _root_mean(command, rng),
-        _mean(held.loglik - reference, rng),
-        _mean(held.chi2, rng),
+        root_mean(held.track_square, rng),
+        root_mean(held.rest_square, rng),
+        None if command is None else root_mean(command, rng),
+        mean(held.loglik - reference, rng),
+        mean(held.chi2, rng),
     )
 
 
@@ -134,10 +144,10 @@ def noise_floor(held: HeldOut, reference: Array, rng: np.random.Generator) -> Er
     """What the best scene could reach: camera noise, a launch told from few frames, scatter of launches."""
     command = held.expected_command
     return Errors(
-        _root_mean(held.expected_track, rng),
-        _root_mean(held.expected_rest, rng),
-        None if command is None else _root_mean(command, rng),
-        _mean(held.expected_loglik - reference, rng),
+        root_mean(held.expected_track, rng),
+        root_mean(held.expected_rest, rng),
+        None if command is None else root_mean(command, rng),
+        mean(held.expected_loglik - reference, rng),
         Interval(1.0, 1.0, 1.0),
     )
 
@@ -165,11 +175,13 @@ def errors_of_scenes(
     return found | {"noise_floor": noise_floor(augmented, refitted.loglik, rng)}
 
 
-def _mean(values: Array, rng: np.random.Generator) -> Interval:
+def mean(values: Array, rng: np.random.Generator) -> Interval:
+    """With a 90 % bootstrap interval over hits."""
     draws = values[rng.integers(0, len(values), (RESAMPLES, len(values)))].mean(1)
     return Interval(float(values.mean()), float(np.quantile(draws, 0.05)), float(np.quantile(draws, 0.95)))
 
 
-def _root_mean(squares: Array, rng: np.random.Generator) -> Interval:
-    mean = _mean(squares, rng)
-    return Interval(*(float(np.sqrt(v)) for v in (mean.value, mean.low, mean.high)))
+def root_mean(squares: Array, rng: np.random.Generator) -> Interval:
+    """Root of the mean, with a 90 % bootstrap interval over hits."""
+    square = mean(squares, rng)
+    return Interval(*(float(np.sqrt(v)) for v in (square.value, square.low, square.high)))

@@ -1,14 +1,15 @@
 """From fits and evidence to sentences of a verdict: what is found, named, located, limited."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.evidence import project
+from slapshot.diagnosis.gauss_newton import Fit
 from slapshot.diagnosis.search import CLASS, Candidate, Screen, Search
-from slapshot.diagnosis.slide_fit import Fit
 from slapshot.diagnosis.slide_model import Column
 from slapshot.diagnosis.verdict import (
     Limit,
@@ -18,11 +19,13 @@ from slapshot.diagnosis.verdict import (
     ParameterValue,
     Unknown,
 )
+from slapshot.effects.effect import Effect
 
 Array = NDArray[np.float64]
 
 Z90, Z95 = 1.645, 1.96
 LEFT = 0.02  # of the evidence for what was named: less is no further effect
+AGREED = 0.8  # of the probability of a class, to say where it acts
 MOST_PARAMETERS = 4  # of an effect that are listed one by one
 
 
@@ -35,8 +38,9 @@ def mismatch_of(screen: Screen, p_value: float, evidence: float, shift: float) -
 
 
 def strongest(mismatches: Sequence[Mismatch]) -> Mismatch:
-    """The one that is found, with the smallest p-value and the most evidence among them."""
-    return min(mismatches, key=lambda m: (not m.found, m.p_value, -m.log_evidence))
+    """The one that is found, with the smallest p-value and the most evidence; p-values are of all tests."""
+    first = min(mismatches, key=lambda m: (not m.found, m.p_value, -m.log_evidence))
+    return replace(first, p_value=min(1.0, len(mismatches) * first.p_value))
 
 
 def found_effects(search: Search[Any], final: Candidate) -> tuple[NamedEffect, ...]:
@@ -124,14 +128,23 @@ def unknown_of(search: Search[Any], leftover: Screen, least: float, shift: float
     return Unknown(True, effect.phase, effect.follows, evidence, moved)
 
 
-def location_of(named: Sequence[NamedEffect], unknown: Unknown) -> Location:
-    """Phase and variable of the strongest thing that is missing."""
-    if named and not (unknown.flagged and unknown.log_evidence > named[0].log_evidence):
-        first = named[0]
-        return Location(first.phase, first.variable, _size(first.shift_m))
-    if unknown.flagged:
+def location_of(named: Sequence[NamedEffect], unknown: Unknown, effects: Mapping[str, Effect]) -> Location:
+    """Where that is which moves tracks the most; what the rivals of a class disagree about stays open."""
+    if unknown.flagged and all(effect.log_evidence < unknown.log_evidence for effect in named):
         return Location(unknown.phase, unknown.variable, _size(unknown.shift_m))
-    return Location(None, None, "nothing is missing that this recording could show")
+    if not named:
+        return Location(None, None, "nothing is missing that this recording could show")
+    members = named[0].members
+    phase = _agreed(members, {name: effects[name].phase for name in members})
+    variable = _agreed(members, {name: effects[name].follows for name in members})
+    return Location(phase, variable, _size(named[0].shift_m))
+
+
+def _agreed(members: Mapping[str, float], said: Mapping[str, str]) -> str | None:
+    """What members say that hold most of the probability; None if no such thing is said."""
+    share = {word: sum(p for n, p in members.items() if said[n] == word) for word in set(said.values())}
+    best = max(sorted(share), key=lambda word: share[word])
+    return best if share[best] >= AGREED else None
 
 
 def _size(shift: float) -> str:

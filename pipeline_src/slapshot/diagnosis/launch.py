@@ -43,6 +43,7 @@ class LaunchModel:
         effects: Mapping[str, Effect],
         camera: Array,
         starts: Array,
+        starts_seen: NDArray[np.bool_],
         order: Array,
         objects: NDArray[np.int64],
         friction: Array,
@@ -60,7 +61,8 @@ class LaunchModel:
             releases: (n,) s.
             effects: that may act.
             camera: (2,) m, point of the plane that the camera looks at.
-            starts: (n, 2) m, as seen.
+            starts: (n, 2) m, where objects lay.
+            starts_seen: (n,) whether it was the camera that said so.
             order: (n,) place in the recording, -1/2 to 1/2.
             objects: (n,) index of the object.
             friction: (n, 3) mu_x, mu_y, torsional in m, with which hits were simulated.
@@ -71,6 +73,7 @@ class LaunchModel:
         # Whose mark on what the camera reports measured launches still bear.
         self._seen = frozenset(name for name, effect in effects.items() if effect.acts_on_camera)
         self._effects, self._camera, self._starts = effects, camera, starts
+        self._starts_seen = starts_seen[:, None]
         self._simulated, self._object, self._friction = simulated, objects, friction
         ahead = releases - signatures.contact[rows] - LOOK
         struck = np.where(np.isnan(contact), releases, contact)
@@ -216,7 +219,8 @@ class LaunchModel:
         return total
 
     def _start_shift(self, owner: str, values: Values) -> Array:
-        return start_shift(self._effects[owner], values, self._starts, self._camera)
+        shift = start_shift(self._effects[owner], values, self._starts, self._camera)
+        return np.where(self._starts_seen, shift, 0.0)
 
     @property
     def execution(self) -> Execution | None:

@@ -6,28 +6,28 @@ contact or camera lacks something. No slide is simulated here, so that all effec
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.evidence import LARGEST
+from slapshot.diagnosis.gauss_newton import Fit, GaussNewton
 from slapshot.diagnosis.launch import FIRST_SD, LaunchModel
 from slapshot.diagnosis.marginal import Marginal
-from slapshot.diagnosis.slide_fit import Fit, SlideFitter, parameter_of
+from slapshot.diagnosis.slide_fit import SlideFitter
 from slapshot.diagnosis.slide_model import STEP_SHARE, Column, Point, Values
 from slapshot.diagnosis.told import told_launches
 from slapshot.effects.effect import Effect
 
 Array = NDArray[np.float64]
 
-ITERATIONS = 40
-CONVERGED = 0.02
 _NO_INFORMATION = 1e-6  # keeps the information of what a slide does not tell (spin) from being singular
 
 
-class LaunchFitter:
+class LaunchFitter(GaussNewton):
     """Fits the launches of n hits."""
+
+    iterations = 40
+    first_scatter = np.diag(FIRST_SD**2)
 
     def __init__(
         self,
@@ -36,6 +36,7 @@ class LaunchFitter:
         measured: Array,
         information: Array,
         rest_by_launch: Array,
+        hits: NDArray[np.int64],
     ) -> None:
         """Of n hits.
 
@@ -45,10 +46,11 @@ class LaunchFitter:
             measured: (n, 5) launches as the slides tell them.
             information: (n, 5, 5) of them.
             rest_by_launch: (n, 2, 5) derivatives of rest points.
+            hits: (n,) their numbers.
         """
-        self.launches, self.effects = model, effects
-        self.measured, self._rest = measured, rest_by_launch
-        self.sizes: dict[str, float] = {}
+        super().__init__(effects)
+        self.launches = model
+        self.measured, self._rest, self.hits = measured, rest_by_launch, hits
         self._noise = np.asarray(np.linalg.inv(information + _NO_INFORMATION * np.eye(5)), float)
 
     def start(self) -> Point:
@@ -66,52 +68,6 @@ class LaunchFitter:
             for p in self.effects[name].parameters
         ]
 
-    def prior(self, columns: Sequence[Column]) -> tuple[Array, Array]:
-        """Mean and information (p,) of the parameters."""
-        found = [parameter_of(self.effects[c.owner].parameters, c.parameter) for c in columns]
-        return np.array([p.neutral for p in found]), np.array(
-            [(self.sizes.get(c.owner, LARGEST) * p.scale) ** -2 for c, p in zip(columns, found, strict=True)]
-        )
-
-    def fit(self, start: Point, scatter: Array | None = None, effects: Sequence[str] = ()) -> Fit:
-        """Fit the effects named and the scatter of launches, from a point."""
-        point = replace(
-            start, effects={n: dict(start.effects.get(n, self.effects[n].neutral())) for n in effects}
-        )
-        columns = self.columns(effects)
-        mean, precision = self.prior(columns)
-        scatter = np.diag(FIRST_SD**2) if scatter is None else scatter
-        damping, converged = 1e-3, False
-        state = self.evaluate(point, columns, scatter)
-        objective = self._objective(state, point, columns, mean, precision)
-        for _ in range(ITERATIONS):
-            information = state.information.sum(0) + np.diag(precision)
-            score = state.scores.sum(0) + precision * (mean - _values(point, columns))
-            shift = np.linalg.solve(information + damping * np.diag(np.diag(information)), score)
-            new = self._moved(point, columns, shift)
-            spread = self.launches.scatter(self._offset(new), self._noise, scatter)
-            candidate = self.evaluate(new, columns, spread)
-            value = self._objective(candidate, new, columns, mean, precision)
-            if value > objective + 1.0 and damping < 1e6:
-                damping *= 10
-                continue
-            change, damping = objective - value, max(damping / 5, 1e-6)
-            point, state, objective, scatter = new, candidate, value, spread
-            if abs(change) < CONVERGED:
-                converged = True
-                break
-        information = state.information.sum(0) + np.diag(precision)
-        return Fit(
-            point,
-            scatter,
-            objective,
-            tuple(columns),
-            np.linalg.inv(information) if columns else np.empty((0, 0)),
-            state,
-            float(state.squares.sum() / max(self.freedom().sum(), 1)),
-            converged,
-        )
-
     def freedom(self) -> Array:
         """(n,) expected squares of each hit."""
         encoders = self.launches.encoders
@@ -121,11 +77,6 @@ class LaunchFitter:
     def starts(self, name: str) -> Sequence[Values]:
         """Every size at which an effect was simulated, one parameter at a time."""
         return self.launches.sizes(name)
-
-    def objective(self, point: Point, scatter: Array, effects: Sequence[str]) -> float:
-        """At a point."""
-        columns = self.columns(effects)
-        return self._objective(self.evaluate(point, columns, scatter), point, columns, *self.prior(columns))
 
     def quadratic(self, fit: Fit, effects: Sequence[str]) -> tuple[list[Column], Marginal, Array]:
         """Columns of effects at a fitted point; hits; (n, 1, 2, p) change of rest points in m."""
@@ -138,6 +89,12 @@ class LaunchFitter:
         rest = {n: v for n, v in fit.point.effects.items() if n != name}
         moved = self.launches.means(fit.point.effects) - self.launches.means(rest)
         return float(np.sqrt((np.einsum("nij,nj->ni", self._rest, moved) ** 2).sum(-1).mean()))
+
+    def parted(self, fit: Fit, other: "LaunchFitter", rival: Fit) -> Array:
+        """(n,) nats by which a hit's launch would part two fits; what encoders would say is left out."""
+        mean, covariance = self.launches.predicted(fit.point.effects, fit.scatter)
+        apart = mean - other.launches.means(rival.point.effects)
+        return (apart * np.linalg.solve(covariance + self._noise, apart[..., None])[..., 0]).sum(1) / 2
 
     def evaluate(self, point: Point, columns: Sequence[Column], scatter: Array) -> Marginal:
         """Hits at a point; they have no unknowns of their own."""
@@ -161,25 +118,8 @@ class LaunchFitter:
         """(n, 5) measured less expected."""
         return self.measured - self.launches.means(point.effects)
 
-    @staticmethod
-    def _objective(
-        state: Marginal, point: Point, columns: Sequence[Column], mean: Array, precision: Array
-    ) -> float:
-        prior = float((precision * (_values(point, columns) - mean) ** 2).sum())
-        return float(state.squares.sum() + state.log_volume.sum()) + prior
-
-    def _moved(self, point: Point, columns: Sequence[Column], shift: Array) -> Point:
-        effects: dict[str, dict[str, float]] = {n: dict(v) for n, v in point.effects.items()}
-        for column, change in zip(columns, shift, strict=True):
-            p = parameter_of(self.effects[column.owner].parameters, column.parameter)
-            value = effects[column.owner][column.parameter] + float(change)
-            effects[column.owner][column.parameter] = float(np.clip(value, p.low, p.high))
-        return replace(point, effects=effects)
-
-
-def _values(point: Point, columns: Sequence[Column]) -> Array:
-    effects: Mapping[str, Values] = point.effects
-    return np.array([effects[c.owner][c.parameter] for c in columns], float)
+    def _scatter(self, point: Point, state: Marginal, before: Array) -> Array:
+        return self.launches.scatter(self._offset(point), self._noise, before)
 
 
 def launch_fitter(
@@ -205,4 +145,4 @@ def launch_fitter(
     _, by_latent = slides.model.by_latents(fit.point)
     last = slides.valid.sum(1) - 1
     rest = by_latent[np.arange(len(last)), last][:, :, :5]
-    return LaunchFitter(model, effects, latents[:, :5], information, rest)
+    return LaunchFitter(model, effects, latents[:, :5], information, rest, slides.model.tracks.hit)

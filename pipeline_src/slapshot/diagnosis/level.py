@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from slapshot.diagnosis.judgement import LEFT, mismatch_of, unknown_of
-from slapshot.diagnosis.search import ADD, CLASS, MOST, Candidate, Screen, Search
+from slapshot.diagnosis.search import ADD, CLASS, Candidate, Screen, Search
+from slapshot.diagnosis.trial import dropped_note
 from slapshot.diagnosis.verdict import Mismatch, Unknown
 
 LEAST_SHIFT = 0.003  # m, rms of rest points: less is not called missing physics
@@ -33,6 +34,16 @@ class Level:
     leftover: Screen
     mismatch: Mismatch
     feigned: float = 0.0
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Fits that did not converge, and hypotheses that failed."""
+        stuck = [
+            "a fit did not converge: its values and intervals may be wrong"
+            for fit in {id(c): c.fit for c in (self.nominal, self.final)}.values()
+            if not fit.converged
+        ]
+        return (*stuck[:1], *(dropped_note(name, why) for name, why in self.search.failed.items()))
 
     @property
     def unknown(self) -> Unknown:
@@ -77,7 +88,7 @@ def _search(
     if best.log_evidence < LEAST_EVIDENCE + feigned:
         return nominal, screen
     leftover = search.screen_beyond(best)
-    while len(best.effects) < MOST:
+    while len(best.effects) < search.most:
         further = [n for n in search.catalogue if n not in best.effects]
         strongest = leftover.best(further)[0]
         # A screen is linear: what falls short of ADD by a class may still gain it in a refit.

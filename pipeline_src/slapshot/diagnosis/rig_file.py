@@ -15,7 +15,7 @@ import jsonschema
 import mujoco
 import numpy as np
 
-from slapshot.diagnosis.diagnose import Setting
+from slapshot.diagnosis.result import Setting
 from slapshot.errors import InputError
 from slapshot.scenes.domain import load_domain
 from slapshot.scenes.randomisation import middle_condition

@@ -38,7 +38,7 @@ class RigModel:
 
         Args:
             recording: with commands, and encoders or not.
-            tracks: of its hits.
+            tracks: of its hits; where nobody saw a release, it is looked at LOOK after the contact.
             scene: nominal.
             effects: that may act.
             camera: (2,) m, point of the plane that the camera looks at.
@@ -48,13 +48,16 @@ class RigModel:
         """
         self._tracks, self._effects, self._camera = tracks, effects, camera
         period = scene.info.control_period
-        latest = max(float(tracks.release.max()), _longest(recording)) + 2 * LOOK
+        seen_last = float(tracks.release.max(initial=0.0, where=~np.isnan(tracks.release)))
+        latest = max(seen_last, _longest(recording)) + 2 * LOOK
         commands = commands_of(recording, tracks, scene, latest)
         # To a length of its own, so that digests do not depend on when objects were released.
         whole = commands_of(recording, tracks, scene, _longest(recording) + 2 * LOOK)
         self.signatures, self._rows = _signatures(scene, whole, effects, signatures, threads)
-        seen = np.isnan(tracks.seen_start)
-        self._starts = np.where(seen, tracks.start, tracks.seen_start)
+        unseen = self.signatures.contact[self._rows] + LOOK
+        self._release = np.where(np.isnan(tracks.release), unseen, tracks.release)
+        self._starts_seen = ~np.isnan(tracks.seen_start[:, 0])
+        self._starts = np.where(self._starts_seen[:, None], tracks.seen_start, tracks.start)
         mass = np.array([recording.objects[tracks.objects[k]].mass_kg for k in tracks.object])
         times, joints = np.zeros(1), None
         if recording.joints is not None:
@@ -63,7 +66,7 @@ class RigModel:
             )
         self._commands, self._times, self._joints = commands, times, joints
         self._friction = friction[tracks.object]
-        arguments = (tracks.release, mass, self._friction, times, threads)
+        arguments = (self._release, mass, self._friction, times, threads)
         self._striker = lambda executed: Striker(scene, executed, *arguments)
         self._servo_time = scene.info.servo_time
         self._base: Mapping[str, Values] = {}
@@ -86,10 +89,10 @@ class RigModel:
     def _simulate(self) -> None:
         acting = [(self._effects[name], values) for name, values in self._base.items()]
         # Where objects lay, not where the camera saw them.
-        starts = self._starts + sum(
-            (start_shift(effect, values, self._starts, self._camera) for effect, values in acting),
-            np.zeros_like(self._starts),
-        )
+        starts = self._starts.copy()
+        for effect, values in acting:
+            shift = start_shift(effect, values, self._starts, self._camera)
+            starts += np.where(self._starts_seen[:, None], shift, 0.0)
         self._readings: Readings | None = None
         if self._joints is None:
             self._struck = self._striker(self._commands).strike(starts, acting)
@@ -117,10 +120,11 @@ class RigModel:
             self._rows[rows],
             self._struck.released[rows],
             self._struck.contact[rows],
-            self._tracks.release[rows],
+            self._release[rows],
             self._effects,
             self._camera,
             self._starts[rows],
+            self._starts_seen[rows],
             self._tracks.order[rows],
             self._tracks.object[rows],
             self._friction[rows],

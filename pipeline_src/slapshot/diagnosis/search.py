@@ -9,23 +9,25 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.evidence import LARGEST, SIZES, LinearEvidence, project
 from slapshot.diagnosis.fitter import Fitter
-from slapshot.diagnosis.slide_fit import Fit
+from slapshot.diagnosis.gauss_newton import Fit
 from slapshot.diagnosis.slide_model import Column
+from slapshot.diagnosis.trial import reason_of
 from slapshot.effects.effect import Effect, Parameter
 
 Array = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
 F = TypeVar("F", bound=Fitter)
 
-REFITTED = 4  # best of a screen that are refitted
+REFITTED = 4
 CLASS = 3.0  # nats: a factor of 20 in probability
 ADD = 4.0  # nats that a further effect must add
-MOST = 3  # effects in one recording
+MOST = 3
 FIELD = 4  # parameters; effects with more get a prior of the size that the recording asks for
 FLIPS = 4000
 RIVAL = 0.4  # share of the best one's gain with which another may still win once both are exact
@@ -89,8 +91,11 @@ class Search(Generic[F]):
         free: names of free forms.
         rng: of the sign flips.
         seen: every set of effects that was refitted.
+        failed: hypotheses that could not be refitted -> why.
         beside: log evidence for a fit, over that for the nominal one, in data that the fitter does not use.
         about: a fitter that is linear about a fit, where the first one is exact near the nominal scene only.
+        refitted: best of a screen that are refitted.
+        most: effects that are named together.
     """
 
     fitter: F
@@ -98,8 +103,11 @@ class Search(Generic[F]):
     free: Sequence[str]
     rng: np.random.Generator
     seen: dict[tuple[str, ...], Candidate] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
     beside: Callable[[Fit], float] = lambda fit: 0.0
     about: Callable[[Fit], F] | None = None
+    refitted: int = REFITTED
+    most: int = MOST
 
     @property
     def _effects(self) -> Mapping[str, Effect]:
@@ -182,6 +190,8 @@ class Search(Generic[F]):
             begins.sort(key=lambda begin: self.fitter.objective(begin, at.fit.scatter, key))
         fit = self.fitter.fit(begins[0], at.fit.scatter, key)
         evidence = self._log_evidence(key, fit) + self.beside(fit)
+        if not np.isfinite(evidence):
+            raise ArithmeticError("its fit is not finite")
         self.seen[key] = Candidate(key, fit, evidence, self.fitter, final=self.about is None)
         return self.seen[key]
 
@@ -211,16 +221,28 @@ class Search(Generic[F]):
 
     def grow(self, at: Candidate, screen: Screen, hypotheses: Sequence[str]) -> list[Candidate]:
         """Refits of the best hypotheses of a screen added to a fit, best first."""
-        best = screen.best(hypotheses)[:REFITTED]
+        best = screen.best(hypotheses)[: self.refitted]
         best = [n for n in best if screen.log_evidence[n] > screen.log_evidence[best[0]] - 8 * CLASS]
         # A screen is blind to what is not linear; where refits cost little, all are tried.
         best += [n for n in hypotheses if n not in best and self.fitter.starts(n)]
-        found = [self.refit(at, [*at.effects, name], screen.direction) for name in best]
+        found = [c for name in best if (c := self._tried(at, name, screen.direction)) is not None]
+        if not found:
+            return [at]
         best_gain = max(c.log_evidence for c in found) - at.log_evidence
         least = at.log_evidence + best_gain - max(8 * CLASS, RIVAL * best_gain)
         found.sort(key=lambda c: -c.log_evidence)
         found = [self.finish(c) if c.log_evidence > least and i < RIVALS else c for i, c in enumerate(found)]
         return sorted(found, key=lambda c: (not c.final, -c.log_evidence))
+
+    def _tried(
+        self, at: Candidate, name: str, direction: Mapping[str, Mapping[str, float]]
+    ) -> Candidate | None:
+        """An effect added to a fit; None where its simulation fails."""
+        try:
+            return self.refit(at, [*at.effects, name], direction)
+        except (ArithmeticError, ValueError, RuntimeError, mujoco.FatalError) as error:
+            self.failed[name] = reason_of(error)
+            return None
 
     def prune(self, candidate: Candidate) -> Candidate:
         """Delete effects while the evidence for the rest is no smaller by more than ADD."""

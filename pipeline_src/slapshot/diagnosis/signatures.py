@@ -6,17 +6,20 @@ scene and the commands alone, so that all recordings over one pool of commands s
 """
 
 import hashlib
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import load_file, save_file
+from safetensors import safe_open
+from safetensors.numpy import save_file
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from slapshot.diagnosis.strikes import Commands, Striker
+from slapshot.diagnosis.trial import reason_of
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
@@ -48,6 +51,7 @@ class Signatures:
         values: effect/parameter -> (v,), the neutral one included, ascending.
         launches: effect/parameter -> (v, c, 5) change of the launch.
         swings: effect/parameter -> (v, c, m, j) rad, change of the readings.
+        dropped: effect -> why it could not be simulated.
     """
 
     digests: tuple[str, ...]
@@ -59,6 +63,7 @@ class Signatures:
     values: Mapping[str, Array]
     launches: Mapping[str, Array]
     swings: Mapping[str, Array]
+    dropped: Mapping[str, str] = field(default_factory=dict)
 
     def rows_of(self, digests: Sequence[str]) -> NDArray[np.int64] | None:
         """Rows of commands; None if any is missing."""
@@ -96,19 +101,22 @@ class Signatures:
             arrays[f"values:{name}"] = self.values[name]
             arrays[f"launches:{name}"] = self.launches[name]
             arrays[f"swings:{name}"] = self.swings[name].astype(np.float32)
-        save_file({k: np.ascontiguousarray(v) for k, v in arrays.items()}, file)
+        metadata = {"dropped": json.dumps(dict(self.dropped))}
+        save_file({k: np.ascontiguousarray(v) for k, v in arrays.items()}, file, metadata)
 
     @classmethod
     def load(cls, file: Path) -> "Signatures":
         """Read what `save` wrote."""
-        arrays: dict[str, Any] = load_file(file)
+        with safe_open(file, "numpy") as opened:
+            arrays: dict[str, Any] = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
+            dropped = json.loads(opened.metadata()["dropped"])
         parts: dict[str, Any] = {
             kind: {k.partition(":")[2]: v for k, v in arrays.items() if k.startswith(f"{kind}:")}
             for kind in ("values", "launches", "swings")
         }
         single = {k: arrays[k] for k in ("contact", "times", "joints", "by_start", "by_joints")}
         digests = tuple(bytes(row).hex() for row in arrays["digests"])
-        return cls(digests=digests, **single, **parts)
+        return cls(digests=digests, **single, **parts, dropped=dropped)
 
 
 def digest_of(positions: Array) -> str:
@@ -166,10 +174,21 @@ def make_signatures(
         for value in sizes_of(parameter)
     ]
     found: dict[str, list[tuple[float, Array, Array]]] = {}
+    dropped: dict[str, str] = {}
     for effect, parameter, value in progress(plan, len(plan), "signatures"):
-        struck = simulate.strike(start, [(effect, {**effect.neutral(), parameter.name: value})])
+        if effect.name in dropped:
+            continue
+        try:
+            struck = simulate.strike(start, [(effect, {**effect.neutral(), parameter.name: value})])
+        except Exception as error:  # an effect may be anybody's code
+            dropped[effect.name] = reason_of(error)
+            continue
+        if not (np.isfinite(struck.released).all() and np.isfinite(struck.joints).all()):
+            dropped[effect.name] = "it is not finite"
+            continue
         change = (value, struck.released - nominal.released, struck.joints - nominal.joints)
         found.setdefault(f"{effect.name}/{parameter.name}", []).append(change)
+    found = {n: changes for n, changes in found.items() if n.partition("/")[0] not in dropped}
     for name, changes in found.items():
         neutral = effects[name.partition("/")[0]].neutral()[name.partition("/")[2]]
         changes.append((neutral, np.zeros((count, 5)), np.zeros((count, len(times), joints))))
@@ -184,4 +203,5 @@ def make_signatures(
         values={n: np.array([c[0] for c in changes]) for n, changes in found.items()},
         launches={n: np.stack([c[1] for c in changes]) for n, changes in found.items()},
         swings={n: np.stack([c[2] for c in changes]) for n, changes in found.items()},
+        dropped=dropped,
     )

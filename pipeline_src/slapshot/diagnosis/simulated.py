@@ -5,9 +5,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.diagnosis.gauss_newton import Fit
 from slapshot.diagnosis.launch_fit import LaunchFitter, launch_fitter
 from slapshot.diagnosis.rig_model import RigModel
-from slapshot.diagnosis.slide_fit import Fit, SlideFitter
+from slapshot.diagnosis.slide_fit import SlideFitter
 from slapshot.effects.effect import Effect
 
 

@@ -1,18 +1,16 @@
 """Fit of a recording's slides: launches of all hits, friction of all objects, and effects, at once.
 
-Damped Gauss-Newton on the marginal likelihood. Camera noise was estimated at rest; the scatter of friction
-from hit to hit is estimated on the way (expectation maximisation), never assumed.
+Camera noise was estimated at rest; the scatter of friction from hit to hit is estimated on the way.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.evidence import LARGEST
-from slapshot.diagnosis.first_guess import NUISANCE_MEAN, first_guess
+from slapshot.diagnosis.first_guess import first_guess
+from slapshot.diagnosis.gauss_newton import Fit, GaussNewton
 from slapshot.diagnosis.marginal import Marginal, marginalise
 from slapshot.diagnosis.noise import CameraNoise, frame_speeds, leaps, outliers
 from slapshot.diagnosis.slide_model import Column, Point, SlideModel, Values
@@ -20,8 +18,6 @@ from slapshot.diagnosis.spin import SpinPrior, UnknownSpin
 
 Array = NDArray[np.float64]
 
-ITERATIONS = 12
-CONVERGED = 0.02  # of the objective (nats): differences that matter are of order 1
 SHOWN = 4  # frames that stand for a track where its shift is told
 NEARLY_FLAT = (
     0.1,
@@ -31,48 +27,23 @@ NEARLY_FLAT = (
 )  # 1/m and s/m: nothing beside a frame, but a hit that does not move has one
 FIRST_FRICTION_SD = 0.03
 FRICTION_SD = (0.002, 0.3)  # bounds of the scatter of log friction from hit to hit
-# Of the prior of the nuisance parameters.
-NUISANCE_SD = np.array([1.0, 1.0, 1.0])
-NUISANCE_BOUNDS = np.log([[0.01, 3.0], [0.01, 3.0], [1e-5, 0.3]])
 # m, m/s, rad/s and log friction: of a hit's own unknowns, within an iteration and at all.
 LARGEST_STEP = np.array([0.1, 0.1, 0.5, 0.5, 5.0, 0.3])
 LARGEST_LATENT = np.array([20.0, 20.0, 8.0, 8.0, 60.0, 1.5])
 
 
-@dataclass(frozen=True)
-class Fit:
-    """A fitted recording.
-
-    Attributes:
-        point: latents, nuisance and effects.
-        scatter: from hit to hit: sd of log friction for slides, (5, 5) covariance for launches.
-        objective: -2 log marginal likelihood minus constants; lower is better.
-        columns: of `covariance` and `marginal`.
-        covariance: (p, p) of the shared parameters.
-        marginal: at the point.
-        dispersion: of whitened residuals, 1 where the model holds.
-        converged: whether it did.
-    """
-
-    point: Point
-    scatter: Any
-    objective: float
-    columns: tuple[Column, ...]
-    covariance: Array
-    marginal: Marginal
-    dispersion: float
-    converged: bool
-
-
-class SlideFitter:
+class SlideFitter(GaussNewton):
     """Fits one set of hits; frames that jump are left out."""
 
+    iterations = 30
+    first_scatter = FIRST_FRICTION_SD
+
     def __init__(self, model: SlideModel, noise: CameraNoise, spin: SpinPrior | None = None) -> None:
-        self.model, self.noise, self.effects = model, noise, model.effects
+        super().__init__(model.effects)
+        self.model, self.noise = model, noise
         self.spin = spin or UnknownSpin(len(model.tracks))
         self.valid = model.tracks.valid.copy()
         self.frame_sd = self._frame_sd()
-        self.sizes: dict[str, float] = {}
 
     def start(self) -> Point:
         """Launches from the first frames, friction from how far the object went."""
@@ -100,57 +71,13 @@ class SlideFitter:
         tracks = self.model.tracks
         return self.noise.sd_at(frame_speeds(tracks.times, tracks.places, tracks.valid))
 
-    def fit(self, start: Point, scatter: float = FIRST_FRICTION_SD, effects: Sequence[str] = ()) -> Fit:
-        """Fit launches, nuisance and the effects named, from a point."""
-        point = replace(
-            start,
-            effects={n: dict(start.effects.get(n, self.model.effects[n].neutral())) for n in effects},
-        )
-        columns = self.model.columns(effects)
-        mean, precision = self.prior(columns)
-        damping = 1e-3
-        state = self.evaluate(point, columns, scatter)
-        objective = self._objective(state, point, columns, mean, precision)
-        converged = False
-        for _ in range(ITERATIONS):
-            information = state.information.sum(0) + np.diag(precision)
-            score = state.scores.sum(0) + precision * (mean - self._shared(point, columns))
-            shift = np.linalg.solve(information + damping * np.diag(np.diag(information)), score)
-            new = self._moved(point, columns, shift, state)
-            spread = self._scatter(new, state)
-            candidate = self.evaluate(new, columns, spread)
-            value = self._objective(candidate, new, columns, mean, precision)
-            # The scatter's own update may raise the objective by its bound alone; a little is let pass.
-            if value > objective + 1.0 and damping < 1e4:
-                damping *= 10
-                continue
-            change = objective - value
-            point, state, objective, scatter = new, candidate, value, spread
-            damping = max(damping / 5, 1e-6)
-            if abs(change) < CONVERGED:
-                converged = True
-                break
-        information = state.information.sum(0) + np.diag(precision)
-        return Fit(
-            point,
-            scatter,
-            objective,
-            tuple(columns),
-            np.linalg.inv(information),
-            state,
-            float(state.squares.sum() / max(self.freedom().sum(), 1)),
-            converged,
-        )
+    def columns(self, effects: Sequence[str]) -> list[Column]:
+        """Nuisance of all objects, then the parameters of the effects."""
+        return self.model.columns(effects)
 
     def starts(self, name: str) -> Sequence[Values]:
         """None: slides are nearly linear in all effects."""
         return ()
-
-    def objective(self, point: Point, scatter: float, effects: Sequence[str]) -> float:
-        """At a point, launches being what they are there."""
-        columns = self.model.columns(effects)
-        state = self.evaluate(point, columns, scatter)
-        return self._objective(state, point, columns, *self.prior(columns))
 
     def quadratic(self, fit: Fit, effects: Sequence[str]) -> tuple[list[Column], Marginal, Array]:
         """Columns of nuisance and effects at a fitted point.
@@ -180,19 +107,6 @@ class SlideFitter:
         without = replace(point, effects={n: v for n, v in point.effects.items() if n != name})
         moved = self.model.predict(point) - self.model.predict(without)
         return float(np.sqrt((moved[self._some_frames()] ** 2).sum(-1).mean(0).max()))
-
-    def prior(self, columns: Sequence[Column]) -> tuple[Array, Array]:
-        """Mean and information (p,) of the shared parameters."""
-        mean, precision = np.zeros(len(columns)), np.zeros(len(columns))
-        for c, column in enumerate(columns):
-            if column.object >= 0:
-                which = c % 3
-                mean[c], precision[c] = NUISANCE_MEAN[which], NUISANCE_SD[which] ** -2
-            else:
-                p = parameter_of(self.model.effects[column.owner].parameters, column.parameter)
-                mean[c] = p.neutral
-                precision[c] = (self.sizes.get(column.owner, LARGEST) * p.scale) ** -2
-        return mean, precision
 
     def freedom(self) -> Array:
         """(n,) expected squares of each hit: its data less what fits its own unknowns."""
@@ -240,46 +154,12 @@ class SlideFitter:
         )
         return replace(marginal, log_volume=marginal.log_volume + 2 * np.log(scatter))
 
-    def _objective(
-        self, state: Marginal, point: Point, columns: Sequence[Column], mean: Array, precision: Array
-    ) -> float:
-        """At the present latents' best first-order change: squares, volume and prior."""
-        shared = self._shared(point, columns)
-        prior = float((precision * (shared - mean) ** 2).sum())
-        return float(state.squares.sum() + state.log_volume.sum()) + prior
-
-    @staticmethod
-    def _scatter(point: Point, state: Marginal) -> float:
+    def _scatter(self, point: Point, state: Marginal, before: float) -> float:
         square = (point.latents[:, 5] ** 2 + state.covariance[:, 5, 5]).mean()
         return float(np.clip(np.sqrt(square), *FRICTION_SD))
 
-    def _shared(self, point: Point, columns: Sequence[Column]) -> Array:
-        values = np.empty(len(columns))
-        for c, column in enumerate(columns):
-            if column.object >= 0:
-                values[c] = point.nuisance[column.object, c % 3]
-            else:
-                values[c] = point.effects[column.owner][column.parameter]
-        return values
-
-    def _moved(self, point: Point, columns: Sequence[Column], shift: Array, state: Marginal) -> Point:
-        latents = bounded_step(point.latents, state.step + state.gain @ shift)
-        nuisance = point.nuisance.copy()
-        effects = {name: dict(values) for name, values in point.effects.items()}
-        for c, column in enumerate(columns):
-            if column.object >= 0:
-                value = nuisance[column.object, c % 3] + shift[c]
-                nuisance[column.object, c % 3] = np.clip(value, *NUISANCE_BOUNDS[c % 3])
-            else:
-                p = parameter_of(self.model.effects[column.owner].parameters, column.parameter)
-                value = effects[column.owner][column.parameter] + shift[c]
-                effects[column.owner][column.parameter] = float(np.clip(value, p.low, p.high))
-        return Point(latents, nuisance, effects)
-
-
-def parameter_of(parameters, name: str):  # type: ignore[no-untyped-def]
-    """The parameter of that name."""
-    return next(p for p in parameters if p.name == name)
+    def _moved_latents(self, point: Point, shift: Array, state: Marginal) -> Array:
+        return bounded_step(point.latents, state.step + state.gain @ shift)
 
 
 def bounded_step(latents: Array, step: Array) -> Array:

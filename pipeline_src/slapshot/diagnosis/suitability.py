@@ -7,6 +7,7 @@ import numpy as np
 from slapshot.diagnosis.tracks import (
     NEVER_RESTED,
     NO_FRAMES,
+    NO_REST_POINT,
     TOO_FEW_FRAMES,
     TOO_SHORT_A_SLIDE,
     TOO_SHORT_A_WAY,
@@ -21,6 +22,7 @@ LEAST_FRAMES = 12  # of a slide in the median: fewer cannot tell its launch from
 
 REMEDIES = {
     NO_FRAMES: "record tracks of all hits",
+    NO_REST_POINT: "record where every object comes to rest",
     TOO_FEW_FRAMES: "record more frames a second, or hit harder",
     TOO_SHORT_A_WAY: "hit harder",
     TOO_SHORT_A_SLIDE: "record more frames a second (Hz), or hit harder",
@@ -28,13 +30,8 @@ REMEDIES = {
 }
 
 
-def cannot_tell(recording: Recording, tracks: HitTracks | None) -> str | None:
-    """Reason and remedy in one sentence, None if there is none."""
-    if tracks is None:
-        return (
-            "the recording has rest points only: what slowed an object cannot be told from how it was hit; "
-            "record tracks (camera frames of the sliding object)"
-        )
+def cannot_tell(recording: Recording, tracks: HitTracks) -> str | None:
+    """Reason and remedy in one sentence, None if there is none; of tracks, or of rest points as tracks."""
     if len(tracks) < FEWEST_HITS and len(recording.hits) >= FEWEST_HITS:
         why, count = Counter(tracks.dropped.values()).most_common(1)[0]
         few = f"only {len(tracks)} of {len(recording.hits)} hits can be used"
@@ -45,7 +42,7 @@ def cannot_tell(recording: Recording, tracks: HitTracks | None) -> str | None:
             "headings and speeds as different as the rig allows"
         )
     frames = float(np.median(tracks.valid.sum(1)))
-    if frames < LEAST_FRAMES:
+    if recording.tracks is not None and frames < LEAST_FRAMES:
         return (
             f"a slide has {frames:.0f} frames (median) at {recording.camera_rate_hz:g} Hz; record at "
             f"{recording.camera_rate_hz * 2 * LEAST_FRAMES / frames:.0f} Hz or more, or hit harder"
@@ -63,7 +60,8 @@ def cannot_tell(recording: Recording, tracks: HitTracks | None) -> str | None:
 def _spread(tracks: HitTracks) -> tuple[float, float]:
     """Root mean square spread of headings in rad, and spread of log speeds, by where slides end."""
     last = tracks.valid.sum(1) - 1
-    moved = tracks.places[np.arange(len(last)), last] - tracks.places[:, 0]
+    begin = tracks.places[:, 0] if tracks.places.shape[1] > 1 else tracks.start
+    moved = tracks.places[np.arange(len(last)), last] - begin
     heading = np.arctan2(moved[:, 1], moved[:, 0])
     mean = np.arctan2(np.sin(heading).mean(), np.cos(heading).mean())
     turned = np.angle(np.exp(1j * (heading - mean)))

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.slide_fit import Fit, SlideFitter, bounded_step
+from slapshot.diagnosis.gauss_newton import Fit
+from slapshot.diagnosis.slide_fit import SlideFitter, bounded_step
 from slapshot.diagnosis.slide_model import Point
 
 Array = NDArray[np.float64]

@@ -1,6 +1,8 @@
 """What a diagnosis takes from a recording: the frames of every hit that slides, and where it started."""
 
+from collections import Counter
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,10 +17,12 @@ Array = NDArray[np.float64]
 RELEASE_DISTANCE = 0.12
 MOVING_DISTANCE = 0.02  # m from the start at which an object has begun to move, above any camera's noise
 FEWEST_FRAMES = 8  # of a slide that is used
+RESTED_S = 6.0  # s after the release
 AFTER_REST = 12  # frames at rest that are kept: more of them only repeat the rest point
 
 # Why hits are not used.
 NO_FRAMES = "they have no frames"
+NO_REST_POINT = "they have no rest point"
 TOO_FEW_FRAMES = "they have too few frames"
 TOO_SHORT_A_WAY = f"the object moved by less than {100 * RELEASE_DISTANCE:.0f} cm"
 TOO_SHORT_A_SLIDE = f"the object was seen to slide for less than {FEWEST_FRAMES} frames"
@@ -37,7 +41,7 @@ class HitTracks:
         command: (n,) number of the command; equal for repeats.
         start: (n, 2) m, where the object was meant to lie.
         seen_start: (n, 2) m, median of the frames before it moved; NaN if there are none.
-        release: (n,) s, time of the first frame that is used.
+        release: (n,) s, time of the first frame that is used; NaN where nobody saw it.
         times: (n, frames) s since the release.
         places: (n, frames, 2) m.
         valid: (n, frames) which of them are frames.
@@ -72,12 +76,17 @@ class HitTracks:
         frames = {name: getattr(self, name)[rows] for name in ("times", "places", "valid")}
         return HitTracks(objects=self.objects, resting=self.resting, dropped=self.dropped, **arrays, **frames)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Hits that are not used, a line for each reason."""
+        reasons = Counter(self.dropped.values())
+        return tuple(f"{count} hits were left out because {why}" for why, count in sorted(reasons.items()))
+
 
 def hit_tracks(recording: Recording) -> HitTracks:
     """Cut the slides out of a recording that has tracks."""
     assert recording.tracks is not None
     groups = dict(tuple(recording.tracks.groupby("hit")))
-    objects = tuple(recording.objects)
     rows: list[tuple[pd.Series, Array, Array, float, Array]] = []
     resting: list[tuple[Array, Array]] = []
     dropped: dict[int, str] = {}
@@ -105,19 +114,9 @@ def hit_tracks(recording: Recording) -> HitTracks:
     for i, (_, _, t, _, p) in enumerate(rows):
         times[i, : len(t)], places[i, : len(t)], valid[i, : len(t)] = t, p, True
         times[i, len(t) :] = t[-1]
-    hits = pd.DataFrame([r[0] for r in rows], columns=recording.hits.columns)
-    orders = recording.hits["order"].to_numpy(float)
-    span = max(np.ptp(orders), 1.0)
-    command = hits["command_id"].astype("Float64").to_numpy(float, na_value=np.nan)
-    own = -1 - np.arange(count)
     pairs = [r for r in resting if len(r[0])]
     return HitTracks(
-        hit=hits["hit"].to_numpy(np.int64),
-        object=np.array([objects.index(o) for o in hits["object_id"]], np.int64),
-        objects=objects,
-        order=(hits["order"].to_numpy(float) - orders.min()) / span - 0.5,
-        command=np.where(np.isnan(command), own, command).astype(np.int64),
-        start=hits[["start_x", "start_y"]].to_numpy(float),
+        **_of_hits(recording, pd.DataFrame([r[0] for r in rows], columns=recording.hits.columns)),
         seen_start=np.array([r[1] for r in rows]).reshape(-1, 2),
         release=np.array([r[3] for r in rows]),
         times=times,
@@ -129,6 +128,40 @@ def hit_tracks(recording: Recording) -> HitTracks:
         ),
         dropped=dropped,
     )
+
+
+def rest_tracks(recording: Recording) -> HitTracks:
+    """Rest points as tracks of one frame each, long after the hit; nobody saw when objects were released."""
+    ordered = recording.hits.sort_values("order")
+    rested = ordered[["rest_x", "rest_y"]].notna().all(axis=1)
+    hits = ordered[rested]
+    count = len(hits)
+    return HitTracks(
+        **_of_hits(recording, hits),
+        seen_start=np.full((count, 2), np.nan),
+        release=np.full(count, np.nan),
+        times=np.full((count, 1), RESTED_S),
+        places=hits[["rest_x", "rest_y"]].to_numpy(float)[:, None],
+        valid=np.ones((count, 1), bool),
+        resting=(np.zeros((0, 2)), np.zeros(0)),
+        dropped=dict.fromkeys(ordered.loc[~rested, "hit"].astype(int), NO_REST_POINT),
+    )
+
+
+def _of_hits(recording: Recording, hits: pd.DataFrame) -> dict[str, Any]:
+    """What hits.parquet says of some of its hits."""
+    objects = tuple(recording.objects)
+    orders = recording.hits["order"].to_numpy(float)
+    command = hits["command_id"].astype("Float64").to_numpy(float, na_value=np.nan)
+    own = -1 - np.arange(len(hits))
+    return {
+        "hit": hits["hit"].to_numpy(np.int64),
+        "object": np.array([objects.index(o) for o in hits["object_id"]], np.int64),
+        "objects": objects,
+        "order": (hits["order"].to_numpy(float) - orders.min()) / max(np.ptp(orders), 1.0) - 0.5,
+        "command": np.where(np.isnan(command), own, command).astype(np.int64),
+        "start": hits[["start_x", "start_y"]].to_numpy(float),
+    }
 
 
 def _cut(times: Array, places: Array) -> tuple[int, int, int] | str:

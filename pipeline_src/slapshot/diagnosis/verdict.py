@@ -104,15 +104,15 @@ class Errors:
     """On hits that took no part in fitting or choosing.
 
     Attributes:
-        track_rmse_m: of the frames after the first ones, from which the launch was told.
-        rest_rmse_m: of the last of them.
+        track_rmse_m: of the frames after the first ones, from which the launch was told; None without tracks.
+        rest_rmse_m: of the last of them; None without tracks.
         command_rest_rmse_m: of rest points predicted from commands alone; None where they are not known.
         loglik_per_hit: nats, over that of the nominal scene with refitted nuisance.
         chi2_per_freedom: of the whitened residuals, 1 where the model holds.
     """
 
-    track_rmse_m: Interval
-    rest_rmse_m: Interval
+    track_rmse_m: Interval | None
+    rest_rmse_m: Interval | None
     command_rest_rmse_m: Interval | None
     loglik_per_hit: Interval
     chi2_per_freedom: Interval
@@ -126,12 +126,14 @@ class NextHit:
         heading_rad, speed_m_s: of its launch.
         rivals: that it parts.
         nats: expected in favour of the true one.
+        like_hit: number of a recorded hit whose command makes it; None where commands are not known.
     """
 
     heading_rad: float
     speed_m_s: float
     rivals: tuple[str, str]
     nats: float
+    like_hit: int | None = None
 
 
 @dataclass(frozen=True)

@@ -50,8 +50,8 @@ def _mapping(schema: _Schema) -> _Schema:
 _PHASE, _VARIABLE = {"enum": list(get_args(Phase))}, {"enum": list(get_args(Follows))}
 _INTERVAL = _object(value=_NUMBER, low=_NUMBER, high=_NUMBER)
 _ERRORS = _object(
-    track_rmse_m=_INTERVAL,
-    rest_rmse_m=_INTERVAL,
+    track_rmse_m=_or_null(_INTERVAL),
+    rest_rmse_m=_or_null(_INTERVAL),
     command_rest_rmse_m=_or_null(_INTERVAL),
     loglik_per_hit=_INTERVAL,
     chi2_per_freedom=_INTERVAL,
@@ -81,6 +81,7 @@ _NEXT_HIT = _object(
     speed_m_s=_NOT_NEGATIVE,
     rivals={"type": "array", "prefixItems": [_TEXT, _TEXT], "items": False, "minItems": 2},
     nats=_NUMBER,
+    like_hit=_or_null({"type": "integer"}),
 )
 _LIMIT = _object(effect=_TEXT, parameter=_TEXT, unit=_TEXT, at_most=_NOT_NEGATIVE)
 _VERDICT = _object(

@@ -1,6 +1,7 @@
 """Smooth functions of the place on the board: Gaussian bumps on a grid."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ class Bumps:
     counts: tuple[int, int]
     width: float
 
-    @property
+    @cached_property
     def axes(self) -> tuple[Array, Array]:
         """Centres along x and along y in m; bump j stands at x j // counts[1], y j % counts[1]."""
         return (
@@ -41,26 +42,26 @@ class Bumps:
         return bool((((places - centre) ** 2).sum(-1) < (2.5 * self.width) ** 2).any())
 
     def total(self, weights: Array, x: Array, y: Array) -> Array:
-        """sum_j weights_j phi_j at n places, (n,); weights (n, bumps), each place has its own."""
+        """sum_j weights_j phi_j at n places, (n,); weights (bumps, n), each place has its own."""
         grid, (along_x, along_y), _ = self._factors(weights, x, y)
-        return np.einsum("nij,ni,nj->n", grid, along_x, along_y)
+        return ((grid * along_y).sum(1) * along_x).sum(0)
 
     def slope(self, weights: Array, x: Array, y: Array) -> tuple[Array, Array]:
         """Gradient of `total`, (n,), (n,) per m."""
         grid, (along_x, along_y), (to_x, to_y) = self._factors(weights, x, y)
         return (
-            np.einsum("nij,ni,nj->n", grid, along_x * to_x / self.width**2, along_y),
-            np.einsum("nij,ni,nj->n", grid, along_x, along_y * to_y / self.width**2),
+            ((grid * along_y).sum(1) * along_x * to_x).sum(0) / self.width**2,
+            ((grid * (along_y * to_y)).sum(1) * along_x).sum(0) / self.width**2,
         )
 
     def _factors(
         self, weights: Array, x: Array, y: Array
     ) -> tuple[Array, tuple[Array, Array], tuple[Array, Array]]:
         """A Gaussian in two dimensions is a product: far fewer exponentials than bumps."""
-        to_x, to_y = self.axes[0] - x[:, None], self.axes[1] - y[:, None]
+        to_x, to_y = self.axes[0][:, None] - x, self.axes[1][:, None] - y
         along_x = np.exp(-(to_x**2) / (2 * self.width**2))
         along_y = np.exp(-(to_y**2) / (2 * self.width**2))
-        return weights.reshape(len(x), *self.counts), (along_x, along_y), (to_x, to_y)
+        return weights.reshape(*self.counts, len(x)), (along_x, along_y), (to_x, to_y)
 
 
 # Over the board of the scenes here; where nothing moves, coefficients stay at their prior.

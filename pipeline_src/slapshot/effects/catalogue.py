@@ -2,12 +2,11 @@
 
 from collections.abc import Iterable, Mapping
 from importlib import import_module
-from pkgutil import iter_modules
 
+from slapshot.effects import effect_modules
 from slapshot.effects.effect import Effect
 from slapshot.errors import InputError
 
-_MACHINERY = ("__main__", "effect", "bases", "catalogue", "slide_law", "table")
 _registered: dict[str, Effect] = {}
 
 
@@ -17,13 +16,6 @@ def catalogue() -> Mapping[str, Effect]:
     phases = ("swing", "contact", "slide", "across hits", "camera")
     order = sorted(_registered, key=lambda name: (phases.index(_registered[name].phase), name))
     return {name: _registered[name] for name in order}
-
-
-def effect_modules() -> list[str]:
-    """Dotted names of the modules of this package that define an effect."""
-    package = __name__.rpartition(".")[0]
-    names = sorted(info.name for info in iter_modules(import_module(package).__path__))
-    return [f"{package}.{name}" for name in names if name not in _MACHINERY]
 
 
 def register(effect: Effect) -> None:

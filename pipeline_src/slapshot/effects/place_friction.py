@@ -23,7 +23,7 @@ class PlaceFriction(Effect):
 
     def log_friction(self, values: Mapping[str, Array], state: SlideState) -> Array:
         """Of all bumps together."""
-        return BOARD.total(np.stack([values[name] for name in _NAMES], axis=1), state.x, state.y)
+        return BOARD.total(np.array([values[name] for name in _NAMES]), state.x, state.y)
 
     def reaches(self, parameter: str, places: Array) -> bool:
         """Bumps reach as far as they are wide."""

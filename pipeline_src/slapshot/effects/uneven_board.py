@@ -23,7 +23,7 @@ class UnevenBoard(Effect):
 
     def accelerate(self, values: Mapping[str, Array], state: SlideState) -> tuple[Array, Array]:
         """Down the slope of all bumps together."""
-        heights = np.stack([values[name] for name in _NAMES], axis=1)
+        heights = np.array([values[name] for name in _NAMES])
         along_x, along_y = BOARD.slope(heights, state.x, state.y)
         return -GRAVITY * along_x, -GRAVITY * along_y
 

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.config import merge
+from slapshot.effects import modules_of_results
 from slapshot.errors import InputError
-from slapshot.plan.diagnosis import SEED, effect_modules, what_is_believed
+from slapshot.plan.diagnosis import SEED, what_is_believed
 from slapshot.plan.recipes import Plan
 from slapshot.plan.simulation import stand_ins
 from slapshot.proof.cases import Case, read_cases
@@ -46,7 +47,7 @@ def add_proof(plan: Plan, config: Mapping[str, Any]) -> None:
             "rate_hz": lab["joints"]["rate_hz"],
         },
         {"scene": f"scene/{name}", "demonstrations": f"demonstrations/{name}/pool"},
-        modules=[module, *effect_modules()],
+        modules=[module, *modules_of_results()],
     )
     _add_list(plan, name, SMALL, read_cases(Path(cases["small"])), config, lab)
     file = Path(cases["published"]) if config["proof"] == "published" else FRESH
@@ -83,7 +84,7 @@ def _add_list(
             "verdict",
             {"seed": SEED, **rig},
             {**shared, "recording": label},
-            modules=effect_modules(),
+            modules=modules_of_results(),
             on_demand=which == FULL,
         )
         inputs |= {f"case/{case.case}": label, f"verdict/{case.case}": found}
@@ -99,6 +100,6 @@ def _add_list(
             **rig,
         },
         inputs,
-        modules=effect_modules(),
+        modules=modules_of_results(),
         on_demand=which == FULL,
     )

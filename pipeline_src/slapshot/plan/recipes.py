@@ -1,13 +1,13 @@
 """The set of recipes that a configuration asks for."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from slapshot.errors import InputError
 from slapshot.plan.catalogue import LIBRARIES, ON_DEMAND, STAGES
-from slapshot.store.recipe import Recipe, make_recipe
+from slapshot.store.recipe import Recipe, file_digest, make_recipe
 
 
 @dataclass
@@ -21,6 +21,7 @@ class Plan:
 
     recipes: dict[str, Recipe] = field(default_factory=dict)
     on_demand: set[str] = field(default_factory=set)
+    _bare: dict[tuple[str, ...], Recipe] = field(default_factory=dict, repr=False)  # by stage and modules
 
     def add(
         self,
@@ -35,14 +36,20 @@ class Plan:
         """Add one recipe; `upstream` maps a role to the label of an earlier one."""
         if on_demand or stage in ON_DEMAND:
             self.on_demand.add(label)
-        self.recipes[label] = make_recipe(
-            stage,
-            [STAGES[stage], *modules],
-            config,
-            {role: self.recipes[up] for role, up in (upstream or {}).items()},
-            LIBRARIES[stage],
-            files,
+        above = {role: self.recipes[up] for role, up in (upstream or {}).items()}
+        self.recipes[label] = replace(
+            self._bare_recipe(stage, tuple(modules)),
+            config=config,
+            upstream={role: (recipe.stage, recipe.id) for role, recipe in above.items()},
+            files={name: file_digest(path) for name, path in (files or {}).items()},
         )
+
+    def _bare_recipe(self, stage: str, modules: tuple[str, ...]) -> Recipe:
+        """Stage, code and libraries alone: code is read once for the hundreds of cases of a proof."""
+        key = (stage, *modules)
+        if key not in self._bare:
+            self._bare[key] = make_recipe(stage, [STAGES[stage], *modules], {}, {}, LIBRARIES[stage])
+        return self._bare[key]
 
     def of_stage(self, stage: str) -> dict[str, Recipe]:
         """Label -> recipe of one stage."""

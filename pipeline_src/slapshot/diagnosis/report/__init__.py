@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 
-from slapshot.diagnosis.diagnose import Diagnosis
 from slapshot.diagnosis.report import errors_figure, location_map, ranking, tracks_figure
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.rerun_recording import write_recording
 from slapshot.diagnosis.report.sentences import VERDICT_TEXT, markdown
 from slapshot.diagnosis.report.terminal import terminal_text
+from slapshot.diagnosis.result import Diagnosis
 from slapshot.diagnosis.verdict_file import read_verdict, write_verdict
 from slapshot.figures.drawing import save, use_style
 

@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.diagnose import Diagnosis
 from slapshot.diagnosis.level import Level
 from slapshot.diagnosis.report.predictions import Predicted, predict
 from slapshot.diagnosis.report.residuals import arrow_table
+from slapshot.diagnosis.result import Diagnosis
 from slapshot.diagnosis.search import Candidate, Screen, Search
 from slapshot.diagnosis.slide_fit import SlideFitter
 from slapshot.diagnosis.verdict import Verdict

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.diagnosis.gauss_newton import Fit
 from slapshot.diagnosis.held_out import first_frames
-from slapshot.diagnosis.slide_fit import Fit, SlideFitter
+from slapshot.diagnosis.slide_fit import SlideFitter
 from slapshot.diagnosis.told import told_launches
 
 Array = NDArray[np.float64]

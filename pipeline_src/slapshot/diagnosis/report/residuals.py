@@ -116,7 +116,7 @@ def bump_shapes(places: Array) -> Array:
     """(bumps, n) of the board's bumps at places (n, 2) in m."""
     x, y = places.T
     one = np.eye(len(BOARD))
-    return np.stack([BOARD.total(np.tile(row, (len(x), 1)), x, y) for row in one])
+    return np.stack([BOARD.total(np.tile(row[:, None], len(x)), x, y) for row in one])
 
 
 def cells(fitter: SlideFitter) -> tuple[Array, NDArray[np.int64]]:
@@ -216,7 +216,7 @@ class _PlaceAlong(Effect):
     source = ""
 
     def accelerate(self, values: Mapping[str, Array], state: SlideState) -> tuple[Array, Array]:
-        weights = np.stack([values[f"along_{j}"] for j in range(len(BOARD))], axis=1)
+        weights = np.array([values[f"along_{j}"] for j in range(len(BOARD))])
         along = BOARD.total(weights, state.x, state.y)
         return _turned(along, np.zeros_like(along), state)
 

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from slapshot.diagnosis.diagnose import HELD_OUT
-from slapshot.diagnosis.held_out import SEEN_SHARE
+from slapshot.diagnosis.held_out import HELD_OUT, SEEN_SHARE
 from slapshot.diagnosis.level import LEAST_EVIDENCE, LEAST_SHIFT, P_VALUE
 from slapshot.diagnosis.report import wording
 from slapshot.diagnosis.report.naming import what
@@ -141,10 +140,13 @@ def _where(verdict: Verdict) -> str:
 def place(verdict: Verdict) -> str:
     """Phase, variable and size."""
     location = verdict.location
-    if location is None or location.phase is None or location.variable is None:
+    if location is None:
         return "no phase or variable stands out"
-    phase, variable = wording.PHASES[location.phase], wording.VARIABLES[location.variable]
-    return f"{phase}; it follows {variable}; {location.size}"
+    phase = "rivals disagree in which phase" if location.phase is None else wording.PHASES[location.phase]
+    variable = "it cannot be told what it follows"
+    if location.variable is not None:
+        variable = f"it follows {wording.VARIABLES[location.variable]}"
+    return f"{phase}; {variable}; {location.size}"
 
 
 def scenes(verdict: Verdict) -> list[str]:
@@ -158,10 +160,9 @@ def _better(verdict: Verdict) -> list[str]:
     if verdict.fit is None:
         return ["Not measured."]
     rows = [[SCENES[name], *_errors(verdict.fit[name])] for name in scenes(verdict)]
-    head = ["scene", "track RMSE (mm)", "rest RMSE (mm)"]
-    head += ["rest from command RMSE (mm)"] * (verdict.fit["refitted"].command_rest_rmse_m is not None)
-    head += ["log-likelihood a hit (nats)"]
-    before, after, floor = (mm(_rest(verdict.fit[n])) for n in ("refitted", "augmented", "noise_floor"))
+    known = _measured(verdict.fit["refitted"])
+    head = ["scene", *(name for name, error in known.items() if error), "log-likelihood a hit (nats)"]
+    before, after, floor = (mm(rest_error(verdict.fit[n])) for n in ("refitted", "augmented", "noise_floor"))
     told = f"Rest points are predicted to {before} mm; noise alone leaves {floor} mm."
     if "augmented" in scenes(verdict):
         told = (
@@ -173,6 +174,9 @@ def _better(verdict: Verdict) -> list[str]:
         told += (
             " What was found acts before the slide: it does not change what follows from its first frames."
         )
+    if verdict.fit["refitted"].track_rmse_m is None:
+        how = "On held-out hits, each predicted from its command alone. Likelihoods are over that of the "
+        return [f"{told} {how}nominal scene with friction refitted.", table(head, rows)]
     how = (
         f"On held-out hits, each predicted from its first {100 * SEEN_SHARE:.0f} % of frames, and where "
         "commands are known from its command alone, which launches scatter about. Likelihoods are over "
@@ -182,16 +186,25 @@ def _better(verdict: Verdict) -> list[str]:
 
 
 def _errors(errors: Errors) -> list[str]:
-    measures = (errors.track_rmse_m, errors.rest_rmse_m, errors.command_rest_rmse_m)
-    found = [f"{mm(e)} ({MM * e.low:.1f} to {MM * e.high:.1f})" for e in measures if e is not None]
+    found = [f"{mm(e)} ({MM * e.low:.1f} to {MM * e.high:.1f})" for e in _measured(errors).values() if e]
     loglik = errors.loglik_per_hit
     fixed = loglik.low == loglik.high == 0  # the scene that others are compared with
     return [*found, "0" if fixed else wording.between(loglik.value, loglik.low, loglik.high)]
 
 
-def _rest(errors: Errors) -> Interval:
-    """From the command where it is known."""
-    return errors.command_rest_rmse_m or errors.rest_rmse_m
+def _measured(errors: Errors) -> dict[str, Interval | None]:
+    return {
+        "track RMSE (mm)": errors.track_rmse_m,
+        "rest RMSE (mm)": errors.rest_rmse_m,
+        "rest from command RMSE (mm)": errors.command_rest_rmse_m,
+    }
+
+
+def rest_error(errors: Errors) -> Interval:
+    """Of rest points, predicted from the command where it is known."""
+    found = errors.command_rest_rmse_m or errors.rest_rmse_m
+    assert found is not None
+    return found
 
 
 def mm(error: Interval) -> str:
@@ -206,11 +219,15 @@ def _next(verdict: Verdict) -> str:
         if rivals:
             return f"No hits were worked out that would part {wording.listed(rivals)}."
         return "No rivals are left that further hits would have to part."
-    first = [wording.title(name) for name in verdict.next_hits[0].rivals]
-    rows = [[heading(h.heading_rad), f"{h.speed_m_s:.1f}", f"{h.nats:.1f}"] for h in verdict.next_hits]
-    return f"Hits that part {wording.listed(first)}, best first; 3 nats are odds of 20 to 1.\n\n" + table(
-        ["heading (degrees, anticlockwise from x)", "speed (m/s)", "evidence a hit (nats)"], rows
-    )
+    hits = verdict.next_hits
+    first = [wording.title(name) for name in hits[0].rivals]
+    head = ["heading (degrees, anticlockwise from x)", "speed (m/s)", "evidence a hit (nats)"]
+    rows = [[heading(h.heading_rad), f"{h.speed_m_s:.1f}", f"{h.nats:.1f}"] for h in hits]
+    if hits[0].like_hit is not None:
+        head = ["repeat the command of hit", *head]
+        rows = [[str(hit.like_hit), *row] for hit, row in zip(hits, rows, strict=True)]
+    told = f"Hits that part {wording.listed(first)}, best first; 3 nats are odds of 20 to 1."
+    return f"{told}\n\n{table(head, rows)}"
 
 
 def heading(radians: float) -> str:

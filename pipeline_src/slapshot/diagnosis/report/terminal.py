@@ -1,7 +1,16 @@
 """The verdict in ten lines for the terminal."""
 
 from slapshot.diagnosis.report import wording
-from slapshot.diagnosis.report.sentences import MM, VERDICT_TEXT, heading, headline, mm, place, scenes
+from slapshot.diagnosis.report.sentences import (
+    MM,
+    VERDICT_TEXT,
+    heading,
+    headline,
+    mm,
+    place,
+    rest_error,
+    scenes,
+)
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.figures.drawing import STAND_IN
 
@@ -30,11 +39,12 @@ def terminal_text(verdict: Verdict) -> str:
             text = wording.parameter_text(p.name, p.unit, p.value, p.low, p.high)
             lines.append(f"             {wording.parameter_label(p.name, p.meaning)}: {text}")
     if verdict.fit is not None:
-        shown = [f"{wording.title(name)} {mm(verdict.fit[name].rest_rmse_m)}" for name in scenes(verdict)]
+        shown = [f"{wording.title(name)} {mm(rest_error(verdict.fit[name]))}" for name in scenes(verdict)]
         lines.append(f"  rest error {', '.join(shown)} mm")
     if verdict.limits:
         lines.append(f"  limits     {wording.several(len(verdict.limits), 'line')} in {VERDICT_TEXT}")
     if verdict.next_hits:
         best = verdict.next_hits[0]
-        lines.append(f"  next hit   {heading(best.heading_rad)} degrees at {best.speed_m_s:.1f} m/s")
+        command = "" if best.like_hit is None else f", the command of hit {best.like_hit}"
+        lines.append(f"  next hit   {heading(best.heading_rad)} degrees at {best.speed_m_s:.1f} m/s{command}")
     return "\n".join([*lines, *(f"  note       {note}" for note in verdict.notes)])

@@ -1,0 +1,65 @@
+"""What a diagnosis is given beside a recording, and what it returns."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.level import Level
+from slapshot.diagnosis.search import Candidate, Screen, Search
+from slapshot.diagnosis.signatures import Signatures
+from slapshot.diagnosis.slide_fit import SlideFitter
+from slapshot.diagnosis.verdict import Verdict
+from slapshot.scenes.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a diagnosis knows of the scene.
+
+    Attributes:
+        radius: m, of the object as a disc.
+        camera: (2,) m, point of the plane that the camera looks at.
+        friction: nominal mu_x, mu_y and torsional friction in m.
+        scene: to simulate commands with; None to use the slides alone.
+    """
+
+    radius: float
+    camera: Array
+    friction: tuple[float, float, float]
+    scene: Scene | None = None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A verdict and what it was read from, for figures.
+
+    Attributes:
+        verdict: what was found.
+        search: with its fitter (of the hits that were used for it) and all that was refitted; None where
+            nothing could be told.
+        nominal, final: fits without and with the effects that were found.
+        screen: of all hypotheses at the nominal fit.
+        held_out: fitter of the held-out hits.
+        launches: the same for launches; None where commands are not known.
+        rests: the same for rest points, of a recording that has nothing else; None otherwise.
+        signatures: of the commands, given or made; None likewise.
+    """
+
+    verdict: Verdict
+    search: Search[SlideFitter] | None = None
+    nominal: Candidate | None = None
+    final: Candidate | None = None
+    screen: Screen | None = None
+    held_out: SlideFitter | None = None
+    launches: Level | None = None
+    rests: Level | None = None
+    signatures: Signatures | None = None
+
+    def values(self) -> dict[str, dict[str, float]]:
+        """Effect -> parameter -> value of all effects that were found."""
+        finals = [self.final, *(level.final for level in (self.launches, self.rests) if level is not None)]
+        fits = [final.fit for final in finals if final is not None]
+        return {name: dict(own) for fit in fits for name, own in fit.point.effects.items()}
