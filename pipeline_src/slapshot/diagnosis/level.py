@@ -38,12 +38,15 @@ class Level:
     @property
     def notes(self) -> tuple[str, ...]:
         """Fits that did not converge, and hypotheses that failed."""
-        stuck = [
-            "a fit did not converge: its values and intervals may be wrong"
-            for fit in {id(c): c.fit for c in (self.nominal, self.final)}.values()
-            if not fit.converged
-        ]
-        return (*stuck[:1], *(dropped_note(name, why) for name, why in self.search.failed.items()))
+        fits = {"the nominal scene": self.nominal.fit, "what was found": self.final.fit}
+        return (
+            *(
+                f"the fit of {what} did not converge: its values and intervals may be wrong"
+                for what, fit in fits.items()
+                if not fit.converged and (fit is not self.nominal.fit or what == "the nominal scene")
+            ),
+            *(dropped_note(name, why) for name, why in self.search.failed.items()),
+        )
 
     @property
     def unknown(self) -> Unknown:

@@ -35,7 +35,7 @@ LARGEST_LATENT = np.array([20.0, 20.0, 8.0, 8.0, 60.0, 1.5])
 class SlideFitter(GaussNewton):
     """Fits one set of hits; frames that jump are left out."""
 
-    iterations = 30
+    iterations = 20
     first_scatter = FIRST_FRICTION_SD
 
     def __init__(self, model: SlideModel, noise: CameraNoise, spin: SpinPrior | None = None) -> None:
