@@ -64,7 +64,7 @@ def _publish_whole(store: Store, versions: list[str], target: Path) -> None:
         elif version.startswith(_SHOWN):
             for file in sorted((store.root / version).iterdir()):
                 if _PUBLISHED.match(file.name):
-                    _copy(file, target / file.name)
+                    copy_file(file, target / file.name)
                     manifest[file.name] = version
         elif version.startswith(_SMALL_PROOF) and store.is_whole(*version.split("/")):
             manifest |= _publish_small_proof(store.root / version, version, target / SMALL_PROOF)
@@ -86,7 +86,7 @@ def _publish_small_proof(folder: Path, version: str, target: Path) -> dict[str, 
     target.mkdir(exist_ok=True)
     names = [f.name for f in sorted(folder.iterdir()) if f.suffix in {".csv", ".md", ".png", ".pdf"}]
     for name in names:
-        _copy(folder / name, target / name)
+        copy_file(folder / name, target / name)
     for file in target.iterdir():
         if file.name.removeprefix(".") not in names:
             file.unlink()
@@ -98,7 +98,7 @@ def _published_before(target: Path) -> dict[str, str]:
     return json.loads(path.read_text()) if path.is_file() else {}
 
 
-def _copy(file: Path, target: Path) -> None:
+def copy_file(file: Path, target: Path) -> None:
     """Unchanged files keep their time; a file is never seen half-written."""
     if target.is_file() and target.read_bytes() == file.read_bytes():
         return

@@ -115,4 +115,5 @@ rule proof:
         # What is drawn anew does not replace what is published.
         name="fresh" if config["proof"] == "fresh" else config["name"],
     shell:
-        "python -m slapshot.proof.publish --name {params.name:q} --log {log} {params.folder:q}"
+        "python -m slapshot.publish_version --name {params.name:q} --folder proof "
+        "--beside proof.csv --beside proof.md --log {log} {params.folder:q}"

@@ -10,13 +10,13 @@ from importlib.metadata import version
 from pathlib import Path
 
 from slapshot.config import load_config
-from slapshot.diagnosis.augmented import AUGMENTED, write_augmented
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.report import terminal_text, write_report
+from slapshot.diagnosis.outputs import write_outputs
+from slapshot.diagnosis.report import terminal_text
 from slapshot.diagnosis.result import Diagnosis
 from slapshot.diagnosis.rig_file import RigFile, read_rig, rig_of_domain
 from slapshot.diagnosis.signatures import Signatures
-from slapshot.effects.catalogue import catalogue, import_effects
+from slapshot.effects.catalogue import import_effects
 from slapshot.errors import InputError, writing
 from slapshot.recordings.read import read_recording
 from slapshot.store.closure import code_digest
@@ -52,10 +52,7 @@ def run_diagnose(args: argparse.Namespace) -> int:
         args.out.parent.mkdir(parents=True, exist_ok=True)
         aside = Path(tempfile.mkdtemp(prefix=f".{args.out.name}-", dir=args.out.parent))
         try:
-            write_report(diagnosis, versions, aside)
-            values = diagnosis.values()
-            if values:
-                write_augmented(rig.scene, catalogue(), values, aside / AUGMENTED)
+            write_outputs(diagnosis, recording, rig.scene, versions, aside)
             aside.chmod(0o755)
             aside.rename(args.out)
         finally:

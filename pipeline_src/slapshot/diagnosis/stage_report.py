@@ -4,11 +4,11 @@ import logging
 from importlib.metadata import version
 
 from slapshot.command import Run, stage_command
-from slapshot.diagnosis.augmented import AUGMENTED, write_augmented
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.report import terminal_text, write_report
+from slapshot.diagnosis.outputs import write_outputs
+from slapshot.diagnosis.report import terminal_text
 from slapshot.diagnosis.rig_file import setting_of
-from slapshot.effects.catalogue import catalogue, import_effects
+from slapshot.effects.catalogue import import_effects
 from slapshot.recordings.read import read_recording
 from slapshot.recordings.sources import recording_folders
 from slapshot.scenes.scene import Scene
@@ -17,16 +17,15 @@ log = logging.getLogger("slapshot")
 
 
 def produce(run: Run) -> None:
-    """Write the report, and augmented/ where something is missing."""
+    """Write the report, refit.json, and augmented/ where something is missing."""
     scene = Scene.load(run.inputs["scene"])
     import_effects(*run.config["effects"])
     (folder,) = recording_folders(run.config["recordings"], run.inputs).values()
     setting = setting_of(scene, run.config["friction"])
-    found = diagnose(read_recording(folder), setting, run.config["seed"], threads=run.cores)
+    recording = read_recording(folder)
+    found = diagnose(recording, setting, run.config["seed"], threads=run.cores)
     versions = {"slapshot": version("slapshot"), **{role: path.name for role, path in run.inputs.items()}}
-    write_report(found, versions, run.out)
-    if found.values():
-        write_augmented(scene, catalogue(), found.values(), run.out / AUGMENTED)
+    write_outputs(found, recording, scene, versions, run.out)
     for line in terminal_text(found.verdict).splitlines():
         log.info("%s", line)
 

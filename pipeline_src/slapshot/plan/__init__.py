@@ -13,6 +13,7 @@ from slapshot.plan.diagnosis import add_diagnoses
 from slapshot.plan.proof import add_proof
 from slapshot.plan.recipes import Plan
 from slapshot.plan.results import add_claims, add_figures, add_viewer
+from slapshot.plan.retraining import add_retraining
 from slapshot.plan.simulation import add_labs, add_simulation
 
 __all__ = ["CLAIMS", "FIGURES", "LIBRARIES", "ON_DEMAND", "STAGES", "Plan", "make_plan"]
@@ -34,6 +35,7 @@ def make_plan(config: Mapping[str, Any]) -> Plan:
         add_uncertainty(plan, name, domain)
         add_viewer(plan, name, domain)
         add_diagnoses(plan, name, domain)
+        add_retraining(plan, name, domain)
     add_proof(plan, config)
     add_claims(plan, config)
     add_figures(plan, config)

@@ -54,7 +54,7 @@ def add_method(plan: Plan, name: str, domain: Mapping[str, Any], method: str) ->
             name,
             domain,
             method,
-            [recording],
+            Sources.of(name, domain, [recording]),
             {"samples": settings["samples"], "repeats": settings["repeats"]},
         )
 
@@ -78,7 +78,7 @@ def add_uncertainty(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
         modules=[method_module(method)],
     )
     rollouts = {"rollouts": f"rollouts/{name}"}
-    recordings = list(domain["recordings"])
+    recordings = Sources.of(name, domain, list(domain["recordings"]))
     settings = {key: uncertainty[key] for key in ("draws", "samples", "shown_noise_variance")}
     add_recorded(
         plan,
@@ -112,13 +112,13 @@ def add_recorded(
     name: str,
     domain: Mapping[str, Any],
     method: str,
-    recordings: list[str],
+    sources: Sources,
     settings: Mapping[str, Any],
     upstream: Mapping[str, str] | None = None,
+    train: str | None = None,
 ) -> None:
-    """A recipe of a stage that puts recordings before a trained method."""
+    """A recipe of a stage that puts recordings before a trained method: the domain's, or that of an arm."""
     model = f"trajectory_model/{name}"
-    sources = Sources.of(name, domain, recordings)
     plan.add(
         label,
         stage,
@@ -129,7 +129,13 @@ def add_recorded(
             "recordings": sources.described,
             **settings,
         },
-        {"train": f"train/{name}/{method}", "trajectory_model": model, **(upstream or {}), **sources.roles},
+        {
+            "train": train or f"train/{name}/{method}",
+            "trajectory_model": model,
+            **(upstream or {}),
+            **sources.roles,
+        },
         [method_module(method)],
         sources.files,
+        on_demand=train is not None,
     )

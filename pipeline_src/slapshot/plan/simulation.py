@@ -42,12 +42,12 @@ def add_simulation(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     plan.add(
         f"rollouts/{name}",
         "rollouts",
-        {"seed": seed, "randomisation": _draws(domain["randomisation"]), **domain["rollouts"]},
+        {"seed": seed, "randomisation": draws(domain["randomisation"]), **domain["rollouts"]},
         {"scene": f"scene/{name}", "swings": f"swings/{name}"},
     )
 
 
-def _draws(randomisation: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+def draws(randomisation: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """What is drawn, without labels and units, which only pictures show."""
     keep = ("uniform", "normal", "times")
     return {n: {k: v for k, v in s.items() if k in keep} for n, s in randomisation.items()}

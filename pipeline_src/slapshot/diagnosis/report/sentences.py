@@ -168,7 +168,8 @@ def _better(verdict: Verdict) -> list[str]:
         told = (
             f"Rest points are predicted to {after} mm instead of {before} mm; noise alone leaves {floor} mm."
         )
-        if verdict.fit["augmented"].loglik_per_hit.low <= 0:
+        gained = rest_error(verdict.fit["augmented"]).high < rest_error(verdict.fit["refitted"]).low
+        if verdict.fit["augmented"].loglik_per_hit.low <= 0 and not gained:
             told += " **On so few held-out hits the gain cannot be told from chance.**"
     elif verdict.effects:
         told += (

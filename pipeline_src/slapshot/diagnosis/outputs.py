@@ -1,0 +1,31 @@
+"""All that a diagnosis writes: the report, the scene with what was found, and what was fitted beside it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from slapshot.diagnosis.augmented import AUGMENTED, write_augmented
+from slapshot.diagnosis.refit import write_refit
+from slapshot.diagnosis.report import write_report
+from slapshot.diagnosis.result import Diagnosis
+from slapshot.effects.catalogue import catalogue
+from slapshot.recordings.format import Recording
+from slapshot.scenes.scene import Scene
+
+
+def write_outputs(
+    diagnosis: Diagnosis, recording: Recording, scene: Scene, versions: Mapping[str, str], folder: Path
+) -> None:
+    """Write the report, refit.json, and augmented/ where something is missing.
+
+    Args:
+        diagnosis: of the recording.
+        recording: that was diagnosed.
+        scene: nominal.
+        versions: of scene, code and recording.
+        folder: that exists.
+    """
+    write_report(diagnosis, versions, folder)
+    write_refit(diagnosis, recording, folder)
+    values = diagnosis.values()
+    if values:
+        write_augmented(scene, catalogue(), values, folder / AUGMENTED)

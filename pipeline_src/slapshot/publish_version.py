@@ -1,0 +1,62 @@
+"""Copy what one version tells to a folder of figures/, with the versions that it was made from."""
+
+import argparse
+import json
+import logging
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from slapshot.command import set_up_logging
+from slapshot.errors import InputError, writing
+from slapshot.publish import copy_file
+
+log = logging.getLogger("slapshot")
+
+TOLD = (".csv", ".md", ".png", ".pdf")
+
+
+def publish_version(version: Path, target: Path, folder: str, beside: Sequence[str] = ()) -> None:
+    """Copy tables, pages and figures of a version to `target`/`folder`, and versions.json.
+
+    Args:
+        version: folder of it.
+        target: figures/, or that of a configuration.
+        folder: name.
+        beside: files that go to `target` itself.
+    """
+    with writing(target):
+        aside = target / folder
+        aside.mkdir(parents=True, exist_ok=True)
+        for file in sorted(version.iterdir()):
+            if file.suffix in TOLD:
+                copy_file(file, (target if file.name in beside else aside) / file.name)
+        recipe = json.loads((version / "version.json").read_text())["recipe"]
+        own = {recipe["stage"]: version.name}
+        made_from = own | {role: pair[1] for role, pair in recipe["upstream"].items()}
+        text = json.dumps(made_from, indent=1, sort_keys=True) + "\n"
+        (aside / ".versions.json").write_text(text)
+        (aside / ".versions.json").rename(aside / "versions.json")
+    log.info("%s told in %s", version.name, aside)
+
+
+def main() -> None:
+    """Command line, as the workflow calls it."""
+    parser = argparse.ArgumentParser(prog="python -m slapshot.publish_version")
+    parser.add_argument("version", type=Path, help="folder of a version")
+    parser.add_argument("--name", required=True, help="of the configuration")
+    parser.add_argument("--folder", required=True, help="in figures/, or in that of the configuration")
+    parser.add_argument("--beside", action="append", default=[], help="file that goes beside the folder")
+    parser.add_argument("--log", type=Path)
+    args = parser.parse_args()
+    target = Path("figures") if args.name == "default" else Path("figures") / args.name
+    try:
+        set_up_logging("publish", args.log)
+        publish_version(args.version, target, args.folder, args.beside)
+    except (InputError, OSError) as error:
+        log.error("%s", error)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

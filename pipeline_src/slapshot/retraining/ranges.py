@@ -1,0 +1,55 @@
+"""Ranges of randomisation drawn closely about what a diagnosis fitted to a rig."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SDS = 2.0  # of a fitted value, that a range reaches on either side at least
+_FRICTION = ("friction_x", "friction_y", "friction_torsional")
+
+
+def refitted_ranges(
+    randomisation: Mapping[str, Mapping[str, Any]], refit: Mapping[str, Any], margin: float
+) -> dict[str, Any]:
+    """The randomisation with ranges about what was fitted, in whatever scene.
+
+    A range covers the fits without and with the effects that were found, so that arms with and without them
+    draw from the same one. What a diagnosis does not fit (rolling friction) stays.
+
+    Args:
+        randomisation: as in the configuration.
+        refit: as `slapshot.diagnosis.refit` writes it.
+        margin: by which a range goes beyond the fitted values at least, as a share of them.
+    """
+    fits = [one[scene] for one in refit["objects"].values() for scene in ("nominal", "final")]
+    log_mu = np.log([fit["friction"] for fit in fits])
+    sd = np.array([fit["log_sd"] for fit in fits])
+    found = {name: dict(spec) for name, spec in randomisation.items()}
+    for k, name in enumerate(_FRICTION):
+        factor = randomisation[name].get("times")
+        value, spread = log_mu[:, k], sd[:, k]
+        if factor is not None:
+            other = _FRICTION.index(factor)
+            value, spread = value - log_mu[:, other], np.hypot(spread, sd[:, other])
+        found[name] |= {"uniform": _about(value, spread, margin)}
+    mass = np.array([[one["mass_kg"], one["mass_sd_kg"]] for one in refit["objects"].values()])
+    found["mass"] |= {"uniform": _about(np.log(mass[:, 0]), mass[:, 1] / mass[:, 0], margin)}
+    if refit["start_error_sd_m"] is not None:
+        found["start_error"] |= {"normal": [0.0, refit["start_error_sd_m"]]}
+    return {name: _drawn(spec) for name, spec in found.items()}
+
+
+def _about(logs: Array, sds: Array, margin: float) -> list[float]:
+    """[low, high] around values (n,) whose logarithms and standard deviations of those are given."""
+    reach = np.maximum(np.log1p(margin), SDS * sds)
+    return [float(np.exp((logs - reach).min())), float(np.exp((logs + reach).max()))]
+
+
+def _drawn(spec: Mapping[str, Any]) -> dict[str, Any]:
+    """One law a parameter: a new one replaces whichever there was."""
+    kept = {key: spec[key] for key in ("uniform", "times") if key in spec}
+    return kept if "uniform" in spec else {"normal": spec["normal"]}

@@ -1,0 +1,69 @@
+# What a diagnosis found goes back into the rollouts; a model trained on them meets the recording again.
+
+
+rule arm_rollouts_version:
+    input:
+        ancient(upstream("arm_rollouts")),
+    output:
+        version("arm_rollouts"),
+    log:
+        "logs/arm_rollouts/{id}.log",
+    benchmark:
+        "logs/arm_rollouts/{id}.tsv"
+    threads: workflow.cores
+    params:
+        recipe=recipe("arm_rollouts"),
+    shell:
+        "python -m slapshot.retraining.rollouts --recipe {params.recipe:q} --cores {threads} --log {log}"
+
+
+rule held_out_version:
+    input:
+        ancient(upstream("held_out")),
+    output:
+        version("held_out"),
+    log:
+        "logs/held_out/{id}.log",
+    benchmark:
+        "logs/held_out/{id}.tsv"
+    params:
+        recipe=recipe("held_out"),
+    shell:
+        "python -m slapshot.retraining.held_out --recipe {params.recipe:q} --log {log}"
+
+
+rule arms_version:
+    input:
+        ancient(upstream("arms")),
+    output:
+        version("arms"),
+    log:
+        "logs/arms/{id}.log",
+    benchmark:
+        "logs/arms/{id}.tsv"
+    params:
+        recipe=recipe("arms"),
+    shell:
+        "python -m slapshot.retraining --recipe {params.recipe:q} --log {log}"
+
+
+rule circle_of:
+    input:
+        lambda wildcards: mark_of(f"arms/{wildcards.domain}"),
+    output:
+        temp(touch("data/report/.circle-{domain}")),
+    log:
+        "logs/circle-{domain}.log",
+    localrule: True
+    params:
+        folder=lambda wildcards: folder_of(f"arms/{wildcards.domain}"),
+        name=config["name"],
+    shell:
+        "python -m slapshot.publish_version --name {params.name:q} --folder circle-{wildcards.domain} "
+        "--log {log} {params.folder:q}"
+
+
+rule circle:
+    """Three arms: what was found by the diagnosis of a recording, and what it is worth to adaptation."""
+    input:
+        [f"data/report/.circle-{name}" for name in plan.names_of("arms")],
