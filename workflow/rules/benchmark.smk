@@ -2,6 +2,7 @@ rule benchmark:
     """Speed, memory and error of the stages, as ratios measured in one run (default configuration)."""
     input:
         marks("swings"),
+        of_figures("verdict"),
     log:
         "logs/benchmark.log",
     # Whole cores to itself: anything beside it would be measured as well.

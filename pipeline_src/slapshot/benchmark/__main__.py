@@ -11,12 +11,14 @@ from rich.console import Console
 from rich.table import Table
 
 from slapshot.adaptation.names import method_settings
+from slapshot.benchmark.diagnosis import diagnosis_measures
 from slapshot.benchmark.measures import (
     Measure,
     hit_measures,
     memory_measures,
     training_measures,
 )
+from slapshot.benchmark.peers import need_sysid, peer_measures
 from slapshot.benchmark.scale import hours
 from slapshot.config import load_config
 from slapshot.errors import InputError
@@ -30,7 +32,8 @@ SCALES = ("default", "paper")
 
 
 def measure(store: Store, cores: int) -> list[Measure]:
-    """All measures, for every domain of the default configuration."""
+    """All measures: of every domain of the default configuration, of the diagnosis, and against its peer."""
+    need_sysid()
     rows: list[Measure] = []
     configs = {name: load_config(Path(f"config/{name}.yaml")) for name in SCALES}
     plan = make_plan(configs["default"])
@@ -53,6 +56,8 @@ def measure(store: Store, cores: int) -> list[Measure]:
         for name in SCALES:
             scale = configs[name]["domains"][domain]
             rows += hours(domain, name, scale, plan, folders, measured, cores)
+    rows += diagnosis_measures(configs["default"], store, cores)
+    rows += peer_measures(configs["default"], store, cores)
     return rows
 
 

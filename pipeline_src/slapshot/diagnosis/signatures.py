@@ -131,6 +131,11 @@ def sizes_of(parameter: Parameter) -> list[float]:
     return [v for v in values if parameter.low <= v <= parameter.high]
 
 
+def _is_simulated(effect: Effect) -> bool:
+    """Whether it changes commands or the model; what shifts launches otherwise needs no simulation."""
+    return type(effect).command is not Effect.command or type(effect).edit is not Effect.edit
+
+
 def make_signatures(
     scene: Scene, commands: Commands, effects: Mapping[str, Effect], threads: int
 ) -> Signatures:
@@ -169,7 +174,7 @@ def make_signatures(
     plan = [
         (effect, parameter, value)
         for effect in effects.values()
-        if effect.acts_on_launch
+        if _is_simulated(effect)
         for parameter in effect.parameters
         for value in sizes_of(parameter)
     ]

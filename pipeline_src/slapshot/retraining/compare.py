@@ -73,7 +73,7 @@ def noise_floor(recording: Recording) -> tuple[float, int]:
 def measures_of(
     errors: Mapping[str, pd.DataFrame], floor: float, condition: str, rng: np.random.Generator
 ) -> list[Measure]:
-    """Errors of each arm after SAMPLES hits (or the most there are), and the share above the floor that the effects remove.
+    """Errors of each arm after SAMPLES hits (or all there are), and the share that the effects remove.
 
     Intervals are of a bootstrap over splits and over models, arms drawn together.
     """

@@ -1,0 +1,39 @@
+"""Seconds that a diagnosis takes: of a null and of a plain case of the small proof, warm and cold."""
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from slapshot.benchmark.measures import Measure
+from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.rig_file import setting_of
+from slapshot.diagnosis.signatures import Signatures
+from slapshot.plan import make_plan
+from slapshot.proof.cases import read_cases
+from slapshot.recordings.read import read_recording
+from slapshot.scenes.scene import Scene
+from slapshot.store.folder import Store
+
+CONDITIONS = ("null", "plain")
+
+
+def diagnosis_measures(config: Mapping[str, Any], store: Store, cores: int) -> list[Measure]:
+    """The first case of each condition; cold is with the signatures of its commands to be made."""
+    plan = make_plan(config)
+    cases = read_cases(Path(config["cases"]["small"]))
+    rows: list[Measure] = []
+    for condition in CONDITIONS:
+        case = next(case for case in cases if case.condition == condition)
+        recipe = plan.recipes[f"verdict/small/{case.case}"]
+        inputs = store.inputs(recipe)
+        setting = setting_of(Scene.load(inputs["scene"]), recipe.config["friction"])
+        recording = read_recording(inputs["recording"] / "recording")
+        signatures = Signatures.load(inputs["signatures"] / "signatures.safetensors")
+        diagnose(recording, setting, threads=cores, signatures=signatures)  # compiles what is compiled
+        for temperature, given in (("warm", signatures), ("cold", None)):
+            began = time.perf_counter()
+            diagnose(recording, setting, threads=cores, signatures=given)
+            seconds = time.perf_counter() - began
+            rows.append(Measure(f"diagnosis_seconds_{condition}_{temperature}", seconds, "s"))
+    return rows
