@@ -8,12 +8,15 @@ from typing import NamedTuple
 # Before MuJoCo is imported: tests that do not render need no GL library.
 os.environ.setdefault("MUJOCO_GL", "disable")
 
+import numpy as np
 import pytest
 import torch
 import yaml
 from slapshot.command import Run
 from slapshot.config import load_config
+from slapshot.rollouts.contact import Hits
 from slapshot.scenes.domain import load_domain
+from slapshot.scenes.randomisation import draw_conditions, draw_start_errors
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories import demonstrations, fit, swings
 from slapshot.trajectories.swings import Swings
@@ -74,6 +77,22 @@ def rig(scene, hockey_config, tmp_path_factory) -> Rig:
         produce(Run({**common, **config}, folders, folders[name], 2))
     model = TrajectoryVae.load(folders["trajectory_model"])
     return Rig(scene, model, Swings.load(folders["swings"]), folders)
+
+
+@pytest.fixture(scope="session")
+def make_hits(rig, hockey_config):
+    """count, seed -> hits of random swings under random conditions."""
+
+    def make(count: int, seed: int = 0) -> Hits:
+        rng = np.random.default_rng(seed)
+        randomisation = hockey_config["randomisation"]
+        return Hits(
+            swings=rng.integers(0, len(rig.swings.latents), count),
+            conditions=draw_conditions(randomisation, count, rng),
+            start_errors=draw_start_errors(randomisation, count, rng),
+        )
+
+    return make
 
 
 @pytest.fixture(scope="session")

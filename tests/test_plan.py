@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 from slapshot.config import read_yaml
+from slapshot.effects import modules_of_results
 from slapshot.errors import InputError
 from slapshot.plan import CLAIMS, FIGURES, LIBRARIES, ON_DEMAND, STAGES, make_plan
 from slapshot.proof.cases import Case, write_cases
 from slapshot.store.closure import code_digest
-from slapshot.store.recipe import Recipe, file_digest
+from slapshot.store.recipe import Recipe, file_digest, make_recipe
 
 ROOT = Path(__file__).parents[1]
 DEFAULT = read_yaml(ROOT / "config/default.yaml")
@@ -41,6 +42,13 @@ def of_method(method: str) -> set[str]:
     return own | figures("F7", "F8", "M1") | claims("C4", "C5")
 
 
+ARMS = ("nominal", "refitted", "augmented")
+MEETINGS = {f"evaluate_recording/hockey/kalman/{arm}/{hits}" for arm in ARMS for hits in ("all", "held_out")}
+ARM_BELIEFS = {f"beliefs/hockey/kalman/{arm}" for arm in ARMS}
+ARM_TRAIN = {f"train/hockey/kalman/{arm}" for arm in ARMS[1:]}
+FROM_ARM_TRAIN = ARM_TRAIN | MEETINGS | ARM_BELIEFS | {"arms/hockey"}
+FROM_ARM_ROLLOUTS = {f"arm_rollouts/hockey/{arm}" for arm in ARMS[1:]} | FROM_ARM_TRAIN
+RETRAINING = {"held_out/hockey"} | FROM_ARM_ROLLOUTS
 REGRESSION = {"regression", "figure/regression/F3", "claim/regression/C1", "claims"}
 EVALUATIONS = each("evaluate/hockey/{}") | figures("F7") | claims("C4")
 OWN = each("evaluate_recording/hockey/{}/own") | figures("F8") | claims("C5")
@@ -48,13 +56,14 @@ RIG = each("evaluate_recording/hockey/{}/rig") | figures("F8") | claims("C5")
 PREDICTIONS = {"predictions/hockey", "viewer/hockey"} | figures("F1", "U1")
 CALIBRATION = {"calibrate/hockey"} | PREDICTIONS
 BELIEFS = each("beliefs/hockey/{}", ("kalman", "lstm")) | figures("F9", "U2") | claims("C7")
-FROM_KALMAN = of_method("kalman") | CALIBRATION | (BELIEFS - {"beliefs/hockey/lstm"})
+FROM_KALMAN = of_method("kalman") | CALIBRATION | (BELIEFS - {"beliefs/hockey/lstm"}) | FROM_ARM_TRAIN
 FROM_TRAIN = each("train/hockey/{}") | EVALUATIONS | RIG | OWN | CALIBRATION | BELIEFS | figures("M1")
-FROM_ROLLOUTS = {"rollouts/hockey"} | FROM_TRAIN
+FROM_TRAIN |= FROM_ARM_TRAIN
+FROM_ROLLOUTS = {"rollouts/hockey"} | FROM_TRAIN | FROM_ARM_ROLLOUTS
 FROM_SWINGS = {"swings/hockey"} | FROM_ROLLOUTS
 LABS = {"lab/hockey/rig/0", "lab/hockey/rig/1"}
 DIAGNOSES = {"diagnosis/hockey/rig", "diagnosis/hockey/own"}
-FROM_LAB = LABS | RIG | PREDICTIONS | BELIEFS | figures("F6") | {"diagnosis/hockey/rig"}
+FROM_LAB = LABS | RIG | PREDICTIONS | BELIEFS | figures("F6") | {"diagnosis/hockey/rig"} | RETRAINING
 FROM_MODEL = {"trajectory_model/hockey"} | FROM_SWINGS | FROM_LAB
 FROM_DEMONSTRATIONS = {"demonstrations/hockey"} | FROM_MODEL
 VERDICTS = {"verdict/small/s1", "score/small", "verdict/full/f1", "score/full"}
@@ -96,6 +105,7 @@ def config(own, tmp_path) -> dict:
     domain = copy.deepcopy(DOMAIN)
     domain["figures"] = IN_DOMAIN
     domain["methods"] = {method: domain["methods"][method] for method in METHODS}
+    domain["retraining"] |= {"recording": "rig", "samples": 2}
     domain["recordings"] = {
         "rig": {"lab": LAB, "rigs": 2, "samples": 5, "repeats": 2},
         "own": {"path": str(own), "samples": 5, "repeats": 2},
@@ -159,6 +169,14 @@ def test_upstream_comes_first_and_is_part_of_the_plan(config):
         seen.add((recipe.stage, recipe.id))
 
 
+def test_code_that_is_read_once_gives_the_recipe_that_reading_it_each_time_gives(config):
+    plan = make_plan(config)
+    recipe = plan.recipes["verdict/full/f1"]
+    modules = [STAGES["verdict"], *modules_of_results()]
+    above = {role: plan.by_id(*pair) for role, pair in recipe.upstream.items()}
+    assert make_recipe("verdict", modules, recipe.config, above, LIBRARIES["verdict"]) == recipe
+
+
 def test_planning_twice_gives_the_same(config):
     assert ids(config) == ids(copy.deepcopy(config))
 
@@ -172,11 +190,19 @@ def test_the_recipes_survive_the_command_line(config):
     ("path", "value", "expected"),
     [
         ("evaluation.samples", 3, EVALUATIONS),
-        ("evaluation.noise_variances", [0.5], EVALUATIONS | CALIBRATION | BELIEFS),
+        (
+            "evaluation.noise_variances",
+            [0.5],
+            EVALUATIONS | CALIBRATION | BELIEFS | ARM_BELIEFS | {"arms/hockey"},
+        ),
         ("recordings.rig.samples", 6, RIG),
         ("recordings.own.repeats", 6, OWN),
         ("recordings.rig.lab.blade.segments", 4, FROM_LAB),
-        ("recordings.rig.rigs", 3, {"lab/hockey/rig/2"} | FROM_LAB - LABS - DIAGNOSES - figures("F6")),
+        (
+            "recordings.rig.rigs",
+            3,
+            {"lab/hockey/rig/2"} | FROM_LAB - LABS - DIAGNOSES - RETRAINING - figures("F6"),
+        ),
         ("training.steps", 7, FROM_TRAIN),
         ("training.noise_variance_max", 0.3, FROM_TRAIN),
         ("methods.kalman.drift", 0.5, FROM_KALMAN | figures("F2")),
@@ -193,10 +219,21 @@ def test_the_recipes_survive_the_command_line(config):
         ("latents.repeats", 7, BELIEFS),
         ("latents.methods", ["kalman"], figures("F9")),
         ("viewer.simulated", 7, {"viewer/hockey"}),
+        (
+            "retraining.margin",
+            0.5,
+            {label for label in FROM_ARM_ROLLOUTS if "nominal" not in label},
+        ),
+        ("retraining.repeats", 7, MEETINGS | ARM_BELIEFS | {"arms/hockey"}),
+        ("retraining.method", "lstm", {label.replace("kalman", "lstm") for label in FROM_ARM_TRAIN}),
         ("rollouts.hits", 100, FROM_ROLLOUTS),
         ("rollouts.named_conditions.low friction.friction_x", 0.21, FROM_ROLLOUTS),
         ("randomisation.mass.uniform", [0.02, 0.1], FROM_ROLLOUTS | figures("T2")),
-        ("randomisation.friction_y.times", "mass", FROM_ROLLOUTS | figures("T2") | VERDICTS | DIAGNOSES),
+        (
+            "randomisation.friction_y.times",
+            "mass",
+            FROM_ROLLOUTS | figures("T2") | VERDICTS | DIAGNOSES | RETRAINING,
+        ),
         ("randomisation.mass.label", "Weight", figures("T2")),
         ("randomisation.mass.unit", "g", figures("T2")),
         ("swings.test", 9, FROM_SWINGS),

@@ -1,6 +1,12 @@
 # What a diagnosis found goes back into the rollouts; a model trained on them meets the recording again.
 
 
+rule arm_rollouts:
+    """Rollouts of the arms that a diagnosis changes."""
+    input:
+        marks("arm_rollouts"),
+
+
 rule arm_rollouts_version:
     input:
         ancient(upstream("arm_rollouts")),
@@ -17,6 +23,12 @@ rule arm_rollouts_version:
         "python -m slapshot.retraining.rollouts --recipe {params.recipe:q} --cores {threads} --log {log}"
 
 
+rule held_out:
+    """Hits that took no part in the diagnosis that is built upon."""
+    input:
+        marks("held_out"),
+
+
 rule held_out_version:
     input:
         ancient(upstream("held_out")),
@@ -30,6 +42,12 @@ rule held_out_version:
         recipe=recipe("held_out"),
     shell:
         "python -m slapshot.retraining.held_out --recipe {params.recipe:q} --log {log}"
+
+
+rule arms:
+    """The comparison of arms, not yet published."""
+    input:
+        marks("arms"),
 
 
 rule arms_version:

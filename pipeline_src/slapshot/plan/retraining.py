@@ -15,13 +15,13 @@ NOMINAL, RETRAINED = "nominal", ("refitted", "augmented")
 
 
 def add_retraining(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
-    """Everything of `snakemake circle`; nothing where the domain has no block `retraining`.
+    """Everything of `snakemake circle`; nothing without a block `retraining`, or without any recording.
 
     Raises:
         InputError: the block names a recording or a method that the domain does not have.
     """
     settings = domain.get("retraining")
-    if settings is None:
+    if settings is None or not domain["recordings"]:
         return
     recording, method = settings["recording"], settings["method"]
     for key, known in (("recording", domain["recordings"]), ("method", domain["methods"])):
