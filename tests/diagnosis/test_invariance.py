@@ -101,7 +101,7 @@ def test_a_hypothesis_that_fails_is_dropped_with_a_line_and_the_rest_goes_on(dra
 def test_a_fit_that_does_not_converge_is_reported(dragged, monkeypatch):
     notes = diagnose(dragged, SETTING, effects=KNOWN).verdict.notes
     assert not any("did not converge" in note for note in notes)
-    monkeypatch.setattr(SlideFitter, "iterations", 2)
+    monkeypatch.setattr(SlideFitter, "iterations", 1)
     notes = diagnose(dragged, SETTING, effects=KNOWN).verdict.notes
     assert any(note.startswith("the fit of the nominal scene did not converge") for note in notes)
 

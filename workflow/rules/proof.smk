@@ -1,16 +1,13 @@
 # Concealed cases, diagnosed and scored. Only the last of these rules opens the seals.
 
-SECONDS_A_CASE = 75  # of one core: a recording, a diagnosis and their share of the rest
-
 
 onstart:
     if "proof" in workflow.dag_settings.targets:
-        verdicts = plan.of_stage("verdict").items()
-        left = [r for label, r in verdicts if label.startswith("verdict/full/")]
-        left = [r for r in left if not store.is_whole("verdict", r.id)]
-        hours = len(left) * SECONDS_A_CASE / workflow.cores / 3600
+        from slapshot.proof.hours import hours_left
+
+        count, hours = hours_left(store, plan, workflow.cores)
         print(
-            f"proof: {len(left)} cases to do, about {hours:.1f} hours on {workflow.cores} cores"
+            f"proof: {count} cases to do, about {hours:.1f} hours on {workflow.cores} cores"
         )
 
 
@@ -114,6 +111,12 @@ rule proof:
         folder=lambda wildcards: folder_of("score/full"),
         # What is drawn anew does not replace what is published.
         name="fresh" if config["proof"] == "fresh" else config["name"],
+        # A list that was drawn is told, and the next fresh proof draws another.
+        retire=(
+            f"mv {FRESH} figures/fresh/proof/drawn.csv"
+            if config["proof"] == "fresh"
+            else "true"
+        ),
     shell:
         "python -m slapshot.publish_version --name {params.name:q} --folder proof "
-        "--beside proof.csv --beside proof.md --log {log} {params.folder:q}"
+        "--beside proof.csv --beside proof.md --log {log} {params.folder:q} && {params.retire}"

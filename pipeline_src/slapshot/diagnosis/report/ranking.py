@@ -22,6 +22,7 @@ CAPTION = (
 
 FREE_COLOUR = OTHER_COLOURS[0]
 LINEAR = 10.0  # nats up to which the axis is linear
+CROWDED = 100.0  # nats: beyond, there is no room for a tick at 1
 _TICKS = (-10, -3, -1, 0, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000)
 MOST_SETS = 8
 
@@ -147,7 +148,8 @@ def _nats(axes: Axes, most: float) -> None:
         label = f"not told from the best, {CLASS:g}"
         axes.axvspan(most - CLASS, most, color=AUGMENTED, alpha=0.12, lw=0, label=label)
     low, high = axes.get_xlim()
-    shown = [t for t in _TICKS if low <= t <= high]
+    crowded = high > CROWDED
+    shown = [t for t in _TICKS if low <= t <= high and not (crowded and abs(t) == 1)]
     axes.set_xticks(shown, [f"{t:g}".replace("-", "−") for t in shown])
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xlabel("evidence over the nominal scene (nats)")

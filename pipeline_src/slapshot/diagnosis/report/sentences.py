@@ -152,7 +152,11 @@ def place(verdict: Verdict) -> str:
 def scenes(verdict: Verdict) -> list[str]:
     """Names of the scenes that differ: what acts before a slide does not change the rest of it."""
     assert verdict.fit is not None
-    before, after = (verdict.fit[name] for name in ("refitted", "augmented"))
+    # Values alone: intervals are of resampled hits.
+    before, after = (
+        [error and error.value for error in _measured(verdict.fit[name]).values()]
+        for name in ("refitted", "augmented")
+    )
     return [name for name in SCENES if not (before == after and name == "augmented")]
 
 

@@ -1,0 +1,32 @@
+"""How long the rest of a proof takes, from what its cases took so far."""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from slapshot.plan import Plan
+from slapshot.store.folder import Store
+
+ASSUMED = 60.0  # s a case of one core, where none is done
+
+
+def hours_left(store: Store, plan: Plan, cores: int) -> tuple[int, float]:
+    """Cases of the full proof that are not diagnosed yet, and hours that they take on so many cores."""
+    stages = ("case", "verdict")
+    done = {stage: [store.folder(stage, i) for i in plan.ids()[stage]] for stage in stages}
+    each = [_mean_seconds(folders) for folders in done.values()]
+    left = [
+        recipe
+        for label, recipe in plan.of_stage("verdict").items()
+        if label.startswith("verdict/full/") and not store.is_whole("verdict", recipe.id)
+    ]
+    seconds = ASSUMED if None in each else sum(s for s in each if s is not None)
+    return len(left), len(left) * seconds / cores / 3600
+
+
+def _mean_seconds(folders: Iterable[Path]) -> float | None:
+    files = [folder / "version.json" for folder in folders]
+    seconds = [json.loads(file.read_text())["seconds"] for file in files if file.is_file()]
+    return float(np.mean(seconds)) if seconds else None
