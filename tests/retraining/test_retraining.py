@@ -107,8 +107,8 @@ def test_swings_are_executed_as_late_as_a_delay_makes_them(rig):
 
 
 @pytest.fixture
-def diagnosis(rig, tmp_path):
-    folder = tmp_path / "diagnosis"
+def findings(rig, tmp_path):
+    folder = tmp_path / "findings"
     folder.mkdir()
     (folder / "refit.json").write_text(json.dumps(REFIT))
     values = {"tilt": {"slope_x": 0.0, "slope_y": 0.03}}
@@ -116,7 +116,7 @@ def diagnosis(rig, tmp_path):
     return folder
 
 
-def test_the_stage_writes_what_methods_read(rig, hockey_config, diagnosis, tmp_path):
+def test_the_stage_writes_what_methods_read(rig, hockey_config, findings, tmp_path):
     sizes = {"train": 3, "validation": 1, "test": 1, "hits": 8, "named_conditions": {}, "track_share": 0.0}
     config = {
         "seed": 1,
@@ -129,7 +129,7 @@ def test_the_stage_writes_what_methods_read(rig, hockey_config, diagnosis, tmp_p
     for arm in ARMS[1:]:
         out = tmp_path / arm
         out.mkdir()
-        rollouts.produce(Run({"arm": arm, **config}, {**rig.folders, "diagnosis": diagnosis}, out, 1))
+        rollouts.produce(Run({"arm": arm, **config}, {**rig.folders, "findings": findings}, out, 1))
         tables[arm] = pq.read_table(out / "hits-train.parquet").to_pandas()
         drawn = pd.read_parquet(out / "conditions.parquet")
         assert drawn["friction_x"].between(0.25, 0.48).all()
@@ -142,7 +142,7 @@ def test_the_stage_writes_what_methods_read(rig, hockey_config, diagnosis, tmp_p
 
 
 def test_a_diagnosis_that_could_not_tell_is_no_ground_for_arms(rig, tmp_path):
-    run = Run({"arm": "augmented"}, {**rig.folders, "diagnosis": tmp_path}, tmp_path, 1)
+    run = Run({"arm": "augmented"}, {**rig.folders, "findings": tmp_path}, tmp_path, 1)
     with pytest.raises(InputError, match=r"could not tell.*retraining\.recording"):
         rollouts.produce(run)
 
@@ -171,10 +171,10 @@ def recording(ends, commands):
     return Recording("rig", info, 50.0, "here", True, None, "", None, hits, None, joints, None)
 
 
-def test_held_out_hits_are_a_recording_of_their_own(diagnosis, tmp_path):
+def test_held_out_hits_are_a_recording_of_their_own(findings, tmp_path):
     write_recording(recording(np.ones((5, 2)), np.arange(5)), tmp_path / "whole")
     config = {"recordings": {"own": {"path": str(tmp_path / "whole")}}}
-    held_out.produce(Run(config, {"diagnosis": diagnosis}, tmp_path, 1))
+    held_out.produce(Run(config, {"findings": findings}, tmp_path, 1))
     found = read_recording(tmp_path / "recording")
     assert found.hits["hit"].tolist() == [1, 3]
     assert sorted(set(found.commands["hit"])) == [1, 3]

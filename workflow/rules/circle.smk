@@ -1,6 +1,28 @@
 # What a diagnosis found goes back into the rollouts; a model trained on them meets the recording again.
 
 
+rule findings:
+    """What the diagnosis of a recording found, for the stages that build on it."""
+    input:
+        marks("findings"),
+
+
+rule findings_version:
+    input:
+        ancient(upstream("findings")),
+    output:
+        version("findings"),
+    log:
+        "logs/findings/{id}.log",
+    benchmark:
+        "logs/findings/{id}.tsv"
+    threads: workflow.cores
+    params:
+        recipe=recipe("findings"),
+    shell:
+        "python -m slapshot.diagnosis.stage_findings --recipe {params.recipe:q} --cores {threads} --log {log}"
+
+
 rule arm_rollouts:
     """Rollouts of the arms that a diagnosis changes."""
     input:

@@ -24,13 +24,14 @@ STAGES = {
     "case": "slapshot.lab.__main__",
     "verdict": "slapshot.diagnosis.stage_verdict",
     "score": "slapshot.proof.__main__",
+    "findings": "slapshot.diagnosis.stage_findings",
     "arm_rollouts": "slapshot.retraining.rollouts",
     "held_out": "slapshot.retraining.held_out",
     "arms": "slapshot.retraining.__main__",
 }
 # Made on demand and not part of `figures`: the bytes of a Rerun recording never repeat, and what builds on
 # a diagnosis of a recording takes as long as all the rest.
-ON_DEMAND = ("viewer", "diagnosis", "arm_rollouts", "held_out", "arms")
+ON_DEMAND = ("viewer", "diagnosis", "findings", "arm_rollouts", "held_out", "arms")
 # Figure id -> its module.
 FIGURES = {
     "F1": "slapshot.figures.f1_intro",
@@ -74,6 +75,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "case": (*_MUJOCO, "scipy", "numba", "pyarrow"),
     "verdict": (*_MUJOCO, "scipy", *_TABLES),
     "score": ("scipy", "matplotlib", *_TABLES),
+    "findings": (*_MUJOCO, "scipy", *_TABLES),
     "arm_rollouts": (*_MUJOCO, *_TORCH, "numba", "pyarrow", "scipy"),
     "held_out": _TABLES,
     "arms": ("matplotlib", "scipy", *_TABLES),

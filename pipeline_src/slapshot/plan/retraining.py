@@ -7,6 +7,7 @@ from slapshot.adaptation.names import method_settings
 from slapshot.effects import modules_of_results
 from slapshot.errors import InputError
 from slapshot.plan.adaptation import add_recorded, method_module
+from slapshot.plan.diagnosis import SEED, what_is_believed
 from slapshot.plan.recipes import Plan
 from slapshot.plan.simulation import draws
 from slapshot.plan.sources import Sources
@@ -35,7 +36,15 @@ def add_retraining(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     first = {**described, "rigs": 1} if "lab" in described else described
     diagnosed = {**domain, "recordings": {recording: first}}
     sources = Sources.of(name, diagnosed, [recording])
-    diagnosis = f"diagnosis/{name}/{recording}"
+    findings = f"findings/{name}"
+    plan.add(
+        findings,
+        "findings",
+        {"seed": SEED, "recordings": sources.described, **what_is_believed(domain)},
+        {"scene": f"scene/{name}", **sources.roles},
+        modules=modules_of_results(),
+        files=sources.files,
+    )
     rollouts = {NOMINAL: f"rollouts/{name}"}
     trained = {NOMINAL: f"train/{name}/{method}"}
     training = {
@@ -60,7 +69,7 @@ def add_retraining(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
                 "scene": f"scene/{name}",
                 "swings": f"swings/{name}",
                 "trajectory_model": f"trajectory_model/{name}",
-                "diagnosis": diagnosis,
+                "findings": findings,
             },
             modules=modules_of_results(),
         )
@@ -81,7 +90,7 @@ def add_retraining(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
         held,
         "held_out",
         {"recordings": sources.described},
-        {"diagnosis": diagnosis, **sources.roles},
+        {"findings": findings, **sources.roles},
         files=sources.files,
     )
     of_held = Sources({"held out": {"rigs": 1}}, {"lab/held out/0": held}, {})
@@ -109,6 +118,6 @@ def add_retraining(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
             "samples": settings["samples"],
             "recordings": sources.described,
         },
-        {"diagnosis": diagnosis, "rollouts/refitted": rollouts["refitted"], **compared, **sources.roles},
+        {"findings": findings, "rollouts/refitted": rollouts["refitted"], **compared, **sources.roles},
         files=sources.files,
     )

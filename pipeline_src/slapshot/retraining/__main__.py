@@ -23,7 +23,7 @@ def produce(run: Run) -> None:
     settings, inputs = run.config, run.inputs
     (folder,) = recording_folders(settings["recordings"], inputs).values()
     recording = read_recording(folder)
-    held = json.loads((inputs["diagnosis"] / "refit.json").read_text())["held_out"]
+    held = json.loads((inputs["findings"] / "refit.json").read_text())["held_out"]
     errors = {
         hits: {arm: pd.read_parquet(inputs[f"errors/{role}/{arm}"] / "errors.parquet") for arm in ARMS}
         for hits, role in zip(HITS, ("all", "held_out"), strict=True)
@@ -47,7 +47,7 @@ def produce(run: Run) -> None:
     ]
     table = pd.DataFrame(measures)
     table.to_csv(run.out / "arms.csv", index=False, float_format="%.4g")
-    found = json.loads((inputs["diagnosis"] / "verdict.json").read_text())
+    found = json.loads((inputs["findings"] / "verdict.json").read_text())
     ranges = json.loads((inputs["rollouts/refitted"] / "ranges.json").read_text())
     (run.out / "arms.md").write_text(_page(found, ranges, table, settings["domain"], recording.stand_in))
 

@@ -20,7 +20,7 @@ def produce(run: Run) -> None:
         InputError: the diagnosis could not tell anything.
     """
     (folder,) = recording_folders(run.config["recordings"], run.inputs).values()
-    file = run.inputs["diagnosis"] / REFIT_FILE
+    file = run.inputs["findings"] / REFIT_FILE
     if not file.is_file():
         raise InputError(f"{file.parent}: the diagnosis could not tell anything of {folder}")
     held = json.loads(file.read_text())["held_out"]

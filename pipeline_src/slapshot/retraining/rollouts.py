@@ -30,17 +30,17 @@ def produce(run: Run) -> None:
     Raises:
         InputError: the diagnosis could not tell anything.
     """
-    settings, diagnosis = run.config, run.inputs["diagnosis"]
-    if not (diagnosis / REFIT_FILE).is_file():
+    settings, findings = run.config, run.inputs["findings"]
+    if not (findings / REFIT_FILE).is_file():
         raise InputError(
-            f"{diagnosis}: the diagnosis could not tell anything of that recording (see its verdict.md); "
+            f"{findings}: the diagnosis could not tell anything of that recording (see its verdict.md); "
             "name another one under retraining.recording"
         )
-    refit = json.loads((diagnosis / REFIT_FILE).read_text())
+    refit = json.loads((findings / REFIT_FILE).read_text())
     ranges = refitted_ranges(settings["randomisation"], refit, settings["margin"])
     scene, swings = Scene.load(run.inputs["scene"]), Swings.load(run.inputs["swings"])
     values: dict[str, dict[str, float]] = {}
-    found = diagnosis / AUGMENTED
+    found = findings / AUGMENTED
     if settings["arm"] == "augmented" and found.is_dir():
         import_effects(*settings["effects"])
         values = json.loads((found / EFFECTS_FILE).read_text())
