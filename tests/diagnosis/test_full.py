@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from slapshot.command import Run
 from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.report import REST_FIGURES, write_report
 from slapshot.diagnosis.result import Setting
 from slapshot.diagnosis.signatures import make_signatures
 from slapshot.diagnosis.strikes import Striker, commands_through
@@ -136,9 +137,19 @@ def test_nothing_is_named_where_the_contact_is_as_believed(record, verdict_of):
     assert verdict.effects == ()
 
 
-def test_rest_points_and_commands_alone_tell_a_turned_blade(turned, verdict_of):
-    verdict = verdict_of(replace(turned, tracks=None)).verdict
+def test_rest_points_and_commands_alone_tell_a_turned_blade(turned, verdict_of, tmp_path):
+    found = verdict_of(replace(turned, tracks=None))
+    verdict = found.verdict
     assert verdict.kind == "rest points only"
     assert "blade_yaw" in verdict.effects[0].members
     assert verdict.fit["augmented"].track_rmse_m is None
     assert any("record" in note or "tracks" in note for note in verdict.notes)
+    write_report(found, {}, tmp_path)
+    assert {file.stem for file in tmp_path.glob("*.png")} == {module.NAME for module in REST_FIGURES}
+    rests = pd.read_csv(tmp_path / "D1-rests.csv")
+    apart = np.hypot(rests["x_m"] - rests["predicted_x_m"], rests["y_m"] - rests["predicted_y_m"])
+    before, after = (apart[rests["scene"] == scene].mean() for scene in ("refitted", "augmented"))
+    assert after < before
+    told = (tmp_path / "verdict.md").read_text()
+    assert "rest from command RMSE" in told
+    assert "track RMSE" not in told

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullLocator
 
-from slapshot.diagnosis.report.outcome import Outcome
+from slapshot.diagnosis.report.outcome import Outcome, RestOutcome
 from slapshot.diagnosis.report.sentences import scenes
 from slapshot.diagnosis.report.style import AUGMENTED, BELIEVED, NOMINAL, mark_stand_in
 from slapshot.diagnosis.verdict import Verdict
@@ -38,7 +38,7 @@ _ROWS = {
 }
 
 
-def draw(outcome: Outcome) -> Drawing:
+def draw(outcome: Outcome | RestOutcome) -> Drawing:
     """A panel a measure: tracks, rest points, those from commands where they are known, log-likelihood."""
     table = error_table(outcome.verdict)
     measured = list(dict.fromkeys(table["measure"]))

@@ -128,3 +128,22 @@ class Outcome:
 
     def _predict(self, fitter: SlideFitter) -> Predicted:
         return predict(fitter, self.nominal.fit, self.final.fit if self.final.effects else None)
+
+
+@dataclass(frozen=True)
+class RestOutcome:
+    """The same of a recording that has rest points alone."""
+
+    verdict: Verdict
+    level: Level
+
+    def effect(self, name: str) -> Effect:
+        """An effect or a free form by name."""
+        known = self.level.search.fitter.effects
+        return known[name] if name in known else catalogue()[name]
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Rest points alone."""
+        level = self.level
+        return (Part("rest point", level.search, level.final, level.screen),)

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import NullLocator
 
 from slapshot.diagnosis.level import LEAST_EVIDENCE
-from slapshot.diagnosis.report.outcome import Outcome
+from slapshot.diagnosis.report.outcome import Outcome, RestOutcome
 from slapshot.diagnosis.report.style import AUGMENTED, mark_stand_in
 from slapshot.diagnosis.report.wording import title
 from slapshot.diagnosis.search import CLASS
@@ -27,7 +27,7 @@ _TICKS = (-10, -3, -1, 0, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000)
 MOST_SETS = 8
 
 
-def draw(outcome: Outcome) -> Drawing:
+def draw(outcome: Outcome | RestOutcome) -> Drawing:
     """Panel (a) single hypotheses; (b) sets of several effects, where any were tried."""
     table, sets = single_table(outcome), set_table(outcome)
     height = 1.8 + 0.19 * len(table)
@@ -46,7 +46,7 @@ def draw(outcome: Outcome) -> Drawing:
     )
 
 
-def single_table(outcome: Outcome) -> pd.DataFrame:
+def single_table(outcome: Outcome | RestOutcome) -> pd.DataFrame:
     """A row a hypothesis, best first: evidence (nats) by the screen and refitted, the verdict's word."""
     rows = []
     for part in outcome.parts:
@@ -74,7 +74,7 @@ def single_table(outcome: Outcome) -> pd.DataFrame:
     return table.assign(shown_nats=best).sort_values("shown_nats", ascending=False, ignore_index=True)
 
 
-def set_table(outcome: Outcome) -> pd.DataFrame:
+def set_table(outcome: Outcome | RestOutcome) -> pd.DataFrame:
     """The best sets of two or more effects that were refitted, and the best single one."""
     rows = []
     for part in outcome.parts:
