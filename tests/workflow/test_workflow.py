@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from slapshot.command import Run
@@ -122,6 +123,44 @@ def test_a_diagnosis_says_the_same_without_the_truth(workspace, tmp_path):
         out.mkdir()
         produce(Run(recipe.config, inputs, out, 1))
         assert (out / "verdict.json").read_bytes() == (folder / "verdict.json").read_bytes()
+
+
+@pytest.fixture
+def aside(workspace):
+    """Folder of what is published, from which all is removed that was not there before."""
+    before = {p for p in workspace.published.rglob("*") if p.is_file()}
+    yield workspace.published
+    for file in {p for p in workspace.published.rglob("*") if p.is_file()} - before:
+        file.unlink()
+
+
+def test_the_proof_says_its_hours_and_is_published_with_its_versions(workspace, aside):
+    done = workspace.snakemake("proof")
+    assert "proof: 0 cases to do, about 0.0 hours" in done.stdout
+    assert job_counts(done.stdout) == {"score_version": 1, "proof": 1}
+    measures = pd.read_csv(aside / "proof.csv")
+    assert list(measures.columns) == ["measure", "condition", "value", "low", "high", "n"]
+    assert "A small proof" not in (aside / "proof.md").read_text()
+    versions = json.loads((aside / "proof/versions.json").read_text())
+    verdicts = {v.id for label, v in workspace.plan().items() if label.startswith("verdict/small/")}
+    assert {name for role, name in versions.items() if role.startswith("verdict/")} == verdicts
+    assert len(pd.read_csv(aside / "proof/cases.csv")) == len(verdicts)
+
+
+def test_what_is_found_goes_back_into_rollouts_and_models(workspace, aside):
+    done = workspace.snakemake("circle")
+    jobs = job_counts(done.stdout)
+    assert jobs["arm_rollouts_version"] == jobs["train_version"] == 2
+    assert jobs["evaluate_recording_version"] == 6
+    page = (aside / "circle-hockey/arms.md").read_text()
+    assert "stand-in rig" in page
+    measures = pd.read_csv(aside / "circle-hockey/arms.csv").set_index(["measure", "condition"])["value"]
+    assert np.isfinite(measures).all()
+    assert {p.name for p in (aside / "circle-hockey").glob("*.png")} == {
+        "F8-hockey-arms.png",
+        "F9-hockey-arms.png",
+    }
+    assert job_counts(workspace.snakemake("--dry-run", "circle").stdout) == {"circle": 1, "circle_of": 1}
 
 
 # --- Parameters
