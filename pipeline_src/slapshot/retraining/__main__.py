@@ -37,7 +37,7 @@ def produce(run: Run) -> None:
     use_style()
     save(draw_errors(errors, floors, recording.stand_in, settings["domain"]), run.out)
     latents = {arm: read_latents(inputs[f"beliefs/{arm}"]) for arm in ARMS}
-    drawing, distances = draw_latents(latents, settings["samples"], settings["domain"])
+    drawing, distances = draw_latents(latents, settings["samples"], recording.stand_in, settings["domain"])
     save(drawing, run.out)
     measures += [
         Measure(

@@ -61,7 +61,9 @@ def _curve(axes: Axes, summary: pd.DataFrame, arm: str) -> None:
     axes.fill_between(summary["samples"], low, high, color=COLOURS[arm], alpha=0.15, lw=0)
 
 
-def draw_latents(latents: Mapping[str, pd.DataFrame], samples: int, name: str) -> tuple[Drawing, list[float]]:
+def draw_latents(
+    latents: Mapping[str, pd.DataFrame], samples: int, stand_in: bool, name: str
+) -> tuple[Drawing, list[float]]:
     """One panel an arm: drawn conditions, and the recorded pucks in every random order of their hits.
 
     Returns:
@@ -96,9 +98,8 @@ def draw_latents(latents: Mapping[str, pd.DataFrame], samples: int, name: str) -
         axes.annotate(f"distance {distances[-1]:.1f}", (0.03, 0.03), xycoords="axes fraction", fontsize=8)
         tables.append(pd.concat([cloud, recorded]).assign(arm=arm))
     handles, labels = row[0][0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=4, title=f"recorded: {STAND_IN}", title_fontsize=7
-    )
+    title = f"recorded: {STAND_IN}" if stand_in else None
+    figure.legend(handles, labels, loc="outside upper center", ncols=4, title=title, title_fontsize=7)
     columns = ["arm", "source", "object", "condition", "friction_x", "friction_y", "noise_variance", "repeat",
                "samples", "pc1", "pc2"]  # fmt: skip
     return Drawing(f"F9-{name}-arms", figure, pd.concat(tables)[columns]), distances
