@@ -94,7 +94,7 @@ def _confusions(cases: pd.DataFrame) -> list[str]:
             r["conceals"] or "nothing",
             "" if pd.isna(r["displacement"]) else f"{r['displacement']:.2f}",
             str(r["named"]) if r.get("named") else "nothing",
-            str(r["classes"]) if r.get("classes") else "",
+            str(r["classes"]).replace(" | ", "; ") if r.get("classes") else "",
             "yes" if r.get("unknown") is True else "",
         )
         for r in shown.to_dict("records")
