@@ -160,7 +160,7 @@ def test_what_is_found_goes_back_into_rollouts_and_models(workspace, aside):
         "F8-hockey-arms.png",
         "F9-hockey-arms.png",
     }
-    assert job_counts(workspace.snakemake("--dry-run", "circle").stdout) == {"circle": 1, "circle_of": 1}
+    assert job_counts(workspace.snakemake("--dry-run", "circle").stdout) == {"circle": 1}
 
 
 # --- Parameters

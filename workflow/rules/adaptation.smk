@@ -1,7 +1,7 @@
 rule train:
     """An ensemble of each method."""
     input:
-        marks("train"),
+        of_figures("train"),
 
 
 rule train_version:
@@ -46,7 +46,7 @@ rule evaluate_version:
 rule evaluate_recording:
     """Error against samples on recordings."""
     input:
-        marks("evaluate_recording"),
+        of_figures("evaluate_recording"),
 
 
 rule evaluate_recording_version:

@@ -87,23 +87,19 @@ rule arms_version:
         "python -m slapshot.retraining --recipe {params.recipe:q} --log {log}"
 
 
-rule circle_of:
-    input:
-        lambda wildcards: mark_of(f"arms/{wildcards.domain}"),
-    output:
-        temp(touch("data/report/.circle-{domain}")),
-    log:
-        "logs/circle-{domain}.log",
-    localrule: True
-    params:
-        folder=lambda wildcards: folder_of(f"arms/{wildcards.domain}"),
-        name=config["name"],
-    shell:
-        "python -m slapshot.publish_version --name {params.name:q} --folder circle-{wildcards.domain} "
-        "--log {log} {params.folder:q}"
-
-
 rule circle:
     """Three arms: what was found by the diagnosis of a recording, and what it is worth to adaptation."""
     input:
-        [f"data/report/.circle-{name}" for name in plan.names_of("arms")],
+        marks("arms"),
+    log:
+        "logs/circle.log",
+    localrule: True
+    params:
+        versions=[
+            f"{name}={folder_of(f'arms/{name}')}" for name in plan.names_of("arms")
+        ],
+        name=config["name"],
+    shell:
+        "for pair in {params.versions:q}; do "
+        "python -m slapshot.publish_version --name {params.name:q} --folder circle-${{pair%%=*}} "
+        '--log {log} "${{pair#*=}}"; done'

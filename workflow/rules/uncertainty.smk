@@ -45,7 +45,7 @@ rule predictions_version:
 rule beliefs:
     """Hidden states of test conditions and recordings."""
     input:
-        marks("beliefs"),
+        of_figures("beliefs"),
 
 
 rule beliefs_version:
