@@ -54,3 +54,21 @@ rule figures:
         versions=all_versions,
     shell:
         "python -m slapshot.publish --name {params.name:q} --log {log} {params.versions:q}"
+
+
+# The figures of one domain; what else was published stays if it is what the configuration asks for.
+for domain in config["domains"]:
+
+    rule:
+        name:
+            f"figures_{domain}"
+        input:
+            of_domain(domain),
+        log:
+            f"logs/publish_{domain}.log",
+        localrule: True
+        params:
+            name=config["name"],
+            versions=all_versions,
+        shell:
+            "python -m slapshot.publish --available --name {params.name:q} --log {log} {params.versions:q}"

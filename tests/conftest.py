@@ -14,11 +14,11 @@ import torch
 import yaml
 from slapshot.command import Run
 from slapshot.config import load_config
-from slapshot.rollouts.contact import Hits
+from slapshot.rollouts.hits import Hits
 from slapshot.scenes.domain import load_domain
 from slapshot.scenes.randomisation import draw_conditions, draw_start_errors
 from slapshot.scenes.scene import Scene
-from slapshot.trajectories import demonstrations, fit, swings
+from slapshot.trajectories import demonstrations, fit, pool
 from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
 from workspace import Workspace, copy_repository
@@ -72,7 +72,7 @@ def rig(scene, hockey_config, tmp_path_factory) -> Rig:
             "trajectory_model",
             {**hockey_config["trajectory_model"], "steps": 2500, "hidden": [128, 128]},
         ),
-        (swings.produce, "swings", {"train": 24, "validation": 8, "test": 8}),
+        (pool.produce, "swings", {"domain": "hockey", "train": 24, "validation": 8, "test": 8}),
     ):
         produce(Run({**common, **config}, folders, folders[name], 2))
     model = TrajectoryVae.load(folders["trajectory_model"])

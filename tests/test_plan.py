@@ -39,7 +39,7 @@ def of_method(method: str) -> set[str]:
     """What is made from one method, as any method has it."""
     own = {f"train/hockey/{method}", f"evaluate/hockey/{method}"}
     own |= {f"evaluate_recording/hockey/{method}/{recording}" for recording in ("rig", "own")}
-    return own | figures("F7", "F8", "M1") | claims("C4", "C5")
+    return own | figures("F4", "F7", "F8", "M1") | claims("C2", "C4", "C5")
 
 
 ARMS = ("nominal", "refitted", "augmented")
@@ -50,12 +50,12 @@ FROM_ARM_TRAIN = ARM_TRAIN | MEETINGS | ARM_BELIEFS | {"arms/hockey"}
 FROM_ARM_ROLLOUTS = {f"arm_rollouts/hockey/{arm}" for arm in ARMS[1:]} | FROM_ARM_TRAIN
 RETRAINING = {"findings/hockey", "held_out/hockey"} | FROM_ARM_ROLLOUTS
 REGRESSION = {"regression", "figure/regression/F3", "claim/regression/C1", "claims"}
-EVALUATIONS = each("evaluate/hockey/{}") | figures("F7") | claims("C4")
+EVALUATIONS = each("evaluate/hockey/{}") | figures("F4", "F7") | claims("C2", "C4")
 OWN = each("evaluate_recording/hockey/{}/own") | figures("F8") | claims("C5")
 RIG = each("evaluate_recording/hockey/{}/rig") | figures("F8") | claims("C5")
 PREDICTIONS = {"predictions/hockey", "viewer/hockey"} | figures("F1", "U1")
 CALIBRATION = {"calibrate/hockey"} | PREDICTIONS
-BELIEFS = each("beliefs/hockey/{}", ("kalman", "lstm")) | figures("F9", "U2") | claims("C7")
+BELIEFS = each("beliefs/hockey/{}", ("kalman", "lstm")) | figures("F5", "F9", "U2") | claims("C3", "C7")
 FROM_KALMAN = of_method("kalman") | CALIBRATION | (BELIEFS - {"beliefs/hockey/lstm"}) | FROM_ARM_TRAIN
 FROM_TRAIN = each("train/hockey/{}") | EVALUATIONS | RIG | OWN | CALIBRATION | BELIEFS | figures("M1")
 FROM_TRAIN |= FROM_ARM_TRAIN
@@ -70,7 +70,7 @@ VERDICTS = {"verdict/small/s1", "score/small", "verdict/full/f1", "score/full"}
 FROM_SIGNATURES = {"signatures/hockey/pool"} | VERDICTS
 FROM_POOL = {"demonstrations/hockey/pool", "case/small/s1", "case/full/f1"} | FROM_SIGNATURES
 FROM_SCENE = {"scene/hockey"} | FROM_DEMONSTRATIONS | FROM_POOL | DIAGNOSES
-ALL = FROM_SCENE | figures("T2", "F2") | REGRESSION
+ALL = FROM_SCENE | figures("T1", "T2", "F2") | REGRESSION
 
 LAB = {
     "hits": 10,
@@ -104,6 +104,7 @@ def config(own, tmp_path) -> dict:
     """Two lists of one case; a domain with every figure, three methods, two stand-in rigs, a recording."""
     domain = copy.deepcopy(DOMAIN)
     domain["figures"] = IN_DOMAIN
+    domain["claims"] = [claim for claim in CLAIMS if claim != "C1"]
     domain["methods"] = {method: domain["methods"][method] for method in METHODS}
     domain["retraining"] |= {"recording": "rig", "samples": 2}
     domain["recordings"] = {
@@ -207,7 +208,11 @@ def test_the_recipes_survive_the_command_line(config):
         ("training.noise_variance_max", 0.3, FROM_TRAIN),
         ("methods.kalman.drift", 0.5, FROM_KALMAN | figures("F2")),
         ("methods.kalman.learning_rate", 0.5, FROM_KALMAN),
-        ("methods.lstm.state", 7, of_method("lstm") | {"beliefs/hockey/lstm"} | figures("F9")),
+        (
+            "methods.lstm.state",
+            7,
+            of_method("lstm") | {"beliefs/hockey/lstm"} | figures("F5", "F9") | claims("C3"),
+        ),
         ("methods.maml_8.batch", 7, of_method("maml_8")),
         ("uncertainty.draws", 7, CALIBRATION),
         ("uncertainty.levels", [0.8], CALIBRATION),
@@ -217,7 +222,7 @@ def test_the_recipes_survive_the_command_line(config):
         ("uncertainty.method", "lstm", CALIBRATION | figures("F2", "U2") | claims("C7")),
         ("latents.samples", [0, 7], BELIEFS),
         ("latents.repeats", 7, BELIEFS),
-        ("latents.methods", ["kalman"], figures("F9")),
+        ("latents.methods", ["kalman"], figures("F5", "F9") | claims("C3")),
         ("viewer.simulated", 7, {"viewer/hockey"}),
         (
             "retraining.margin",
@@ -228,14 +233,14 @@ def test_the_recipes_survive_the_command_line(config):
         ("retraining.method", "lstm", {label.replace("kalman", "lstm") for label in FROM_ARM_TRAIN}),
         ("rollouts.hits", 100, FROM_ROLLOUTS),
         ("rollouts.named_conditions.low friction.friction_x", 0.21, FROM_ROLLOUTS),
-        ("randomisation.mass.uniform", [0.02, 0.1], FROM_ROLLOUTS | figures("T2")),
+        ("randomisation.mass.uniform", [0.02, 0.1], FROM_ROLLOUTS | figures("T1", "T2")),
         (
             "randomisation.friction_y.times",
             "mass",
-            FROM_ROLLOUTS | figures("T2") | VERDICTS | DIAGNOSES | RETRAINING,
+            FROM_ROLLOUTS | figures("T1", "T2") | VERDICTS | DIAGNOSES | RETRAINING,
         ),
-        ("randomisation.mass.label", "Weight", figures("T2")),
-        ("randomisation.mass.unit", "g", figures("T2")),
+        ("randomisation.mass.label", "Weight", figures("T1", "T2")),
+        ("randomisation.mass.unit", "g", figures("T1", "T2")),
         ("swings.test", 9, FROM_SWINGS),
         ("trajectory_model.steps", 9, FROM_MODEL),
         ("trajectory_model.latent", 2, FROM_MODEL | figures("F2")),
@@ -345,7 +350,11 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
             r"domains\.hockey\.figures: 'F99' cannot be made here; use some of: F1, F2, ",
         ),
         ("figures", ["F3"], r"domains\.hockey\.figures: 'F3' cannot be made here"),
-        ("claims", ["C9"], r"domains\.hockey\.claims: 'C9' cannot be made here; use some of: C4, C5, C7"),
+        (
+            "claims",
+            ["C9"],
+            r"domains\.hockey\.claims: 'C9' cannot be made here; use some of: C2, C3, C4, C5, C7",
+        ),
         ("regression.figures", ["F7"], r"regression\.figures: 'F7' cannot be made here; use some of: F3"),
         ("regression.claims", ["C4"], r"regression\.claims: 'C4' cannot be made here; use some of: C1"),
         (

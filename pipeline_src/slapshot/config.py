@@ -186,7 +186,7 @@ def _impossible(name: str, domain: Mapping[str, Any]) -> Iterator[tuple[str, str
     for key, names in (("", [name]), ("recordings", domain["recordings"])):
         for bad in (n for n in names if not _NAME.fullmatch(n)):
             yield key, f"{bad!r} is no good name; use letters, digits, _ and -"
-    period = _CONTROL_PERIOD / domain["scene"]["timestep_s"]
+    period = _CONTROL_PERIOD / domain["scene"].get("timestep_s", _CONTROL_PERIOD)
     if not (math.isfinite(period) and math.isclose(period, round(period), rel_tol=1e-6)):
         yield (
             "scene.timestep_s",
@@ -198,6 +198,12 @@ def _impossible(name: str, domain: Mapping[str, Any]) -> Iterator[tuple[str, str
     for parameter, spec in domain["randomisation"].items():
         for key, problem in _impossible_distribution(parameter, spec):
             yield f"randomisation.{parameter}.{key}", problem
+    place = domain["demonstrations"].get("place_m", [0, 0, 0, 0])
+    if place[0] > place[1] or place[2] > place[3]:
+        yield (
+            "demonstrations.place_m",
+            f"{place} runs backwards; write lowest x, highest x, lowest y, highest y",
+        )
     low, high = domain["demonstrations"]["speed_m_s"]
     if not 0 < low <= high:
         yield "demonstrations.speed_m_s", f"[{low}, {high}] is no range of speeds; write 0 < low <= high"

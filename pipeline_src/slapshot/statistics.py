@@ -61,11 +61,14 @@ class Projection:
         return (vectors - self.mean) @ self.axes.T
 
     def oriented(self, vectors: Array, *guides: Array) -> "Projection":
-        """The same axes, the first ones turned so that each increases with its guide (one value a vector)."""
+        """The same axes, the first ones turned so that each increases with its guide (one value a vector).
+
+        An axis whose guide does not vary stays as it is.
+        """
         scores = self.apply(vectors)
         signs = np.ones(len(self.axes))
         for i, guide in enumerate(guides[: len(signs)]):
-            if np.corrcoef(scores[:, i], guide)[0, 1] < 0:
+            if np.ptp(guide) > 0 and np.corrcoef(scores[:, i], guide)[0, 1] < 0:
                 signs[i] = -1
         return Projection(self.mean, self.axes * signs[:, None], self.explained)
 

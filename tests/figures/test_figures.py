@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
-from slapshot.figures import f7_simulated, f8_recorded, t2_randomisation
+from slapshot.figures import f7_simulated, f8_recorded, randomisation_table
 from slapshot.figures.curves import draw_curves, summarise
 from slapshot.figures.drawing import STAND_IN, method_colour, method_line, method_name
 
@@ -219,12 +219,21 @@ def test_the_interval_is_over_rigs_where_there_are_several(recorded):
 
 
 def test_randomisation_table_is_the_configuration(hockey_config):
-    config = {"domain": "hockey", "randomisation": hockey_config["randomisation"]}
-    drawing = t2_randomisation.draw({}, config)
+    config = {"figure": "T2", "domain": "hockey", "randomisation": hockey_config["randomisation"]}
+    drawing = randomisation_table.draw({}, config)
     table = drawing.table.set_index("parameter")
     assert table.loc["friction_y", "times"] == "friction_x"
     assert table.loc["mass", ["low_or_mean", "high_or_sd"]].tolist() == [0.01, 0.1]
     assert table.index[0] == "mass"
+
+
+def test_what_does_not_vary_is_left_out_of_the_table(hockey_config):
+    mass = {"uniform": [2.0, 2.0], "label": "Mass", "unit": "kg"}
+    start = {"normal": [0.1, 0.0], "label": "Start", "unit": "m"}
+    same = {**hockey_config["randomisation"], "mass": mass, "start_error": start}
+    drawing = randomisation_table.draw({}, {"figure": "T1", "domain": "x", "randomisation": same})
+    assert not {"mass", "start_error"} & set(drawing.table["parameter"])
+    assert drawing.name == "T1-x-randomisation"
 
 
 def test_same_drawing_gives_the_same_bytes(write, recorded, assert_same_bytes):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from slapshot.rollouts.collector import Collector
-from slapshot.rollouts.contact import Hits
+from slapshot.rollouts.hits import Hits
 from slapshot.rollouts.reference import dm_control_rests, reference_rests
 
 

@@ -28,7 +28,13 @@ def settings(hockey_config):
         n: {k: v for k, v in s.items() if k in ("uniform", "normal", "times")}
         for n, s in hockey_config["randomisation"].items()
     }
-    return {"seed": 5, "randomisation": randomisation, **hockey_config["rollouts"], **sizes}
+    return {
+        "domain": "hockey",
+        "seed": 5,
+        "randomisation": randomisation,
+        **hockey_config["rollouts"],
+        **sizes,
+    }
 
 
 def run(rig, settings, out: Path, cores: int = 2) -> Path:

@@ -52,7 +52,7 @@ def slapshot(monkeypatch, capsys):
 
 def put_into_store(made: Made, copies: int = 1) -> None:
     """Make `made` the version that the tiny configuration asks for, each hit `copies` times."""
-    (recipe,) = make_plan(load_config(Path("config/tiny.yaml"))).of_stage("viewer").values()
+    recipe = make_plan(load_config(Path("config/tiny.yaml"))).recipes["viewer/hockey"]
     with Store(Path("data/store")).new_version(recipe) as out:
         shutil.copytree(made.folder, out, dirs_exist_ok=True)
         if copies > 1:

@@ -327,7 +327,7 @@ def test_fail_mend_rerun_leaves_nothing_stale(workspace):
         domain["randomisation"] = {"mass": {"label": "Weight of the puck"}}
 
     config = workspace.variant("two figures", change)
-    with workspace.edited("figures/t2_randomisation.py", lambda text: text + "\n1 / 0\n"):
+    with workspace.edited("figures/randomisation_table.py", lambda text: text + "\n1 / 0\n"):
         broken = workspace.plan(config)
         kept = shown_ids(broken) - {f"figure/{broken[n].id}" for n in figure(broken, "T2")}
         done = workspace.snakemake("figures", config=config, good=False)

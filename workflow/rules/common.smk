@@ -38,6 +38,12 @@ def of_figures(stage=None):
     return [str(store.mark(r.stage, r.id)) for r in recipes if stage in (None, r.stage)]
 
 
+def of_domain(domain):
+    """Marks of the figures of one domain."""
+    labels = (l for l in plan.of_figures() if l.startswith(f"figure/{domain}/"))
+    return [mark_of(label) for label in labels]
+
+
 def version(stage):
     """Pattern of the mark of a stage's versions."""
     return str(store.mark(stage, "{id}"))

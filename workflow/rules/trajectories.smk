@@ -61,4 +61,4 @@ rule swings_version:
     params:
         recipe=recipe("swings"),
     shell:
-        "python -m slapshot.trajectories.swings --recipe {params.recipe:q} --cores {threads} --log {log}"
+        "python -m slapshot.trajectories.pool --recipe {params.recipe:q} --cores {threads} --log {log}"

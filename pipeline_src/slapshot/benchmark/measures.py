@@ -17,11 +17,12 @@ from slapshot.adaptation.method import AdaptationMethod, Sizes, load_method
 from slapshot.command import Run
 from slapshot.rollouts.__main__ import produce
 from slapshot.rollouts.collector import Collector
-from slapshot.rollouts.contact import Hits
+from slapshot.rollouts.hits import Hits
 from slapshot.rollouts.reference import dm_control_rests, reference_rests
 from slapshot.scenes.randomisation import draw_conditions, draw_start_errors
 from slapshot.scenes.scene import Scene
-from slapshot.trajectories.swings import Swings, execute
+from slapshot.trajectories.execution import execute
+from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
 
 REFERENCE_STEP = 0.00025  # s

@@ -5,7 +5,7 @@ STAGES = {
     "scene": "slapshot.scenes.__main__",
     "demonstrations": "slapshot.trajectories.demonstrations",
     "trajectory_model": "slapshot.trajectories.fit",
-    "swings": "slapshot.trajectories.swings",
+    "swings": "slapshot.trajectories.pool",
     "rollouts": "slapshot.rollouts.__main__",
     "lab": "slapshot.lab.__main__",
     "train": "slapshot.adaptation.train",
@@ -37,23 +37,26 @@ FIGURES = {
     "F1": "slapshot.figures.f1_intro",
     "F2": "slapshot.figures.f2_method",
     "F3": "slapshot.figures.f3_linear_regression",
+    "F4": "slapshot.figures.f4_fetchslide",
+    "F5": "slapshot.figures.f5_fetchslide_latents",
     "F6": "slapshot.figures.f6_setup",
     "F7": "slapshot.figures.f7_simulated",
     "F8": "slapshot.figures.f8_recorded",
     "F9": "slapshot.figures.f9_latents",
     "M1": "slapshot.figures.m1_training",
-    "T2": "slapshot.figures.t2_randomisation",
+    "T1": "slapshot.figures.randomisation_table",
+    "T2": "slapshot.figures.randomisation_table",
     "U1": "slapshot.figures.u1_coverage",
     "U2": "slapshot.figures.u2_innovations",
 }
 # Claim id -> its module.
-CLAIMS = {f"C{number}": f"slapshot.claims.c{number}" for number in (1, 4, 5, 7)}
+CLAIMS = {f"C{number}": f"slapshot.claims.c{number}" for number in (1, 2, 3, 4, 5, 7)}
 
 _MUJOCO = ("mujoco", "dm-control", "numpy")
 _TORCH = ("torch", "numpy", "safetensors")
 _TABLES = ("numpy", "pandas", "pyarrow")
 LIBRARIES: dict[str, tuple[str, ...]] = {
-    "scene": _MUJOCO,
+    "scene": (*_MUJOCO, "gymnasium-robotics"),
     "demonstrations": (*_MUJOCO, "scipy"),
     "trajectory_model": (*_TORCH, "mujoco", "scipy"),
     "swings": (*_MUJOCO, *_TORCH, "scipy"),

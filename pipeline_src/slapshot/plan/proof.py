@@ -11,7 +11,7 @@ from slapshot.plan.diagnosis import SEED, what_is_believed
 from slapshot.plan.recipes import Plan
 from slapshot.plan.simulation import stand_ins
 from slapshot.proof.cases import Case, read_cases
-from slapshot.scenes.domain import domain_module
+from slapshot.scenes.domain import domain_module, part_module
 
 SMALL, FULL = "small", "full"
 FRESH = Path("data/proof/fresh.csv")  # cases of `--config proof=fresh`, drawn by the workflow
@@ -34,7 +34,7 @@ def add_proof(plan: Plan, config: Mapping[str, Any]) -> None:
         "demonstrations",
         {"domain": domain["scene"]["domain"], "seed": cases["seed"], **pool},
         {"scene": f"scene/{name}"},
-        modules=[module],
+        modules=[module, part_module(domain["scene"]["domain"], "safety")],
     )
     lab = merge(domain["recordings"][cases["like"]]["lab"], cases["lab"])
     plan.add(

@@ -49,6 +49,10 @@ def _figure_inputs(
             method = domain["uncertainty"]["method"]
             sizes = {"state": 2, "action": domain["trajectory_model"]["latent"], "outcome": 2}
             return {}, {"kalman": method_settings(domain["methods"][method]), "sizes": sizes}
+        case "F4":
+            return {m: f"evaluate/{name}/{m}" for m in methods}, {}
+        case "F5":
+            return {m: f"beliefs/{name}/{m}" for m in analysed}, {"methods": analysed}
         case "F6":
             labs = {
                 recording: rig_labels(name, recording, s)[0] for recording, s in stand_ins(domain).items()
@@ -62,8 +66,8 @@ def _figure_inputs(
             return {m: f"beliefs/{name}/{m}" for m in analysed}, {"methods": analysed}
         case "M1":
             return {m: f"train/{name}/{m}" for m in methods}, {}
-        case "T2":
-            return {}, {"randomisation": domain["randomisation"]}
+        case "T1" | "T2":
+            return {}, {"figure": figure, "randomisation": domain["randomisation"]}
         case "U1":
             return {"calibrate": f"calibrate/{name}", "predictions": f"predictions/{name}"}, {}
         case "U2":
@@ -95,6 +99,10 @@ def _add_claim(plan: Plan, name: str, claim: str, upstream: Mapping[str, str]) -
 def _claim_inputs(name: str, domain: Mapping[str, Any], claim: str) -> dict[str, str]:
     methods = list(domain["methods"])
     match claim:
+        case "C2":
+            return {m: f"evaluate/{name}/{m}" for m in methods}
+        case "C3":
+            return {m: f"beliefs/{name}/{m}" for m in domain["latents"]["methods"]}
         case "C4":
             return {m: f"evaluate/{name}/{m}" for m in methods}
         case "C5":

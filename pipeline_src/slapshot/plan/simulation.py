@@ -5,13 +5,16 @@ from typing import Any
 
 from slapshot.errors import InputError
 from slapshot.plan.recipes import Plan
-from slapshot.scenes.domain import domain_module
+from slapshot.scenes.domain import domain_module, part_module
 
 
 def add_simulation(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     """Scene, demonstrations, trajectory model, swings and rollouts of a domain."""
     scene, seed = domain["scene"], domain["seed"]
     module = domain_module(scene["domain"])
+    safety, execution, collector = (
+        part_module(scene["domain"], part) for part in ("safety", "execution", "collector")
+    )
     try:
         plan.add(f"scene/{name}", "scene", scene, modules=[module])
     except ModuleNotFoundError:
@@ -25,7 +28,7 @@ def add_simulation(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
         "demonstrations",
         {"domain": scene["domain"], "seed": seed, **demonstrations},
         {"scene": f"scene/{name}"},
-        modules=[module],
+        modules=[module, safety],
     )
     plan.add(
         f"trajectory_model/{name}",
@@ -36,14 +39,21 @@ def add_simulation(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     plan.add(
         f"swings/{name}",
         "swings",
-        {"seed": seed, **domain["swings"]},
+        {"domain": scene["domain"], "seed": seed, **domain["swings"]},
         {"scene": f"scene/{name}", "trajectory_model": f"trajectory_model/{name}"},
+        modules=[safety, execution],
     )
     plan.add(
         f"rollouts/{name}",
         "rollouts",
-        {"seed": seed, "randomisation": draws(domain["randomisation"]), **domain["rollouts"]},
+        {
+            "domain": scene["domain"],
+            "seed": seed,
+            "randomisation": draws(domain["randomisation"]),
+            **domain["rollouts"],
+        },
         {"scene": f"scene/{name}", "swings": f"swings/{name}"},
+        modules=[collector],
     )
 
 

@@ -131,8 +131,13 @@ def _fit(cases: pd.DataFrame) -> Drawing:
         axis.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
         axis.minorticks_off()
         axis.set_xlabel("held-out error over the noise floor")
-        axis.set_title(title, loc="left")
+        # A case whose recording lacks tracks or commands lacks one of the two.
+        measured = int(
+            (cases[f"augmented_{measure}"].notna() & cases[f"noise_floor_{measure}"].notna()).sum()
+        )
+        axis.set_title(f"{title}; {measured} cases", loc="left")
     axes[0].set_ylabel("share of cases at most so far off")
-    axes[0].legend(loc="lower right")
-    figure.suptitle(f"{len(cases)} cases; {STAND_IN}", fontsize=8)
+    lines, texts = axes[0].get_legend_handles_labels()
+    figure.legend(lines, texts, loc="outside lower center", ncols=len(lines))
+    figure.suptitle(STAND_IN, fontsize=8)
     return Drawing("P3-fit", figure, pd.concat(tables) if tables else pd.DataFrame())

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 from slapshot.effects.effect import Effect
 from slapshot.effects.slide_law import Acting
 from slapshot.effects.slide_law import slide as slide_with_effects
-from slapshot.rollouts.collector import Outcomes
-from slapshot.rollouts.contact import ContactSimulator, Hits
+from slapshot.rollouts.contact import ContactSimulator
+from slapshot.rollouts.hits import Hits, Outcomes
 from slapshot.rollouts.slide import slide
 from slapshot.scenes.scene import Scene
+from slapshot.trajectories.execution import execute
 from slapshot.trajectories.motion import Motion
-from slapshot.trajectories.swings import Swings, execute
+from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
 
 Array = NDArray[np.float64]
@@ -103,4 +104,4 @@ def swings_with_effects(
     """The same swings executed on an augmented scene; those that are not safe there are left out."""
     commanded = _Commanded(model, effects, scene.info.control_period)
     executed, usable = execute(scene, commanded, swings.latents, swings.splits, cores)  # type: ignore[arg-type]
-    return Swings(**{name: value[usable] for name, value in vars(executed).items()})
+    return executed.of(usable)

@@ -56,7 +56,7 @@ def produce(run: Run) -> None:
     for shard in progress(shards, len(shards), "rollout shards"):
         hits, _ = plan.hits_of(shard)
         outcomes = collector.collect(hits)
-        tables[shard.split].append(hits_table(hits, outcomes, swings, scene.info.start, shard.conditions))
+        tables[shard.split].append(hits_table(hits, outcomes, swings, shard.conditions))
     for split, parts in tables.items():
         write_atomically(pa.concat_tables(parts), run.out / f"hits-{split}.parquet")
     conditions = pa.Table.from_pandas(plan.conditions(), preserve_index=False)

@@ -10,7 +10,6 @@ import pyarrow as pa
 
 from slapshot.command import Run, stage_command
 from slapshot.progress import progress
-from slapshot.rollouts.collector import Collector
 from slapshot.rollouts.dataset import (
     TRACKS_SCHEMA,
     concatenate,
@@ -19,7 +18,9 @@ from slapshot.rollouts.dataset import (
     tracks_table,
     write_atomically,
 )
+from slapshot.rollouts.hits import HitCollector
 from slapshot.rollouts.plan import RolloutPlan, Shard
+from slapshot.scenes.domain import load_part
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import SPLITS, Swings
 
@@ -41,10 +42,10 @@ def produce(run: Run) -> None:
         waiting = [s for s in shards if not _part(parts, s, "tracks").exists()]
         if len(waiting) < len(shards):
             log.info("%d of %d shards are there already", len(shards) - len(waiting), len(shards))
-        collector = Collector(scene, swings, run.cores)
+        collector = load_part(run.config["domain"], "collector").Collector(scene, swings, run.cores)
         done = len(shards) - len(waiting)
         for shard in progress(waiting, len(shards), "rollout shards", done):
-            _simulate(shard, plan, collector, scene, swings, run.config["track_period_s"], parts)
+            _simulate(shard, plan, collector, swings, run.config["track_period_s"], parts)
         _join(plan, shards, swings, parts, run.out)
         parts.rename(joined)
     shutil.rmtree(joined)
@@ -57,8 +58,7 @@ def _part(parts: Path, shard: Shard, kind: str) -> Path:
 def _simulate(
     shard: Shard,
     plan: RolloutPlan,
-    collector: Collector,
-    scene: Scene,
+    collector: HitCollector,
     swings: Swings,
     period: float,
     parts: Path,
@@ -66,7 +66,7 @@ def _simulate(
     """Simulate one shard and write its two parts, the tracks last: they mark it as done."""
     hits, tracked = plan.hits_of(shard)
     outcomes = collector.collect(hits)
-    table = hits_table(hits, outcomes, swings, scene.info.start, shard.conditions)
+    table = hits_table(hits, outcomes, swings, shard.conditions)
     write_atomically(table, _part(parts, shard, "hits"))
     rows = np.flatnonzero(tracked)
     tracks = []

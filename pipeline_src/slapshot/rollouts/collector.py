@@ -1,11 +1,10 @@
 """Fast hits: cached swing, contact phase with the whole arm, planar slide to rest."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.rollouts.contact import ContactSimulator, Hits, Launches
+from slapshot.rollouts.contact import ContactSimulator, Launches
+from slapshot.rollouts.hits import Hits, Outcomes
 from slapshot.rollouts.slide import slide
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings
@@ -14,23 +13,6 @@ Array = NDArray[np.float64]
 
 # Hits simulated together: enough to keep threads busy, small enough that memory stays flat.
 BATCH = 512
-
-
-@dataclass(frozen=True)
-class Outcomes:
-    """What n hits did.
-
-    Attributes:
-        launch_times: (n,) s since the swing's start at which the object is free.
-        launches: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s) then.
-        rests: (n, 3) x, y (m), yaw (rad) at rest.
-        durations: (n,) s from the launch to rest.
-    """
-
-    launch_times: Array
-    launches: Array
-    rests: Array
-    durations: Array
 
 
 class Collector:
@@ -61,9 +43,7 @@ class Collector:
             outcomes.append(Outcomes(launches.times, launches.states, rests[:, :3], rests[:, 3]))
             if period is not None:
                 tracks += self._tracks(launches, friction, rests, period)
-        return Outcomes(
-            *(np.concatenate([getattr(part, name) for part in outcomes]) for name in vars(outcomes[0]))
-        ), tracks
+        return Outcomes.joined(outcomes), tracks
 
     def _tracks(self, launches: Launches, friction: Array, rests: Array, period: float) -> list[Array]:
         control = self._scene.info.control_period

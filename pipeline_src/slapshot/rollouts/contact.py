@@ -11,9 +11,11 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from slapshot.rollouts.hits import Hits
 from slapshot.rollouts.slide import GRAVITY
 from slapshot.scenes.scene import Scene, pair_friction
-from slapshot.trajectories.swings import Swings, striker_gap
+from slapshot.trajectories.execution import striker_gap
+from slapshot.trajectories.swings import Swings
 
 Array = NDArray[np.float64]
 
@@ -25,26 +27,6 @@ MISS_DISTANCE = 0.003  # m by which the striker must miss the object for good
 # A hop is over when the object is this near the plane (m) and this slow (m/s) across it. Looser hands over
 # objects that still rise, whose next landing takes speed; at 0.01 errors halve and hits take a tenth longer.
 FLAT, SETTLED = 1e-3, 0.02
-
-
-@dataclass(frozen=True)
-class Hits:
-    """n hits to simulate.
-
-    Attributes:
-        swings: (n,) rows of the pool of swings.
-        conditions: parameter -> (n,) values, see scenes.randomisation.
-        start_errors: (n, 2) m, from where the object was meant to lie.
-    """
-
-    swings: NDArray[np.int64]
-    conditions: dict[str, Array]
-    start_errors: Array
-
-    def rows(self, rows: slice | NDArray[np.int64]) -> "Hits":
-        """Some of the hits."""
-        conditions = {name: values[rows] for name, values in self.conditions.items()}
-        return Hits(self.swings[rows], conditions, self.start_errors[rows])
 
 
 @dataclass(frozen=True)

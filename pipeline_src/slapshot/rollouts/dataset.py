@@ -12,8 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from slapshot.rollouts.collector import Outcomes
-from slapshot.rollouts.contact import Hits
+from slapshot.rollouts.hits import Hits, Outcomes
 from slapshot.trajectories.swings import Swings
 
 ROWS_PER_GROUP = 131_072
@@ -60,9 +59,7 @@ TRACKS_SCHEMA = pa.schema(
 )
 
 
-def hits_table(
-    hits: Hits, outcomes: Outcomes, swings: Swings, start: tuple[float, float], conditions: range
-) -> pa.Table:
+def hits_table(hits: Hits, outcomes: Outcomes, swings: Swings, conditions: range) -> pa.Table:
     """Rows for the hits of consecutive conditions."""
     count = len(hits.swings)
     each = count // len(conditions)
@@ -71,7 +68,7 @@ def hits_table(
         "condition": np.repeat(np.array(conditions), each),
         "hit": np.tile(np.arange(each), len(conditions)),
         "swing": hits.swings,
-        "state": np.broadcast_to(np.array(start), (count, STATE_SIZE)),
+        "state": swings.starts[hits.swings],
         "action": swings.latents[hits.swings],
         "outcome": outcomes.rests[:, :2],
         "start_error_x": hits.start_errors[:, 0],

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.rollouts.contact import Hits
+from slapshot.rollouts.hits import Hits
 from slapshot.scenes.randomisation import (
     CONDITION_PARAMETERS,
     draw_conditions,

@@ -11,7 +11,7 @@ import numpy as np
 from dm_control import mujoco as dm_mujoco
 from numpy.typing import NDArray
 
-from slapshot.rollouts.contact import Hits
+from slapshot.rollouts.hits import Hits
 from slapshot.scenes.scene import Scene, set_condition
 from slapshot.trajectories.swings import Swings
 

@@ -1,7 +1,12 @@
-"""What a domain must provide: a scene folder with this face is all that a new domain needs."""
+"""What a domain must provide: a scene folder with this face is all that a new domain needs.
+
+The stages simulate an arm with joint servos that strikes an object on a plane. A domain whose robot is
+another one brings modules of its own in its folder, which take the place of those in `PARTS`.
+"""
 
 from collections.abc import Mapping
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -12,6 +17,13 @@ from slapshot.store.closure import find_source
 
 if TYPE_CHECKING:  # planning reads this module and must not need MuJoCo
     from slapshot.scenes.scene import Scene
+
+# Part -> the module that serves domains without one: its file in the domain's folder has the part's name.
+PARTS = {
+    "safety": "slapshot.trajectories.safety",  # class SafetyCheck
+    "execution": "slapshot.trajectories.execution",  # function execute
+    "collector": "slapshot.rollouts.collector",  # class Collector
+}
 
 
 class Domain(Protocol):
@@ -47,3 +59,14 @@ def load_domain(name: str) -> Domain:
             "of a module of your own that can be imported"
         )
     return import_module(module)
+
+
+def part_module(name: str, part: str) -> str:
+    """Dotted name of the module that is a domain's part."""
+    own = f"{domain_module(name)}.{part}"
+    return own if find_source(own) is not None else PARTS[part]
+
+
+def load_part(name: str, part: str) -> ModuleType:
+    """Import one of PARTS for the domain called `name`."""
+    return import_module(part_module(name, part))

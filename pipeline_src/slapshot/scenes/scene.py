@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,13 +14,19 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 T = TypeVar("T", float, NDArray[np.float64])
 
+_ASSETS = "assets"  # folder of a saved scene
+
 
 @dataclass(frozen=True)
 class SceneInfo:
-    """Names and sizes in a scene where an arm strikes an object that slides on a plane z = 0.
+    """Names and sizes in a scene where a robot strikes an object that slides on a plane.
+
+    What a scene does not have is empty or 0: the joints of an object that moves freely, the pairs of a scene
+    whose contacts are those of its geoms, the servos of a robot that is not commanded by joint.
 
     Attributes:
-        joints: the arm's joints, in the order of commands q0, q1, ...
+        joints: the robot's joints.
+        commands: how many numbers a command has; commands of an arm with servos are those of `joints`.
         object_body: body that is struck; its joints are object_joints: x, y, z (m) and yaw (rad).
         object_joints: names of those joints.
         object_radius: m, of the flat cylinder.
@@ -30,16 +36,18 @@ class SceneInfo:
         striker_site: site in the middle of the striker, x axis normal to its striking face.
         striker_half_thickness: m, from the site to the face.
         clearance_geoms: geoms that must stay above the plane.
-        start: x and y in m of the object before a hit.
+        start: x and y in m of the object before a hit; where it differs from swing to swing, their middle.
         servo_time: s; a servo is sent q + servo_time * dq/dt, which makes it track without lag.
         torque_limits: N m.
         speed_limits: rad/s.
         control_period: s, between commands.
+        plane_height: m, z of the plane.
     """
 
     joints: tuple[str, ...]
+    commands: int
     object_body: str
-    object_joints: tuple[str, str, str, str]
+    object_joints: tuple[str, ...]
     object_radius: float
     object_height: float
     object_pair: str
@@ -52,18 +60,20 @@ class SceneInfo:
     torque_limits: tuple[float, ...]
     speed_limits: tuple[float, ...]
     control_period: float
+    plane_height: float = 0.0
 
 
 @dataclass(frozen=True)
 class Scene:
-    """MJCF text and the names that matter in it."""
+    """MJCF text, the names that matter in it, and the files that it names (meshes, included MJCF)."""
 
     xml: str
     info: SceneInfo
+    assets: Mapping[str, bytes] = field(default_factory=dict, hash=False, repr=False)
 
     def compile(self, timestep: float | None = None) -> mujoco.MjModel:
         """A new model; with another step of integration (s) if one is given."""
-        model = mujoco.MjModel.from_xml_string(self.xml)
+        model = mujoco.MjModel.from_xml_string(self.xml, dict(self.assets))
         if timestep is not None:
             model.opt.timestep = timestep
         return model
@@ -74,20 +84,23 @@ class Scene:
         model = self.compile()
         info = self.info
         return Layout(
-            arm_q=np.array([model.joint(j).qposadr[0] for j in info.joints]),
-            arm_v=np.array([model.joint(j).dofadr[0] for j in info.joints]),
-            object_q=np.array([model.joint(j).qposadr[0] for j in info.object_joints]),
-            object_v=np.array([model.joint(j).dofadr[0] for j in info.object_joints]),
+            arm_q=np.array([model.joint(j).qposadr[0] for j in info.joints], np.int64),
+            arm_v=np.array([model.joint(j).dofadr[0] for j in info.joints], np.int64),
+            object_q=np.array([model.joint(j).qposadr[0] for j in info.object_joints], np.int64),
+            object_v=np.array([model.joint(j).dofadr[0] for j in info.object_joints], np.int64),
             object_body=model.body(info.object_body).id,
-            object_pair=model.pair(info.object_pair).id,
+            object_pair=model.pair(info.object_pair).id if info.object_pair else -1,
             striker_site=model.site(info.striker_site).id,
             joint_low=np.array([model.joint(j).range[0] for j in info.joints]),
             joint_high=np.array([model.joint(j).range[1] for j in info.joints]),
         )
 
     def save(self, folder: Path) -> None:
-        """Write scene.xml and scene.json."""
+        """Write scene.xml, scene.json and a folder of assets, if there are any."""
         (folder / "scene.xml").write_text(self.xml)
+        for name, content in self.assets.items():
+            (folder / _ASSETS).mkdir(exist_ok=True)
+            (folder / _ASSETS / name).write_bytes(content)
         (folder / "scene.json").write_text(json.dumps(asdict(self.info), indent=2) + "\n")
 
     @classmethod
@@ -95,12 +108,13 @@ class Scene:
         """Read what `save` wrote."""
         raw = json.loads((folder / "scene.json").read_text())
         fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in raw.items()}
-        return cls(xml=(folder / "scene.xml").read_text(), info=SceneInfo(**fields))
+        assets = {path.name: path.read_bytes() for path in sorted((folder / _ASSETS).glob("*"))}
+        return cls((folder / "scene.xml").read_text(), SceneInfo(**fields), assets)
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a scene's arm and object are in MuJoCo's arrays; joint ranges in rad."""
+    """Where a scene's robot and object are in MuJoCo's arrays, -1 what it lacks; joint ranges in rad."""
 
     arm_q: NDArray[np.int64]
     arm_v: NDArray[np.int64]

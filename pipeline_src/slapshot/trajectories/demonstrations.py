@@ -13,10 +13,9 @@ import pyarrow.parquet as pq
 from slapshot.command import Run, stage_command
 from slapshot.errors import InputError
 from slapshot.progress import progress
-from slapshot.scenes.domain import load_domain
+from slapshot.scenes.domain import load_domain, load_part
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
-from slapshot.trajectories.safety import SafetyCheck
 
 log = logging.getLogger("slapshot")
 
@@ -31,9 +30,7 @@ def produce(run: Run) -> None:
     blocks = -(-settings["count"] // _BLOCK)
     refused: Counter[str] = Counter()
     accepted = 0
-    with _Writer(
-        run.out / "demonstrations.parquet", settings["waypoints"] * len(scene.info.joints)
-    ) as writer:
+    with _Writer(run.out / "demonstrations.parquet", settings["waypoints"] * scene.info.commands) as writer:
         for found, reasons in progress(_blocks(scene, settings, blocks), blocks, "demonstrations"):
             writer.add(found)
             accepted += len(found)
@@ -52,7 +49,7 @@ def _blocks(
 ) -> Iterator[tuple[list[dict[str, Any]], list[str]]]:
     """Safe demonstrations, and why the other tasks were refused, block by block."""
     domain = load_domain(settings["domain"])
-    check = SafetyCheck(scene)
+    check = load_part(settings["domain"], "safety").SafetyCheck(scene)
     rng = np.random.default_rng(settings["seed"])
     for _ in range(blocks):
         tasks = [domain.draw_task(settings, rng) for _ in range(_BLOCK)]

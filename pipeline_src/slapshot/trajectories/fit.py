@@ -27,7 +27,7 @@ def produce(run: Run) -> None:
     column = pq.read_table(run.inputs["demonstrations"] / "demonstrations.parquet")["waypoints"]
     size = column.type.list_size
     flat = torch.from_numpy(column.combine_chunks().flatten().to_numpy().reshape(-1, size).copy())
-    joints = len(scene.info.joints)
+    joints = scene.info.commands
     sizes = VaeSizes(
         waypoints=flat.shape[1] // joints,
         joints=joints,
@@ -59,7 +59,7 @@ def train(flat: torch.Tensor, sizes: VaeSizes, settings: Mapping[str, Any]) -> T
     for step in progress(range(steps), steps, "trajectory VAE"):
         # The likelihood is sharpened slowly: at full sharpness from the start the latent folds.
         share = min(1.0, step / (0.5 * steps))
-        noise = settings["noise_rad"] * math.exp((1 - share) * math.log(30.0))
+        noise = settings["noise"] * math.exp((1 - share) * math.log(30.0))
         rows = torch.randint(len(flat), (batch,), generator=generator)
         reconstruction, divergence = model.loss(flat[rows], noise, generator)
         optimiser.zero_grad()
@@ -76,7 +76,8 @@ def measure(model: TrajectoryVae, flat: torch.Tensor) -> pd.DataFrame:
     """Is the latent used, and is it near a unit Gaussian? On held-out demonstrations.
 
     kl_nats: information a dimension carries (0: unused). mean, sd: of the encoder's samples over all
-    demonstrations (unit Gaussian: 0 and 1). reconstruction_rms_rad: through the encoder's mean.
+    demonstrations (unit Gaussian: 0 and 1). reconstruction_rms: through the encoder's mean, in the unit of
+    waypoints.
     """
     mean, log_variance = model.encode(flat)
     information = model.divergence(mean, log_variance).mean(0)
@@ -85,7 +86,7 @@ def measure(model: TrajectoryVae, flat: torch.Tensor) -> pd.DataFrame:
     rows += [("latent_mean", i, float(v)) for i, v in enumerate(mean.mean(0))]
     rows += [("latent_sd", i, float(v)) for i, v in enumerate(spread)]
     residual = (model.decode(mean) - flat).square().mean().sqrt()
-    rows.append(("reconstruction_rms_rad", -1, float(residual)))
+    rows.append(("reconstruction_rms", -1, float(residual)))
     return pd.DataFrame(rows, columns=["measure", "dimension", "value"])
 
 

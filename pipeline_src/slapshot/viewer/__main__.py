@@ -42,7 +42,7 @@ def produce(run: Run) -> None:
     stage, arm = Stage.of(scene), Arm(scene)
     (run.out / HITS_FOLDER).mkdir()
     recordings = recording_folders(run.config["recordings"], run.inputs)
-    hits = read_hits(run.inputs, recordings, scene.info, chosen, predictions)
+    hits = read_hits(run.inputs, recordings, scene.info, chosen, predictions, run.config["domain"])
     rows = [
         write_hit(run.out, hit, arm, scene.info) for hit in progress(hits, len(chosen), "recordings of hits")
     ]

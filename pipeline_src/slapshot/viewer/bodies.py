@@ -17,9 +17,11 @@ ROOT = "scene"
 def log_shapes(recording: rr.RecordingStream, scene: Scene) -> None:
     """Log every geom that can be seen under scene/<body>, in that body's frame; the object is left out.
 
-    Bodies that are welded together are one.
+    Bodies that are welded together are one. The plane is at z = 0 for people, wherever the scene has it.
     """
     model = scene.compile()
+    lowered = rr.Transform3D(translation=[0.0, 0.0, -scene.info.plane_height])
+    recording.log(ROOT, lowered, static=True)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     for geom in range(model.ngeom):

@@ -53,20 +53,21 @@ def browse(config: Path | None, store: Path, hit: str | None, port: int) -> int:
 
 
 def find_folders(store: Path, config: Path | None) -> dict[str, Path]:
-    """Domain -> folder of its version of the stage `viewer`.
+    """Domain -> folder of its version of the stage `viewer`, of all domains whose hits are made.
 
     Raises:
-        InputError: it is not made yet.
+        InputError: none is.
     """
     option = f" --configfile {config}" if config else ""
     recipes = make_plan(load_config(config)).of_stage("viewer").values()
-    for recipe in recipes:
-        if not Store(store).is_whole(recipe.stage, recipe.id):
-            raise InputError(
-                f"browse: there are no hits to see yet ({recipe.stage}/{recipe.id} is not in {store}): "
-                f"run `snakemake recordings{option}` first"
-            )
-    return {recipe.config["domain"]: Store(store).folder(recipe.stage, recipe.id) for recipe in recipes}
+    made = {r.config["domain"]: r for r in recipes if Store(store).is_whole(r.stage, r.id)}
+    if not made:
+        missing = " and ".join(f"{recipe.stage}/{recipe.id}" for recipe in recipes)
+        raise InputError(
+            f"browse: there are no hits to see yet (no {missing} in {store}): "
+            f"run `snakemake recordings{option}` first"
+        )
+    return {domain: Store(store).folder(r.stage, r.id) for domain, r in made.items()}
 
 
 def find_hit(folders: Mapping[str, Path], part: str) -> Path:

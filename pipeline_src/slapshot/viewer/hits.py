@@ -82,6 +82,7 @@ def read_hits(
     info: SceneInfo,
     chosen: pd.DataFrame,
     predictions: pd.DataFrame,
+    domain: str,
 ) -> Iterator[Hit]:
     """What is known of the chosen hits.
 
@@ -91,16 +92,17 @@ def read_hits(
         info: of the scene.
         chosen: from `choose`.
         predictions: of all hits.
+        domain: begins the hits' ids, which no two recordings of a gallery may share.
     """
     beliefs = dict(iter(predictions.sort_values("samples").groupby(_KEY)))
     simulated = chosen[chosen["source"] == "simulated"]
     if len(simulated):
-        yield from _simulated(inputs, info, simulated, beliefs)
+        yield from _simulated(inputs, info, simulated, beliefs, domain)
     recorded = chosen[chosen["source"] == "recorded"]
     for key, folder in recordings.items():
         rows = recorded[(recorded["recording"] == key[0]) & (recorded["rig"] == key[1])]
         if len(rows):
-            yield from _recorded(read_recording(folder), rows, beliefs)
+            yield from _recorded(read_recording(folder), rows, beliefs, domain)
 
 
 def _simulated(
@@ -108,6 +110,7 @@ def _simulated(
     info: SceneInfo,
     rows: pd.DataFrame,
     beliefs: Mapping[tuple[Any, ...], pd.DataFrame],
+    domain: str,
 ) -> Iterator[Hit]:
     swings = Swings.load(inputs["swings"])
     table = pq.read_table(inputs["rollouts"] / "hits-test.parquet", columns=["condition", "hit", "swing"])
@@ -118,16 +121,15 @@ def _simulated(
         key = (row["condition"], row["hit"])
         # Rounded, so that a time is 0.65 s and not the nearest single-precision number.
         track = tracks[key][["t", "x", "y", "yaw"]].to_numpy(float).round(6)
-        positions = follow(swings.targets[swing_of.loc[key]], info.control_period / info.servo_time)
+        swing = swing_of.loc[key]
         named = f" ({row['name']})" if row["name"] else ""
-        times = np.arange(len(positions), dtype=np.float64) * info.control_period
         yield Hit(
-            id=f"simulated-{row['condition']:04d}-{row['hit']:03d}",
+            id=f"{domain}-simulated-{row['condition']:04d}-{row['hit']:03d}",
             title=f"Simulated, condition {row['condition']}{named}, hit {row['hit']}",
             note="simulation, a condition that training did not see",
             facts=row | {"group": f"condition {row['condition']}{named}"},
-            joint_times=times,
-            joints=positions,
+            joint_times=swings.pose_times(info.control_period),
+            joints=swings.poses[swing],
             track=track,
             longest_step=np.inf,
             beliefs=beliefs[tuple(row[k] for k in _KEY)],
@@ -135,7 +137,10 @@ def _simulated(
 
 
 def _recorded(
-    recording: Recording, rows: pd.DataFrame, beliefs: Mapping[tuple[Any, ...], pd.DataFrame]
+    recording: Recording,
+    rows: pd.DataFrame,
+    beliefs: Mapping[tuple[Any, ...], pd.DataFrame],
+    domain: str,
 ) -> Iterator[Hit]:
     arm = recording.joints if recording.joints is not None else recording.commands
     arms = {} if arm is None else dict(iter(arm.groupby("hit")))
@@ -150,7 +155,7 @@ def _recorded(
             id=re.sub(
                 r"[^\w.-]+",
                 "_",
-                f"recorded-{row['recording']}-{row['rig']:02d}-{row['object']}-{row['hit']:04d}",
+                f"{domain}-recorded-{row['recording']}-{row['rig']:02d}-{row['object']}-{row['hit']:04d}",
             ),
             title=f"{kind}, {group}, hit {row['hit']}",
             note=STAND_IN if recording.stand_in else f"recorded on {recording.rig}",
@@ -165,16 +170,3 @@ def _recorded(
 
 def _records(rows: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(key): value for key, value in row.items()} for row in rows.to_dict("records")]
-
-
-def follow(targets: Array, share: float) -> Array:
-    """(t, joints) rad: where servos are that are sent (t, joints) `targets`.
-
-    A target is q + servo_time * dq/dt, so q follows from it by one Euler step a tick; `share` is the
-    control period over servo_time.
-    """
-    positions = np.empty_like(targets)
-    positions[0] = targets[0]  # a swing begins at rest
-    for tick in range(1, len(targets)):
-        positions[tick] = positions[tick - 1] + share * (targets[tick - 1] - positions[tick - 1])
-    return positions

@@ -90,6 +90,7 @@ def build_scene(settings: Mapping[str, Any]) -> Scene:
     puck = PUCKS[settings["puck"]]
     info = SceneInfo(
         joints=tuple(f"q{i}" for i in range(7)),
+        commands=7,
         object_body="puck",
         object_joints=("puck_x", "puck_y", "puck_z", "puck_yaw"),
         object_radius=puck.radius,

@@ -44,6 +44,7 @@ def build_scene(settings: Mapping[str, Any]) -> Scene:
         raise InputError(f"scene.mass_kg: {mass} is no mass; give one in kg, greater than 0")
     info = SceneInfo(
         joints=(),
+        commands=0,
         object_body="box",
         object_joints=("box_x", "box_y", "box_z", "box_yaw"),
         object_radius=disc_radius(size[0], size[1]),

@@ -1,4 +1,4 @@
-"""T2: what was randomised, from the configuration that ran (paper, table II)."""
+"""T1, T2: what was randomised, from the configuration that ran (paper, tables I and II)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,12 +15,14 @@ _SYMBOLS = {"friction_x": r"\mu_x", "friction_y": r"\mu_y"}
 
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
-    """A table of parameters, distributions and units."""
+    """A table of parameters, distributions and units; what is the same in every condition is left out."""
     rows = []
     for name in (*CONDITION_PARAMETERS, START_ERROR):
         spec = config["randomisation"][name]
         kind = "uniform" if "uniform" in spec else "normal"
         first, second = spec[kind]
+        if first == second if kind == "uniform" else second == 0:
+            continue
         rows.append(
             {
                 "parameter": name,
@@ -44,7 +46,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     drawn.set_fontsize(9)
     for column in range(3):
         drawn[0, column].set_text_props(weight="bold", ha="left")
-    return Drawing(f"T2-{config['domain']}-randomisation", figure, table)
+    return Drawing(f"{config['figure']}-{config['domain']}-randomisation", figure, table)
 
 
 def _formula(row: Any) -> str:

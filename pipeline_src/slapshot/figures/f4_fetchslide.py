@@ -1,0 +1,77 @@
+"""F4: error against samples in FetchSlide, by friction and by noise (paper, figure 4)."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from slapshot.figures.curves import panel_title, summarise
+from slapshot.figures.drawing import Drawing, method_line, method_name
+
+FRICTIONS = ("low friction", "medium friction", "high friction")
+# A colour a condition, a line a method: each panel holds all of them, as in the paper.
+_COLOURS = ("#56B4E9", "#009E73", "#D55E00")
+
+
+def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+    """Panel (a): the named conditions, all levels of noise; (b): all test conditions, each level of noise."""
+    errors = pd.concat([pd.read_parquet(f / "errors.parquet") for f in inputs.values()], ignore_index=True)
+    friction = summarise(errors[errors["name"].isin(FRICTIONS)], ["method", "name"])
+    noise = summarise(errors[errors["name"] == ""], ["method", "noise_variance", "noise_sd_m"])
+    figure, panels = plt.subplots(1, 2, figsize=(9.6, 3.9), squeeze=False)
+    left, right = panels[0]
+    _curves(left, [(name, friction[friction["name"] == name]) for name in FRICTIONS])
+    panel_title(left, "a", "by friction, all levels of noise")
+    levels = noise[["noise_variance", "noise_sd_m"]].drop_duplicates().sort_values("noise_variance")
+    _curves(
+        right,
+        [
+            (f"noise variance {v:g} (sd {100 * sd:.1f} cm)", noise[noise["noise_variance"] == v])
+            for v, sd in levels.itertuples(index=False)
+        ],
+    )
+    panel_title(right, "b", "by noise, all test conditions")
+    methods = list(dict.fromkeys(errors["method"]))
+    lines = [Line2D([], [], color="black", linestyle=method_line(m)) for m in methods]
+    figure.legend(
+        lines, [method_name(m) for m in methods], loc="outside upper center", ncols=len(methods),
+        handlelength=3,
+    )  # fmt: skip
+    left.set_ylabel("distance between predicted and true rest point (cm)")
+    table = pd.concat(
+        [friction.assign(panel="a").rename(columns={"name": "condition"}), noise.assign(panel="b")],
+        ignore_index=True,
+    )
+    first = ["panel", "method", "condition", "noise_variance", "noise_sd_m", "samples"]
+    return Drawing(
+        f"F4-{config['domain']}-errors", figure, table[[*first, *(c for c in table if c not in first)]]
+    )
+
+
+def _curves(axes: Axes, cases: list[tuple[str, pd.DataFrame]]) -> None:
+    """A colour for each case's title and rows of a summary, a line style for each method; 95 % bands."""
+    for (title, summary), colour in zip(cases, _COLOURS, strict=False):
+        for i, (method, rows) in enumerate(summary.groupby("method", sort=False)):
+            axes.plot(
+                rows["samples"],
+                100 * rows["error_m"],
+                color=colour,
+                linestyle=method_line(str(method)),
+                label=title if i == 0 else None,
+            )
+            axes.fill_between(
+                rows["samples"],
+                100 * rows["mean_low_m"].clip(lower=0),
+                100 * rows["mean_high_m"],
+                color=colour,
+                alpha=0.15,
+                lw=0,
+            )
+    axes.set_ylim(bottom=0)
+    axes.set_xlim(left=0)
+    axes.set_xlabel("samples seen")
+    axes.legend(loc="upper right")

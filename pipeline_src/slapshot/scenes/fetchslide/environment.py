@@ -1,0 +1,80 @@
+"""FetchSlide's own step loop, patched where it no longer runs: what the collector is held against."""
+
+from types import ModuleType
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.rollouts.hits import Hits
+from slapshot.scenes.fetchslide.model import OBJECT, OBJECT_JOINT, TABLE
+from slapshot.trajectories.swings import Swings
+
+Array = NDArray[np.float64]
+
+AT_REST = 2e-3  # m/s and rad/s
+LONGEST = 250  # steps after the last command
+
+
+def environment_rests(swings: Swings, hits: Hits, seed: int = 0) -> Array:
+    """(n, 2) m, where the environment's puck stops; commands of 0 follow those of a swing."""
+    environment = make_environment()
+    model, data = environment.model, environment.data
+    puck, moving = model.joint(OBJECT_JOINT).qposadr[0], model.joint(OBJECT_JOINT).dofadr[0]
+    rests = np.empty((len(hits.swings), 2))
+    for i, swing in enumerate(hits.swings):
+        environment.reset(seed=seed)
+        for name in (OBJECT, TABLE):
+            model.geom(name).friction[:] = [
+                hits.conditions[f"friction_{k}"][i] for k in ("x", "torsional", "rolling")
+            ]
+        data.qpos[puck : puck + 2] = swings.starts[swing] + hits.start_errors[i]
+        mujoco.mj_forward(model, data)
+        for command in swings.targets[swing]:
+            environment.step(np.append(command, 0.0))
+        for _ in range(LONGEST):
+            if np.abs(data.qvel[moving : moving + 6]).max() < AT_REST:
+                break
+            environment.step(np.zeros(4))
+        rests[i] = data.qpos[puck : puck + 2]
+    return rests
+
+
+def make_environment():  # type: ignore[no-untyped-def]
+    """A MujocoFetchSlideEnv whose four joint helpers work on MuJoCo 3.12 and later."""
+    from gymnasium_robotics.envs.fetch.slide import MujocoFetchSlideEnv
+    from gymnasium_robotics.utils import mujoco_utils
+
+    _mend(mujoco_utils)
+    return MujocoFetchSlideEnv()
+
+
+def _mend(helpers: ModuleType) -> None:
+    """The helpers compare MuJoCo's enumeration with an array, which later versions refuse."""
+
+    def places(model: mujoco.MjModel, name: str, velocity: bool) -> slice:
+        joint = model.joint(name)
+        free = joint.type[0] == int(mujoco.mjtJoint.mjJNT_FREE)
+        begin = (joint.dofadr if velocity else joint.qposadr)[0]
+        return slice(begin, begin + ((6 if velocity else 7) if free else 1))
+
+    def set_qpos(model, data, name, value):  # type: ignore[no-untyped-def]
+        data.qpos[places(model, name, False)] = value
+
+    def set_qvel(model, data, name, value):  # type: ignore[no-untyped-def]
+        data.qvel[places(model, name, True)] = value
+
+    def get_qpos(model, data, name):  # type: ignore[no-untyped-def]
+        return data.qpos[places(model, name, False)].copy()
+
+    def get_qvel(model, data, name):  # type: ignore[no-untyped-def]
+        return data.qvel[places(model, name, True)].copy()
+
+    mended = {
+        "set_joint_qpos": set_qpos,
+        "set_joint_qvel": set_qvel,
+        "get_joint_qpos": get_qpos,
+        "get_joint_qvel": get_qvel,
+    }
+    for name, helper in mended.items():
+        setattr(helpers, name, helper)

@@ -1,0 +1,121 @@
+"""Many FetchSlide robots stepped at once, commanded as the environment commands its one.
+
+What `MujocoFetchSlideEnv.step` does in a control period: the mocap body is put where the gripper is, moved by
+0.05 m times the command and turned towards (1, 0, 1, 0); twenty steps follow; the fingers are closed.
+"""
+
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from slapshot.scenes.fetchslide.model import (
+    FINGER_JOINTS,
+    GRIPPER,
+    MOCAP,
+    OBJECT,
+    OBJECT_JOINT,
+    STEP,
+    SUBSTEPS,
+    TABLE,
+)
+from slapshot.scenes.scene import Scene
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+_TOWARDS = np.array([1.0, 0.0, 1.0, 0.0])  # added to the gripper's quaternion, as the environment does
+# The environment's own set-up (its initial_qpos and _env_setup, gripper_extra_height included).
+_BASE = {"robot0:slide0": 0.05, "robot0:slide1": 0.48, "robot0:slide2": 0.0}
+_FIRST_MOVE = np.array([-0.498, 0.005, -0.431 - 0.02])  # m
+_FIRST_PERIODS = 10
+PUCK_HOME = np.array([1.7, 1.1, 0.41])  # m, where the puck waits during the set-up
+
+
+def prepare(model: mujoco.MjModel) -> tuple[Array, Array]:
+    """Mend the weld's data as the environment does, and return the state that its reset restores.
+
+    Returns:
+        qpos (nq,) and qvel (nv,), not at rest: the environment's episodes begin so.
+    """
+    data = mujoco.MjData(model)
+    for name, value in _BASE.items():
+        data.qpos[model.joint(name).qposadr[0]] = value
+    puck = model.joint(OBJECT_JOINT).qposadr[0]
+    data.qpos[puck : puck + 7] = [*PUCK_HOME, 1, 0, 0, 0]
+    model.eq_data[:, :7] = [0, 0, 0, 0, 0, 0, 1]
+    mujoco.mj_forward(model, data)
+    data.mocap_pos[0] = data.site("robot0:grip").xpos + _FIRST_MOVE
+    data.mocap_quat[0] = _TOWARDS
+    for _ in range(_FIRST_PERIODS):
+        mujoco.mj_step(model, data, SUBSTEPS)
+    return data.qpos.copy(), data.qvel.copy()
+
+
+class Grippers:
+    """Up to `size` robots, each with a puck on its table."""
+
+    def __init__(self, scene: Scene, size: int, threads: int) -> None:
+        self._model = scene.compile()
+        self._qpos0, self._qvel0 = prepare(self._model)
+        self._batch = Batch(self._model, nsim=size, nthread=threads)
+        self._friction = self._batch.expand("geom_friction")
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._mocap_pos, self._mocap_quat = self._batch.bind("mocap_pos"), self._batch.bind("mocap_quat")
+        self._xpos, self._xquat = self._batch.bind("xpos"), self._batch.bind("xquat")
+        self._site = self._batch.bind("site_xpos")
+        model = self._model
+        self._gripper, self._mocap = model.body(GRIPPER).id, model.body_mocapid[model.body(MOCAP).id]
+        self._grip = model.site(scene.info.striker_site).id
+        self._fingers = [model.joint(name).qposadr[0] for name in FINGER_JOINTS]
+        self._arm_q, self._arm_v = scene.layout.arm_q, scene.layout.arm_v
+
+    @cached_property
+    def _puck_q(self) -> Rows:
+        return self._model.joint(OBJECT_JOINT).qposadr[0] + np.arange(7)
+
+    @cached_property
+    def _puck_v(self) -> Rows:
+        return self._model.joint(OBJECT_JOINT).dofadr[0] + np.arange(6)
+
+    def reset(self, ids: Rows, places: Array, friction: Array) -> None:
+        """Robots as after the environment's reset, pucks at `places` (ids, 2) m.
+
+        Args:
+            ids: of the robots.
+            places: of their pucks.
+            friction: (ids, 3) linear, torsional, rolling, of puck and table.
+        """
+        self._batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._qpos[ids], self._qvel[ids] = self._qpos0, self._qvel0
+        self._qpos[np.ix_(ids, self._puck_q[:2])] = places
+        for name in (OBJECT, TABLE):
+            self._friction[ids, self._model.geom(name).id] = friction
+        self._batch.forward(ids=ids)
+
+    def restore(self, ids: Rows, positions: Array, velocities: Array) -> None:
+        """Put the robots' joints (ids, joints) into a state that `joints` told before."""
+        self._qpos[np.ix_(ids, self._arm_q)], self._qvel[np.ix_(ids, self._arm_v)] = positions, velocities
+        self._batch.forward(ids=ids, stage=mujoco.mjtStage.mjSTAGE_POS)
+
+    def command(self, ids: Rows, commands: Array) -> None:
+        """A control period with commands (ids, 3)."""
+        self._mocap_pos[ids, self._mocap] = self._xpos[ids, self._gripper] + STEP * commands
+        self._mocap_quat[ids, self._mocap] = self._xquat[ids, self._gripper] + _TOWARDS
+        self._batch.step(ids=ids, nstep=SUBSTEPS, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._qpos[np.ix_(ids, self._fingers)] = 0
+        self._batch.forward(ids=ids, stage=mujoco.mjtStage.mjSTAGE_POS)
+
+    def joints(self, ids: Rows) -> tuple[Array, Array]:
+        """Positions and velocities (ids, joints)."""
+        return self._qpos[np.ix_(ids, self._arm_q)], self._qvel[np.ix_(ids, self._arm_v)]
+
+    def grip(self, ids: Rows) -> Array:
+        """(ids, 3) m, the site between the fingers."""
+        return self._site[ids, self._grip].copy()
+
+    def pucks(self, ids: Rows) -> tuple[Array, Array]:
+        """Pose (ids, 7) and velocity (ids, 6) of the pucks, as MuJoCo has them for a free joint."""
+        return self._qpos[np.ix_(ids, self._puck_q)], self._qvel[np.ix_(ids, self._puck_v)]

@@ -1,0 +1,91 @@
+"""Swings of an arm with joint servos, simulated without the object."""
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from slapshot.progress import progress
+from slapshot.scenes.scene import Scene
+from slapshot.trajectories.swings import Swings, pose_stride
+from slapshot.trajectories.vae import TrajectoryVae
+
+Array = NDArray[np.float64]
+
+WINDOW_BEFORE, WINDOW_AFTER = 0.20, 0.12  # s around the nominal contact in which a hit may begin
+SETTLE = 0.05  # s simulated after the motion's end
+# Share of a torque limit that an executed swing may use: contact forces come on top.
+TORQUE_SHARE = 0.8
+_FAR = 100.0  # m: where the object waits while the arm moves alone
+
+
+def execute(
+    scene: Scene, model: TrajectoryVae, latents: Array, splits: NDArray[np.int64], cores: int
+) -> tuple[Swings, NDArray[np.bool_]]:
+    """Move the arm along each latent's motion, with the object out of the way.
+
+    Returns:
+        The swings, and (n,) whether speeds and torques stayed within limits and the object was reached.
+    """
+    info, layout = scene.info, scene.layout
+    mj_model = scene.compile()
+    substeps = round(info.control_period / mj_model.opt.timestep)
+    ticks = round((model.sizes.duration + SETTLE) / info.control_period)
+    times = np.arange(ticks, dtype=np.float64) * info.control_period
+    motions = [model.motion(latent) for latent in latents]
+    targets = np.stack([motion.servo_targets(times, info.servo_time) for motion in motions])
+    count, joints = len(latents), len(info.joints)
+
+    batch = Batch(mj_model, nsim=count, nthread=cores)
+    batch.reset()
+    qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
+    site, rotation, force = (
+        batch.bind("site_xpos"),
+        batch.bind("site_xmat"),
+        batch.bind("actuator_force"),
+    )
+    qpos[:, layout.arm_q] = np.stack([motion.position(times[:1])[0] for motion in motions])
+    qpos[:, layout.object_q[0]] += _FAR
+    positions, velocities = np.empty((2, count, ticks, joints))
+    striker, normal = np.empty((2, count, ticks, 3))
+    torque = np.zeros((count, joints))
+    batch.forward()
+    for tick in progress(range(ticks), ticks, "executing swings"):
+        positions[:, tick], velocities[:, tick] = qpos[:, layout.arm_q], qvel[:, layout.arm_v]
+        striker[:, tick] = site[:, layout.striker_site]
+        normal[:, tick] = rotation[:, layout.striker_site].reshape(count, 3, 3)[:, :, 0]
+        ctrl[:, :joints] = targets[:, tick]
+        batch.step(nstep=substeps, stage=mujoco.mjtStage.mjSTAGE_POS)
+        torque = np.maximum(torque, np.abs(force[:, :joints]))
+    starts = np.tile(np.array(info.start), (count, 1))
+    gap = striker_gap(scene, striker, normal, starts)
+    contact = (gap < 0).argmax(1)
+    first = np.clip(contact - round(WINDOW_BEFORE / info.control_period), 0, None)
+    window = round((WINDOW_BEFORE + WINDOW_AFTER) / info.control_period)
+    usable = (
+        (gap < 0).any(1)
+        & (torque < TORQUE_SHARE * np.array(info.torque_limits)).all(1)
+        & (np.abs(velocities).max(1) < np.array(info.speed_limits)).all(1)
+        & (first + window < ticks)
+    )
+    rows = np.minimum(first[:, None] + np.arange(window), ticks - 1)[:, :, None]
+    swings = Swings(
+        latents=latents,
+        splits=np.asarray(splits, np.int64),
+        starts=starts,
+        targets=targets,
+        positions=np.take_along_axis(positions, rows, 1),
+        velocities=np.take_along_axis(velocities, rows, 1),
+        first=first.astype(np.int64),
+        striker=striker,
+        normal=normal,
+        poses=positions[:, :: pose_stride(info.control_period)],
+    )
+    return swings, usable
+
+
+def striker_gap(scene: Scene, striker: Array, normal: Array, place: Array) -> Array:
+    """(n, t) distance in m between the striking face and an object at `place` (n, 2)."""
+    level = normal[:, :, :2] / np.linalg.norm(normal[:, :, :2], axis=2, keepdims=True)
+    ahead = ((place[:, None] - striker[:, :, :2]) * level).sum(2)
+    return ahead - scene.info.striker_half_thickness - scene.info.object_radius
