@@ -56,14 +56,35 @@ RIG = each("evaluate_recording/hockey/{}/rig") | figures("F8") | claims("C5")
 PREDICTIONS = {"predictions/hockey", "viewer/hockey"} | figures("F1", "U1")
 CALIBRATION = {"calibrate/hockey"} | PREDICTIONS
 BELIEFS = each("beliefs/hockey/{}", ("kalman", "lstm")) | figures("F5", "F9", "U2") | claims("C3", "C7")
-FROM_KALMAN = of_method("kalman") | CALIBRATION | (BELIEFS - {"beliefs/hockey/lstm"}) | FROM_ARM_TRAIN
+ACTS = {"acting/hockey/0", "acting/hockey/1"}
+ACTING = ACTS | figures("A1") | claims("S12")
+EXPLORATION = {"exploration/hockey"} | figures("A2") | claims("S13")
+FROM_INVERSE = {"inverse/hockey"} | ACTING
+FROM_KALMAN = (
+    FROM_INVERSE
+    | EXPLORATION
+    | of_method("kalman")
+    | CALIBRATION
+    | (BELIEFS - {"beliefs/hockey/lstm"})
+    | FROM_ARM_TRAIN
+)
 FROM_TRAIN = each("train/hockey/{}") | EVALUATIONS | RIG | OWN | CALIBRATION | BELIEFS | figures("M1")
-FROM_TRAIN |= FROM_ARM_TRAIN
+FROM_TRAIN |= FROM_ARM_TRAIN | FROM_INVERSE | EXPLORATION
 FROM_ROLLOUTS = {"rollouts/hockey"} | FROM_TRAIN | FROM_ARM_ROLLOUTS
 FROM_SWINGS = {"swings/hockey"} | FROM_ROLLOUTS
 LABS = {"lab/hockey/rig/0", "lab/hockey/rig/1"}
 DIAGNOSES = {"diagnosis/hockey/rig", "diagnosis/hockey/own"}
-FROM_LAB = LABS | RIG | PREDICTIONS | BELIEFS | figures("F6") | {"diagnosis/hockey/rig"} | RETRAINING
+FROM_LAB = (
+    LABS
+    | ACTING
+    | EXPLORATION
+    | RIG
+    | PREDICTIONS
+    | BELIEFS
+    | figures("F6")
+    | {"diagnosis/hockey/rig"}
+    | RETRAINING
+)
 FROM_MODEL = {"trajectory_model/hockey"} | FROM_SWINGS | FROM_LAB
 FROM_DEMONSTRATIONS = {"demonstrations/hockey"} | FROM_MODEL
 VERDICTS = {"verdict/small/s1", "score/small", "verdict/full/f1", "score/full"}
@@ -107,6 +128,7 @@ def config(own, tmp_path) -> dict:
     domain["claims"] = [claim for claim in CLAIMS if claim != "C1"]
     domain["methods"] = {method: domain["methods"][method] for method in METHODS}
     domain["retraining"] |= {"recording": "rig", "samples": 2}
+    domain["acting"] |= {"recording": "rig"}
     domain["recordings"] = {
         "rig": {"lab": LAB, "rigs": 2, "samples": 5, "repeats": 2},
         "own": {"path": str(own), "samples": 5, "repeats": 2},
@@ -202,7 +224,13 @@ def test_the_recipes_survive_the_command_line(config):
         (
             "recordings.rig.rigs",
             3,
-            {"lab/hockey/rig/2"} | FROM_LAB - LABS - DIAGNOSES - RETRAINING - figures("F6"),
+            {"lab/hockey/rig/2", "acting/hockey/2"}
+            | FROM_LAB
+            - LABS
+            - DIAGNOSES
+            - RETRAINING
+            - figures("F6")
+            - {"acting/hockey/0", "acting/hockey/1"},
         ),
         ("training.steps", 7, FROM_TRAIN),
         ("training.noise_variance_max", 0.3, FROM_TRAIN),
@@ -224,6 +252,10 @@ def test_the_recipes_survive_the_command_line(config):
         ("latents.repeats", 7, BELIEFS),
         ("latents.methods", ["kalman"], figures("F5", "F9") | claims("C3")),
         ("viewer.simulated", 7, {"viewer/hockey"}),
+        ("acting.targets", 7, ACTING),
+        ("acting.draws", 7, ACTING),
+        ("acting.inverse.steps", 7, FROM_INVERSE),
+        ("acting.exploration.samples", 7, EXPLORATION),
         (
             "retraining.margin",
             0.5,
@@ -347,13 +379,13 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
         (
             "figures",
             ["F7", "F99"],
-            r"domains\.hockey\.figures: 'F99' cannot be made here; use some of: F1, F2, ",
+            r"domains\.hockey\.figures: 'F99' cannot be made here; use some of: A1, A2, F1, F2, ",
         ),
         ("figures", ["F3"], r"domains\.hockey\.figures: 'F3' cannot be made here"),
         (
             "claims",
             ["C9"],
-            r"domains\.hockey\.claims: 'C9' cannot be made here; use some of: C2, C3, C4, C5, C7",
+            r"domains\.hockey\.claims: 'C9' cannot be made here; use some of: C2, C3, C4, C5, C7, S12, S13",
         ),
         ("regression.figures", ["F7"], r"regression\.figures: 'F7' cannot be made here; use some of: F3"),
         ("regression.claims", ["C4"], r"regression\.claims: 'C4' cannot be made here; use some of: C1"),

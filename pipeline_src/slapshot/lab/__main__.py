@@ -17,7 +17,7 @@ from slapshot.lab.concealed.draw import check_concealed, draw_concealed
 from slapshot.lab.concealed.rehearsal import Rehearsal
 from slapshot.lab.hit import TOGETHER, Bench
 from slapshot.lab.rig import Rig, draw_rig, truth_dict
-from slapshot.lab.streams import stream_for
+from slapshot.lab.streams import recording_streams, stream_for
 from slapshot.lab.stroke import Chance, Hit, Stroke, draw_chance
 from slapshot.lab.tables import commanded, hits_table, joint_table, read_encoders, tracks_table
 from slapshot.progress import progress
@@ -82,7 +82,7 @@ def record(
         InputError: the settings contradict each other or the scene.
     """
     check_concealed(settings)
-    rig_rng, session_rng, scale_rng, hits_rng, concealed_rng = np.random.default_rng(seed).spawn(5)
+    rig_rng, session_rng, scale_rng, hits_rng, concealed_rng = recording_streams(seed)
     rig = draw_rig(settings, rig_rng)
     if len(rig.scatter.joint_offset_sd) != len(scene.info.joints):
         raise InputError(

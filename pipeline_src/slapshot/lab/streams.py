@@ -11,3 +11,8 @@ def stream_for(rng: np.random.Generator, name: str) -> np.random.Generator:
     assert isinstance(parent, np.random.SeedSequence)
     key = (*parent.spawn_key, zlib.crc32(name.encode()))
     return np.random.default_rng(np.random.SeedSequence(parent.entropy, spawn_key=key))
+
+
+def recording_streams(seed: int | list[int]) -> list[np.random.Generator]:
+    """Streams of a recording: for its rig, session, scale, hits and concealed physics."""
+    return np.random.default_rng(seed).spawn(5)

@@ -7,6 +7,7 @@ into a job; adding a method, a recording or a domain to the configuration adds r
 from collections.abc import Mapping
 from typing import Any
 
+from slapshot.plan.acting import add_acting
 from slapshot.plan.adaptation import add_method, add_regression, add_uncertainty
 from slapshot.plan.catalogue import CLAIMS, FIGURES, LIBRARIES, ON_DEMAND, STAGES
 from slapshot.plan.diagnosis import add_diagnoses
@@ -33,6 +34,7 @@ def make_plan(config: Mapping[str, Any]) -> Plan:
         for method in domain["methods"]:
             add_method(plan, name, domain, method)
         add_uncertainty(plan, name, domain)
+        add_acting(plan, name, domain)
         add_viewer(plan, name, domain)
         add_diagnoses(plan, name, domain)
         add_retraining(plan, name, domain)

@@ -14,6 +14,9 @@ STAGES = {
     "calibrate": "slapshot.adaptation.calibrate",
     "predictions": "slapshot.adaptation.predictions",
     "beliefs": "slapshot.adaptation.beliefs",
+    "inverse": "slapshot.acting.train_inverse",
+    "acting": "slapshot.acting.__main__",
+    "exploration": "slapshot.acting.exploration",
     "regression": "slapshot.adaptation.regression",
     "claim": "slapshot.claims.__main__",
     "claims": "slapshot.claims.report",
@@ -34,6 +37,8 @@ STAGES = {
 ON_DEMAND = ("viewer", "diagnosis", "findings", "arm_rollouts", "held_out", "arms")
 # Figure id -> its module.
 FIGURES = {
+    "A1": "slapshot.figures.a1_acting",
+    "A2": "slapshot.figures.a2_exploration",
     "F1": "slapshot.figures.f1_intro",
     "F2": "slapshot.figures.f2_method",
     "F3": "slapshot.figures.f3_linear_regression",
@@ -50,7 +55,9 @@ FIGURES = {
     "U2": "slapshot.figures.u2_innovations",
 }
 # Claim id -> its module.
-CLAIMS = {f"C{number}": f"slapshot.claims.c{number}" for number in (1, 2, 3, 4, 5, 7)}
+CLAIMS = {
+    name.upper(): f"slapshot.claims.{name}" for name in ("c1", "c2", "c3", "c4", "c5", "c7", "s12", "s13")
+}
 
 _MUJOCO = ("mujoco", "dm-control", "numpy")
 _TORCH = ("torch", "numpy", "safetensors")
@@ -68,6 +75,9 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "calibrate": (*_TORCH, *_TABLES),
     "predictions": (*_TORCH, *_TABLES),
     "beliefs": (*_TORCH, *_TABLES),
+    "inverse": (*_TORCH, "pandas", "pyarrow"),
+    "acting": (*_MUJOCO, *_TORCH, *_TABLES, "scipy", "numba"),
+    "exploration": (*_TORCH, *_TABLES),
     "regression": (*_TORCH, *_TABLES),
     "claim": ("scipy", *_TABLES),
     "claims": _TABLES,

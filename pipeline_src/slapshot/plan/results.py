@@ -43,6 +43,10 @@ def _figure_inputs(
     recorded = [(m, r) for m in methods for r in domain["recordings"]]
     analysed = domain["latents"]["methods"]
     match figure:
+        case "A1":
+            return _acting_labels(plan, name, figure), {}
+        case "A2":
+            return {"exploration": _acting(plan, f"exploration/{name}", figure)}, {}
         case "F1":
             return {"predictions": f"predictions/{name}", "scene": f"scene/{name}"}, {}
         case "F2":
@@ -85,7 +89,7 @@ def add_claims(plan: Plan, config: Mapping[str, Any]) -> None:
         for claim in _known(domain["claims"], CLAIMS, f"domains.{name}.claims", only=known):
             if claim == "C5":
                 _need_recordings(name, domain, "claims", claim)
-            labels.append(_add_claim(plan, name, claim, _claim_inputs(name, domain, claim)))
+            labels.append(_add_claim(plan, name, claim, _claim_inputs(plan, name, domain, claim)))
     if labels:
         plan.add("claims", "claims", {}, {label.removeprefix("claim/"): label for label in labels})
 
@@ -96,9 +100,13 @@ def _add_claim(plan: Plan, name: str, claim: str, upstream: Mapping[str, str]) -
     return label
 
 
-def _claim_inputs(name: str, domain: Mapping[str, Any], claim: str) -> dict[str, str]:
+def _claim_inputs(plan: Plan, name: str, domain: Mapping[str, Any], claim: str) -> dict[str, str]:
     methods = list(domain["methods"])
     match claim:
+        case "S12":
+            return _acting_labels(plan, name, claim)
+        case "S13":
+            return {"exploration": _acting(plan, f"exploration/{name}", claim)}
         case "C2":
             return {m: f"evaluate/{name}/{m}" for m in methods}
         case "C3":
@@ -111,6 +119,24 @@ def _claim_inputs(name: str, domain: Mapping[str, Any], claim: str) -> dict[str,
         case "C7":
             return {"beliefs": f"beliefs/{name}/{domain['uncertainty']['method']}"}
     raise AssertionError(claim)
+
+
+def _acting_labels(plan: Plan, name: str, wanted: str) -> dict[str, str]:
+    """Rig -> label of what was done there."""
+    labels = [r for r in plan.of_stage("acting") if r.startswith(f"acting/{name}/")]
+    return {
+        label.rpartition("/")[2]: _acting(plan, label, wanted) for label in labels or [f"acting/{name}/0"]
+    }
+
+
+def _acting(plan: Plan, label: str, wanted: str) -> str:
+    if label not in plan.recipes:
+        name = label.split("/")[1]
+        raise InputError(
+            f"domains.{name}: {wanted} needs a block `acting` and a recording of stand-in rigs; "
+            f"add what is missing or remove {wanted}"
+        )
+    return label
 
 
 def _known(

@@ -1,0 +1,52 @@
+"""S12: acting on the adapted model, which the paper proposes and does not do."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from slapshot.claims.statement import Statement
+from slapshot.statistics import bootstrap
+
+TITLE = "hockey, recorded: an adapted model finds commands that hit targets"
+
+CHOOSERS = ("gradient", "inverse model")
+SAMPLES = 8  # hits seen: where claim C5 compares methods
+NEAR = 2.0  # of the oracle's distance, a margin of our own
+
+Array = NDArray[np.floating]
+
+
+def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+    """From what was done on every rig (role: rig)."""
+    table = pd.concat([pd.read_parquet(f / "acting.parquet") for f in inputs.values()], ignore_index=True)
+    table = table.dropna(subset="error_m")
+    seen = max(n for n in table["samples"].unique() if n <= SAMPLES)
+    oracle = _by_rig(table[table["chooser"] == "oracle"])
+    statements = []
+    for chooser in CHOOSERS:
+        own = table[table["chooser"] == chooser]
+        before, after = (_by_rig(own[own["samples"] == n]) for n in (0, seen))
+        note = (
+            f"{100 * before.mean():.1f} cm before any hit, {100 * after.mean():.1f} cm after {seen}, "
+            f"{100 * oracle.mean():.1f} cm by an oracle that repeats a command known to lead there; "
+            f"{len(after)} stand-in rigs"
+        )
+        statements.append(
+            Statement(
+                text=f"After {seen} hits the {chooser} misses targets by less than {NEAR:g} times the oracle",
+                measure="its distance to targets over the oracle's",
+                interval=bootstrap(lambda a, b: float(a.mean() / b.mean()), after[None], oracle[None]),
+                below=NEAR,
+                paper="could be used to find a much better policy",
+                note=note,
+            )
+        )
+    return statements
+
+
+def _by_rig(rows: pd.DataFrame) -> Array:
+    """(rigs,) mean distance in m."""
+    return rows.groupby("rig")["error_m"].mean().to_numpy()
