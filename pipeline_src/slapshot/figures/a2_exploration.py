@@ -6,6 +6,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
+from matplotlib.ticker import MaxNLocator
 
 from slapshot.figures.curves import summarise
 from slapshot.figures.drawing import STAND_IN, Drawing
@@ -33,9 +34,10 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
                 alpha=0.15, lw=0,
             )  # fmt: skip
         axes.set_xlabel("samples seen")
-    zoomed.set_xlim(1, FEW)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    zoomed.set_xlim(1, min(FEW, summary["samples"].max()))
     shown = summary[summary["samples"].between(1, FEW)]
-    zoomed.set_ylim(90 * shown["mean_low_m"].min(), 105 * shown["mean_high_m"].max())
+    zoomed.set_ylim(max(0.0, 90 * shown["mean_low_m"].min()), 105 * shown["mean_high_m"].max())
     whole.set_ylim(bottom=0)
     whole.set_ylabel("distance between predicted and\ntrue rest point (cm)")
     whole.legend(loc="upper right")
