@@ -51,6 +51,7 @@ PADDLE = Scene(
     _PADDLE_XML,
     SceneInfo(
         joints=("drive",),
+        commands=1,
         object_body="disc",
         object_joints=("dx", "dy", "dz", "turn"),
         object_radius=RADIUS,
