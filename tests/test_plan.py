@@ -59,9 +59,12 @@ BELIEFS = each("beliefs/hockey/{}", ("kalman", "lstm")) | figures("F5", "F9", "U
 ACTS = {"acting/hockey/0", "acting/hockey/1"}
 ACTING = ACTS | figures("A1") | claims("S12")
 EXPLORATION = {"exploration/hockey"} | figures("A2") | claims("S13")
+COVERAGE = {"coverage/hockey"} | figures("A3") | claims("S11")
+REFINEMENT = {"refinement/hockey"} | COVERAGE
 FROM_INVERSE = {"inverse/hockey"} | ACTING
 FROM_KALMAN = (
     FROM_INVERSE
+    | REFINEMENT
     | EXPLORATION
     | of_method("kalman")
     | CALIBRATION
@@ -69,13 +72,14 @@ FROM_KALMAN = (
     | FROM_ARM_TRAIN
 )
 FROM_TRAIN = each("train/hockey/{}") | EVALUATIONS | RIG | OWN | CALIBRATION | BELIEFS | figures("M1")
-FROM_TRAIN |= FROM_ARM_TRAIN | FROM_INVERSE | EXPLORATION
+FROM_TRAIN |= FROM_ARM_TRAIN | FROM_INVERSE | EXPLORATION | REFINEMENT
 FROM_ROLLOUTS = {"rollouts/hockey"} | FROM_TRAIN | FROM_ARM_ROLLOUTS
 FROM_SWINGS = {"swings/hockey"} | FROM_ROLLOUTS
 LABS = {"lab/hockey/rig/0", "lab/hockey/rig/1"}
 DIAGNOSES = {"diagnosis/hockey/rig", "diagnosis/hockey/own"}
 FROM_LAB = (
     LABS
+    | REFINEMENT
     | ACTING
     | EXPLORATION
     | RIG
@@ -129,6 +133,7 @@ def config(own, tmp_path) -> dict:
     domain["methods"] = {method: domain["methods"][method] for method in METHODS}
     domain["retraining"] |= {"recording": "rig", "samples": 2}
     domain["acting"] |= {"recording": "rig"}
+    domain["refinement"] |= {"recording": "rig"}
     domain["recordings"] = {
         "rig": {"lab": LAB, "rigs": 2, "samples": 5, "repeats": 2},
         "own": {"path": str(own), "samples": 5, "repeats": 2},
@@ -253,6 +258,7 @@ def test_the_recipes_survive_the_command_line(config):
         ("latents.methods", ["kalman"], figures("F5", "F9") | claims("C3")),
         ("viewer.simulated", 7, {"viewer/hockey"}),
         ("acting.targets", 7, ACTING),
+        ("refinement.nearest", 70, REFINEMENT),
         ("acting.draws", 7, ACTING),
         ("acting.inverse.steps", 7, FROM_INVERSE),
         ("acting.exploration.samples", 7, EXPLORATION),
@@ -379,13 +385,13 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
         (
             "figures",
             ["F7", "F99"],
-            r"domains\.hockey\.figures: 'F99' cannot be made here; use some of: A1, A2, F1, F2, ",
+            r"domains\.hockey\.figures: 'F99' cannot be made here; use some of: A1, A2, A3, F1, F2, ",
         ),
         ("figures", ["F3"], r"domains\.hockey\.figures: 'F3' cannot be made here"),
         (
             "claims",
             ["C9"],
-            r"domains\.hockey\.claims: 'C9' cannot be made here; use some of: C2, C3, C4, C5, C7, S12, S13",
+            r"domains\.hockey\.claims: 'C9' cannot be made here; use some of: C2, C3, C4, C5, C7, S11, ",
         ),
         ("regression.figures", ["F7"], r"regression\.figures: 'F7' cannot be made here; use some of: F3"),
         ("regression.claims", ["C4"], r"regression\.claims: 'C4' cannot be made here; use some of: C1"),

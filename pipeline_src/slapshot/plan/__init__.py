@@ -13,6 +13,7 @@ from slapshot.plan.catalogue import CLAIMS, FIGURES, LIBRARIES, ON_DEMAND, STAGE
 from slapshot.plan.diagnosis import add_diagnoses
 from slapshot.plan.proof import add_proof
 from slapshot.plan.recipes import Plan
+from slapshot.plan.refinement import add_refinement
 from slapshot.plan.results import add_claims, add_figures, add_viewer
 from slapshot.plan.retraining import add_retraining
 from slapshot.plan.simulation import add_labs, add_simulation
@@ -35,6 +36,7 @@ def make_plan(config: Mapping[str, Any]) -> Plan:
             add_method(plan, name, domain, method)
         add_uncertainty(plan, name, domain)
         add_acting(plan, name, domain)
+        add_refinement(plan, name, domain)
         add_viewer(plan, name, domain)
         add_diagnoses(plan, name, domain)
         add_retraining(plan, name, domain)

@@ -17,6 +17,8 @@ STAGES = {
     "inverse": "slapshot.acting.train_inverse",
     "acting": "slapshot.acting.__main__",
     "exploration": "slapshot.acting.exploration",
+    "refinement": "slapshot.refinement.__main__",
+    "coverage": "slapshot.refinement.coverage",
     "regression": "slapshot.adaptation.regression",
     "claim": "slapshot.claims.__main__",
     "claims": "slapshot.claims.report",
@@ -39,6 +41,7 @@ ON_DEMAND = ("viewer", "diagnosis", "findings", "arm_rollouts", "held_out", "arm
 FIGURES = {
     "A1": "slapshot.figures.a1_acting",
     "A2": "slapshot.figures.a2_exploration",
+    "A3": "slapshot.figures.a3_refinement",
     "F1": "slapshot.figures.f1_intro",
     "F2": "slapshot.figures.f2_method",
     "F3": "slapshot.figures.f3_linear_regression",
@@ -55,9 +58,8 @@ FIGURES = {
     "U2": "slapshot.figures.u2_innovations",
 }
 # Claim id -> its module.
-CLAIMS = {
-    name.upper(): f"slapshot.claims.{name}" for name in ("c1", "c2", "c3", "c4", "c5", "c7", "s12", "s13")
-}
+_JUDGED = ("c1", "c2", "c3", "c4", "c5", "c7", "s11", "s12", "s13")
+CLAIMS = {name.upper(): f"slapshot.claims.{name}" for name in _JUDGED}
 
 _MUJOCO = ("mujoco", "dm-control", "numpy")
 _TORCH = ("torch", "numpy", "safetensors")
@@ -78,6 +80,8 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "inverse": (*_TORCH, "pandas", "pyarrow"),
     "acting": (*_MUJOCO, *_TORCH, *_TABLES, "scipy", "numba"),
     "exploration": (*_TORCH, *_TABLES),
+    "refinement": (*_TORCH, *_TABLES),
+    "coverage": _TABLES,
     "regression": (*_TORCH, *_TABLES),
     "claim": ("scipy", *_TABLES),
     "claims": _TABLES,

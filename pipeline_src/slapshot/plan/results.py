@@ -47,6 +47,8 @@ def _figure_inputs(
             return _acting_labels(plan, name, figure), {}
         case "A2":
             return {"exploration": _acting(plan, f"exploration/{name}", figure)}, {}
+        case "A3":
+            return {"coverage": _acting(plan, f"coverage/{name}", figure, "refinement")}, {}
         case "F1":
             return {"predictions": f"predictions/{name}", "scene": f"scene/{name}"}, {}
         case "F2":
@@ -103,6 +105,8 @@ def _add_claim(plan: Plan, name: str, claim: str, upstream: Mapping[str, str]) -
 def _claim_inputs(plan: Plan, name: str, domain: Mapping[str, Any], claim: str) -> dict[str, str]:
     methods = list(domain["methods"])
     match claim:
+        case "S11":
+            return {"coverage": _acting(plan, f"coverage/{name}", claim, "refinement")}
         case "S12":
             return _acting_labels(plan, name, claim)
         case "S13":
@@ -129,11 +133,11 @@ def _acting_labels(plan: Plan, name: str, wanted: str) -> dict[str, str]:
     }
 
 
-def _acting(plan: Plan, label: str, wanted: str) -> str:
+def _acting(plan: Plan, label: str, wanted: str, block: str = "acting") -> str:
     if label not in plan.recipes:
         name = label.split("/")[1]
         raise InputError(
-            f"domains.{name}: {wanted} needs a block `acting` and a recording of stand-in rigs; "
+            f"domains.{name}: {wanted} needs a block `{block}` and a recording of stand-in rigs; "
             f"add what is missing or remove {wanted}"
         )
     return label

@@ -1,0 +1,51 @@
+"""A3: ranges that beliefs about recorded rigs leave of the randomisation, and the truth (their proposal)."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from slapshot.figures.drawing import STAND_IN, Drawing
+
+_TITLES = {
+    "friction_x": "friction along x",
+    "friction_y": "friction along y over that along x",
+    "mass": "mass (kg)",
+    "friction_torsional": "torsional friction (m)",
+}
+_COLOURS = {"red": "#D62728", "blue": "#1F4FB4"}
+
+
+def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+    """A panel a parameter: 5 to 95 % of every rig and puck, its median, the truth; what was drawn from."""
+    (folder,) = inputs.values()
+    table = pd.read_parquet(folder / "coverage.parquet")
+    figure, panels = plt.subplots(1, len(_TITLES), figsize=(11, 4.4), sharey=True)
+    rigs = sorted(table["rig"].unique())
+    objects = list(dict.fromkeys(table["object"]))
+    for axes, (parameter, title) in zip(panels, _TITLES.items(), strict=True):
+        own = table[table["parameter"] == parameter]
+        axes.axvspan(own["prior_low"].iloc[0], own["prior_high"].iloc[0], color="#EFEFEF", lw=0)
+        for number, name in enumerate(objects):
+            rows = own[own["object"] == name].sort_values("rig")
+            at = np.searchsorted(rigs, rows["rig"]) + 0.36 * (number - (len(objects) - 1) / 2)
+            colour = _COLOURS.get(name, "#444444")
+            axes.hlines(at, rows["low"], rows["high"], color=colour, lw=1.6, alpha=0.75)
+            axes.plot(rows["median"], at, "|", color=colour, ms=5, label=f"{name} puck, 5 to 95 %")
+            axes.plot(
+                rows["truth"], at, "x", color="black", ms=4, mew=1, label="truth" if not number else None
+            )
+        share = own.loc[own["drawable"], "inside"].mean()
+        told = "" if np.isnan(share) else f"\n{100 * share:.0f} % of truths inside"
+        axes.set_title(f"{title}{told}", loc="left", fontsize=8)
+        if own["prior_high"].iloc[0] > 20 * own["prior_low"].iloc[0]:
+            axes.set_xscale("log")
+    panels[0].set_yticks(range(len(rigs)), [str(rig) for rig in rigs], fontsize=7)
+    panels[0].set_ylabel("rig")
+    lines, texts = panels[0].get_legend_handles_labels()
+    figure.legend(lines, texts, loc="outside lower center", ncols=len(lines))
+    figure.suptitle(f"grey: what training drew from; {STAND_IN}", fontsize=8)
+    return Drawing(f"A3-{config['domain']}-refinement", figure, table)

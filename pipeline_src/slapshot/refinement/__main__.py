@@ -1,0 +1,165 @@
+"""Stage `refinement`: ranges of randomisation that hold each recorded rig, and its level of noise."""
+
+import logging
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+import yaml
+from numpy.typing import NDArray
+
+from slapshot.adaptation.checkpoint import load_ensemble
+from slapshot.adaptation.data import Standardiser
+from slapshot.adaptation.method import AdaptationMethod
+from slapshot.adaptation.recorded import RecordedTask, recorded_tasks, split_hits
+from slapshot.command import Run, stage_command
+from slapshot.errors import InputError
+from slapshot.refinement.posterior import metric_of, posterior, quantiles
+from slapshot.refinement.summaries import Summaries, summarise, summarise_simulated
+from slapshot.rollouts.reading import read_sequences
+
+log = logging.getLogger("slapshot")
+
+Array = NDArray[np.float64]
+NOISE = "noise_variance"
+SHARES = (0.05, 0.5, 0.95)
+_LEAST_NOISE = 1e-6
+
+
+def produce(run: Run) -> None:
+    """Write refinement.parquet, and for every rig a configuration, rig-<rig>.yaml.
+
+    Columns: recording, rig, object, parameter, low, median, high (5, 50 and 95 % quantiles), prior_low,
+    prior_high. friction_y is the multiple of friction_x that the configuration draws; noise_variance is that
+    of the standardised rest point, the mean of both components.
+
+    Raises:
+        InputError: the rollouts have too few hits of a condition.
+    """
+    settings = run.config
+    torch.set_num_threads(run.cores)
+    method, standardiser = load_ensemble(run.inputs["train"])
+    data = read_sequences(run.inputs["rollouts"], "train")
+    rng = np.random.default_rng(settings["seed"])
+    try:
+        first, second, noise = summarise_simulated(
+            method, standardiser, data, settings["samples"], settings["noise_variance_max"], rng
+        )
+    except ValueError as error:
+        raise InputError(f"refinement.samples: {error}; lower it or raise rollouts.hits") from None
+    prior = Prior(settings["randomisation"], settings["noise_variance_max"])
+    simulated = first, second, prior.parameters(data.conditions), np.log(noise.mean(1) + _LEAST_NOISE)
+    rows: list[dict[str, Any]] = []
+    for task in recorded_tasks(run):
+        adapt, _ = split_hits(task.hits, settings["samples"], settings["repeats"], rng, task.where)
+        found = _refine(method, standardiser, task, adapt, simulated, settings["nearest"])
+        rows += [
+            {"recording": task.recording, "rig": task.rig, "object": task.object, **row}
+            for row in prior.rows(*found)
+        ]
+    table = pd.DataFrame(rows)
+    table.to_parquet(run.out / "refinement.parquet", index=False)
+    for rig, own in table.groupby("rig"):
+        text = yaml.safe_dump(configuration(own, settings, str(rig)), sort_keys=False)
+        (run.out / f"rig-{rig}.yaml").write_text(text)
+    width = (table["high"] - table["low"]) / (table["prior_high"] - table["prior_low"])
+    for parameter, share in width.groupby(table["parameter"]).median().items():
+        log.info("%s: ranges of %.0f %% of what was drawn from, in the median", parameter, 100 * share)
+
+
+class Prior:
+    """The parameters that are drawn uniformly from a range with a width, on the scale of their logarithms."""
+
+    def __init__(self, randomisation: Mapping[str, Mapping[str, Any]], noise_variance_max: float) -> None:
+        self._ranges = {
+            name: spec
+            for name, spec in randomisation.items()
+            if "uniform" in spec and 0 < spec["uniform"][0] < spec["uniform"][1]
+        }
+        self._noise = noise_variance_max
+
+    def parameters(self, conditions: pd.DataFrame) -> Array:
+        """(conditions, p)."""
+        columns = []
+        for name, spec in self._ranges.items():
+            factor = conditions[spec["times"]] if "times" in spec else 1.0
+            columns.append(np.log((conditions[name] / factor).to_numpy(float)))
+        return np.stack(columns, axis=1)
+
+    def rows(self, found: Array, noise: Array) -> list[dict[str, Any]]:
+        """Rows of the table from quantiles (SHARES, p) of the parameters and (SHARES,) of the noise."""
+        ranges = {name: spec["uniform"] for name, spec in self._ranges.items()} | {NOISE: [0.0, self._noise]}
+        values = np.exp(np.column_stack([found, noise]))
+        return [
+            {"parameter": name, "low": low, "median": median, "high": high, "prior_low": prior[0],
+             "prior_high": prior[1]}
+            for (name, prior), (low, median, high) in zip(ranges.items(), values.T, strict=True)
+        ]  # fmt: skip
+
+
+def _refine(
+    method: AdaptationMethod[Any],
+    standardiser: Standardiser,
+    task: RecordedTask,
+    adapt: list[NDArray[np.int64]],
+    simulated: tuple[Summaries, Summaries, Array, Array],
+    nearest: int,
+) -> tuple[Array, Array]:
+    """Quantiles (SHARES, p) of the parameters and (SHARES,) of the noise, logarithms.
+
+    Of the mixture over models and over sequences of the recording's hits.
+    """
+    first, second, parameters, noise = simulated
+    stacked = (
+        torch.stack([standardiser.standardise(name, task.data[name][rows]) for rows in adapt])
+        for name in ("state", "action", "outcome")
+    )
+    seen = summarise(method, *stacked)
+    values, errors, weights, error_weights = [], [], [], []
+    for model in range(method.models):
+        metric = metric_of(first.hidden[model], second.hidden[model])
+        error_metric = metric_of(first.log_error[model][:, None], second.log_error[model][:, None])
+        for sequence in range(len(adapt)):
+            found = posterior(first.hidden[model], parameters, seen.hidden[model, sequence], metric, nearest)
+            values.append(found[0])
+            weights.append(found[1])
+            told = posterior(
+                first.log_error[model][:, None], noise[:, None], seen.log_error[model, sequence, None],
+                error_metric, nearest,
+            )  # fmt: skip
+            errors.append(told[0])
+            error_weights.append(told[1])
+    return (
+        quantiles(np.concatenate(values), np.concatenate(weights), SHARES),
+        quantiles(np.concatenate(errors), np.concatenate(error_weights), SHARES)[:, 0],
+    )
+
+
+def configuration(own: pd.DataFrame, settings: Mapping[str, Any], rig: str) -> dict[str, Any]:
+    """What to lay over the default configuration: ranges that hold all objects of one rig."""
+    ranges = own.groupby("parameter", sort=False).agg({"low": "min", "high": "max"})
+    randomisation = {
+        str(name): {"uniform": [_short(row["low"]), _short(row["high"])]}
+        for name, row in ranges.iterrows()
+        if name != NOISE
+    }
+    recording = own["recording"].iloc[0]
+    return {
+        "name": f"refined-{recording}-{rig}",
+        "domains": {
+            settings["domain"]: {
+                "randomisation": randomisation,
+                "training": {"noise_variance_max": _short(ranges.loc[NOISE, "high"])},
+            }
+        },
+    }
+
+
+def _short(value: Any) -> float:
+    return float(f"{float(value):.4g}")
+
+
+if __name__ == "__main__":
+    stage_command("refinement", produce)

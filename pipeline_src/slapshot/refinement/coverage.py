@@ -1,0 +1,40 @@
+"""Stage `coverage`: do refined ranges hold the truth? The only module here that opens the seals of rigs."""
+
+import json
+import logging
+
+import pandas as pd
+
+from slapshot.command import Run, stage_command
+
+log = logging.getLogger("slapshot")
+
+# Parameters that a rig has: a rig's torsional friction is in m, like a condition's.
+_TRUTHS = {
+    "mass": lambda truth: truth["mass"],
+    "friction_x": lambda truth: truth["friction_x"],
+    "friction_y": lambda truth: truth["friction_y"] / truth["friction_x"],
+    "friction_torsional": lambda truth: truth["friction_torsional"],
+}
+
+
+def produce(run: Run) -> None:
+    """Write coverage.parquet: the rows of refinement.parquet that have a truth, `truth`, and `inside`."""
+    table = pd.read_parquet(run.inputs["refinement"] / "refinement.parquet")
+    rows = []
+    for row in table[table["parameter"].isin(_TRUTHS)].to_dict("records"):
+        folder = run.inputs[f"lab/{row['recording']}/{row['rig']}"]
+        rig = json.loads((folder / "truth" / "truth.json").read_text())["rig"]
+        truth = _TRUTHS[row["parameter"]](rig["objects"][row["object"]])
+        # What no draw of the training data could be, no refinement of them can find.
+        drawable = row["prior_low"] <= truth <= row["prior_high"]
+        inside = row["low"] <= truth <= row["high"]
+        rows.append({**row, "truth": truth, "inside": inside, "drawable": drawable})
+    found = pd.DataFrame(rows)
+    found.to_parquet(run.out / "coverage.parquet", index=False)
+    for parameter, share in found[found["drawable"]].groupby("parameter")["inside"].mean().items():
+        log.info("%s: %.0f %% of truths inside", parameter, 100 * share)
+
+
+if __name__ == "__main__":
+    stage_command("coverage", produce)

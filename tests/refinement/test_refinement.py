@@ -1,0 +1,119 @@
+"""Ranges from beliefs: the stages on a world that is known, the claim and the figure."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from slapshot.claims import s11
+from slapshot.command import Run
+from slapshot.figures import a3_refinement
+from slapshot.refinement.__main__ import NOISE, Prior, configuration
+from slapshot.refinement.coverage import produce as cover
+
+RANDOMISATION = {
+    "mass": {"uniform": [0.01, 0.1]},
+    "friction_x": {"uniform": [0.15, 0.95]},
+    "friction_y": {"uniform": [0.7, 1.3], "times": "friction_x"},
+    "friction_torsional": {"uniform": [0.001, 0.05]},
+    "friction_rolling": {"uniform": [0.2, 0.2]},
+    "start_error": {"normal": [0.0, 0.02]},
+}
+
+
+def test_only_what_is_drawn_is_refined_and_ratios_stay_ratios():
+    prior = Prior(RANDOMISATION, 0.5)
+    conditions = pd.DataFrame(
+        {"mass": [0.05], "friction_x": [0.4], "friction_y": [0.44], "friction_torsional": [0.01],
+         "friction_rolling": [0.2]}
+    )  # fmt: skip
+    found = prior.parameters(conditions)
+    assert np.exp(found[0]) == pytest.approx([0.05, 0.4, 1.1, 0.01])
+    rows = prior.rows(np.repeat(found, 3, axis=0), np.log([0.1, 0.2, 0.3]))
+    assert [row["parameter"] for row in rows] == [
+        "mass",
+        "friction_x",
+        "friction_y",
+        "friction_torsional",
+        NOISE,
+    ]
+    assert rows[2]["median"] == pytest.approx(1.1)
+    assert (rows[4]["low"], rows[4]["high"], rows[4]["prior_high"]) == pytest.approx((0.1, 0.3, 0.5))
+
+
+def table(rigs: int = 4, shift: float = 1.0) -> pd.DataFrame:
+    rows = []
+    for rig in range(rigs):
+        for name in ("red", "blue"):
+            for parameter, middle in (("mass", 0.05), ("friction_x", 0.4), ("friction_y", 1.0),
+                                      ("friction_torsional", 0.01), (NOISE, 0.1)):  # fmt: skip
+                low, high = RANDOMISATION.get(parameter, {"uniform": [0.0, 0.5]})["uniform"]
+                rows.append(
+                    {"recording": "lab", "rig": rig, "object": name, "parameter": parameter,
+                     "low": 0.8 * shift * middle, "median": shift * middle, "high": 1.25 * shift * middle,
+                     "prior_low": low, "prior_high": high}
+                )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def test_a_rig_s_configuration_holds_all_its_objects():
+    own = table(1)
+    own.loc[own["object"] == "blue", ["low", "high"]] *= 1.5
+    told = configuration(own, {"domain": "hockey"}, "0")
+    domain = told["domains"]["hockey"]
+    assert domain["randomisation"]["friction_x"]["uniform"] == pytest.approx([0.32, 0.75])
+    assert domain["training"]["noise_variance_max"] == pytest.approx(0.1875)
+    assert NOISE not in domain["randomisation"]
+    assert yaml.safe_load(yaml.safe_dump(told)) == told
+    assert told["name"] == "refined-lab-0"
+
+
+@pytest.fixture
+def covered(tmp_path):
+    """Stage `coverage` of four rigs; `shift` moves all ranges, the truth is in the middle of unmoved ones."""
+
+    def make(shift: float) -> dict:
+        refined, out = tmp_path / "refinement", tmp_path / "coverage"
+        inputs = {"refinement": refined}
+        for folder in (refined, out):
+            folder.mkdir()
+        table(shift=shift).to_parquet(refined / "refinement.parquet")
+        for rig in range(4):
+            inputs[f"lab/lab/{rig}"] = tmp_path / f"lab{rig}"
+            (tmp_path / f"lab{rig}" / "truth").mkdir(parents=True)
+            # The blue puck is heavier than anything that training drew.
+            objects = {
+                name: {"mass": mass, "friction_x": 0.4, "friction_y": 0.4, "friction_torsional": 0.01}
+                for name, mass in (("red", 0.05), ("blue", 0.163))
+            }
+            text = json.dumps({"rig": {"objects": objects}})
+            (tmp_path / f"lab{rig}" / "truth" / "truth.json").write_text(text)
+        cover(Run({}, inputs, out, 1))
+        return {"coverage": out}
+
+    return make
+
+
+def test_truth_is_looked_for_in_the_ranges(covered):
+    found = pd.read_parquet(covered(1.0)["coverage"] / "coverage.parquet")
+    assert NOISE not in set(found["parameter"])
+    blue = (found["object"] == "blue") & (found["parameter"] == "mass")
+    assert found.loc[~blue, "inside"].all()
+    assert not found.loc[blue, ["inside", "drawable"]].any(axis=None)
+    assert found.loc[~blue, "drawable"].all()
+
+
+@pytest.mark.parametrize(("shift", "verdict"), [(1.0, "holds"), (0.6, "does not hold")])
+def test_the_verdict_is_the_share_of_truths_inside(covered, shift, verdict):
+    statements = s11.judge(covered(shift))
+    assert [s.verdict for s in statements] == [verdict] * 4
+    assert f"middle is {shift:.2f} times the truth" in statements[0].note
+
+
+def test_the_figure_shows_ranges_and_truths(covered):
+    drawing = a3_refinement.draw(covered(0.6), {"domain": "hockey"})
+    drawing.figure.canvas.draw()
+    assert drawing.name == "A3-hockey-refinement"
+    titles = [axes.get_title(loc="left") for axes in drawing.figure.axes]
+    assert all("0 % of truths inside" in title for title in titles)
