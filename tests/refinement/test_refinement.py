@@ -42,6 +42,17 @@ def test_only_what_is_drawn_is_refined_and_ratios_stay_ratios():
     assert (rows[4]["low"], rows[4]["high"], rows[4]["prior_high"]) == pytest.approx((0.1, 0.3, 0.5))
 
 
+def test_a_refined_range_is_never_outside_of_what_was_drawn_from_and_has_a_width():
+    prior = Prior(RANDOMISATION, 0.5)
+    far = np.log(np.array([[1.0, 0.9, 1.0, 0.01], [2.0, 0.92, 1.0, 0.01], [9.0, 3.0, 1.0, 0.01]]))
+    rows = {row["parameter"]: row for row in prior.rows(far, np.log([0.6, 0.7, 0.8]))}
+    assert (rows["mass"]["low"], rows["mass"]["high"]) == pytest.approx((0.0955, 0.1))
+    assert (rows["friction_x"]["low"], rows["friction_x"]["high"]) == pytest.approx((0.9, 0.95))
+    assert rows["friction_y"]["high"] - rows["friction_y"]["low"] == pytest.approx(0.03)
+    for row in rows.values():
+        assert row["prior_low"] <= row["low"] <= row["median"] <= row["high"] <= row["prior_high"]
+
+
 def table(rigs: int = 4, shift: float = 1.0) -> pd.DataFrame:
     rows = []
     for rig in range(rigs):

@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 NOISE = "noise_variance"
 SHARES = (0.05, 0.5, 0.95)
 _LEAST_NOISE = 1e-6
+# Of a range's width that a refined one keeps: also a rig at the edge needs one to draw from.
+_LEAST_WIDTH = 0.05
 
 
 def produce(run: Run) -> None:
@@ -89,14 +91,24 @@ class Prior:
         return np.stack(columns, axis=1)
 
     def rows(self, found: Array, noise: Array) -> list[dict[str, Any]]:
-        """Rows of the table from quantiles (SHARES, p) of the parameters and (SHARES,) of the noise."""
+        """Rows of the table from quantiles (SHARES, p) of the parameters and (SHARES,) of the noise.
+
+        Ranges stay within those that were drawn from: of what a model never saw it cannot tell.
+        """
         ranges = {name: spec["uniform"] for name, spec in self._ranges.items()} | {NOISE: [0.0, self._noise]}
         values = np.exp(np.column_stack([found, noise]))
-        return [
-            {"parameter": name, "low": low, "median": median, "high": high, "prior_low": prior[0],
-             "prior_high": prior[1]}
-            for (name, prior), (low, median, high) in zip(ranges.items(), values.T, strict=True)
-        ]  # fmt: skip
+        rows = []
+        for (name, prior), drawn in zip(ranges.items(), values.T, strict=True):
+            low, median, high = np.clip(drawn, *prior)
+            least = _LEAST_WIDTH * (prior[1] - prior[0])
+            if high - low < least:
+                low = float(np.clip(median - least / 2, prior[0], prior[1] - least))
+                high = low + least
+            rows.append(
+                {"parameter": name, "low": low, "median": median, "high": high, "prior_low": prior[0],
+                 "prior_high": prior[1]}
+            )  # fmt: skip
+        return rows
 
 
 def _refine(
