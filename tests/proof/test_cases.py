@@ -1,5 +1,7 @@
 """Lists of cases: written, read, drawn and refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from slapshot.errors import InputError
@@ -45,9 +47,15 @@ def test_a_missing_list_is_told(tmp_path):
 
 
 def test_settings_of_a_case_lie_over_those_that_all_share():
-    base = {"camera": {"rate_hz": 50, "mistrack_share": 0}, "objects": {"red": {}, "blue": {}}, "hits": 1}
-    settings = CASES[1].settings(base)
+    base = {
+        "camera": {"rate_hz": 50, "mistrack_share": 0},
+        "objects": {"red": {}, "blue": {}},
+        "hits": 1,
+        "repeats": {"commands": 0, "times": 0},
+    }
+    settings = CASES[1].settings(base, 256)
     assert settings["hits"] == 50
+    assert settings["repeats"] == base["repeats"]
     assert settings["keep"] == "tracks only"
     assert settings["camera"] == {"rate_hz": 50, "mistrack_share": 0.01, "noise_time_s": 0.04}
     assert settings["concealed"] == [
@@ -55,6 +63,24 @@ def test_settings_of_a_case_lie_over_those_that_all_share():
         {"kind": "curl", "displacement": 1.25},
     ]
     assert base["camera"] == {"rate_hz": 50, "mistrack_share": 0}
+
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("published", ["published", "small", "tiny"])
+def test_the_pool_has_commands_enough_for_every_case(published):
+    """As `slapshot.lab.commands.draw_session` counts them; a case of 400 hits repeats some."""
+    base = {"camera": {}, "objects": {"red": {}, "blue": {}}, "repeats": {"commands": 0, "times": 0}}
+    pool = 256
+    for case in read_cases(ROOT / f"config/cases/{published}.csv"):
+        settings = case.settings(base, pool)
+        repeats = settings["repeats"]
+        single = settings["hits"] - repeats["commands"] * repeats["times"]
+        assert single >= 0
+        assert repeats["commands"] + 2 * single <= pool
+        assert 2 * settings["hits"] == case.hits
+        assert (repeats["commands"] > 0) == (case.hits > pool)
 
 
 @pytest.fixture(scope="module")

@@ -73,7 +73,7 @@ def _add_list(
                 "rig": 0,
                 "scene": domain["scene"],
                 "pool": {key: config["cases"]["pool"][key] for key in ("count", "duration_s")},
-                "lab": case.settings(lab),
+                "lab": case.settings(lab, config["cases"]["pool"]["count"]),
             },
             {"scene": f"scene/{name}", "demonstrations": f"demonstrations/{name}/pool"},
             modules=[module],

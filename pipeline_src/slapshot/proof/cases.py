@@ -4,6 +4,7 @@ A list is a CSV file. Only the lab reads what a row conceals: a case is called b
 stand in random order, so that nothing that a diagnosis is given says which condition it belongs to.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -41,14 +42,23 @@ class Case:
     mistracks: float = 0.003
     noise_time: float = 0.0
 
-    def settings(self, base: Mapping[str, Any]) -> dict[str, Any]:
-        """Block `lab` of this case, from the one that all cases share."""
+    def settings(self, base: Mapping[str, Any], pool: int) -> dict[str, Any]:
+        """Block `lab` of this case, from the one that all cases share.
+
+        Of more hits than the `pool` of commands has, some commands are executed twice with each object.
+        """
         camera = {**base["camera"], "mistrack_share": self.mistracks, "noise_time_s": self.noise_time}
         concealed = [{"kind": kind, "displacement": size} for kind, size in self.conceals]
+        objects = len(base["objects"])
+        each = self.hits // objects
+        # c commands twice and the rest once are c + objects (each - 2 c) commands.
+        twice = math.ceil((objects * each - pool) / (2 * objects - 1))
+        repeats = {"commands": twice, "times": 2} if twice > 0 else base["repeats"]
         return {
             **base,
             "camera": camera,
-            "hits": self.hits // len(base["objects"]),
+            "hits": each,
+            "repeats": repeats,
             "keep": self.keep,
             "concealed": concealed,
             "commands": "pool",

@@ -108,8 +108,8 @@ def _how(config: Mapping[str, Any]) -> str:
     reach = 100 * pool["contact_offset_m"]
     return (
         f"Commands come from a pool of {pool['count']} tasks: headings to +-{pool['heading_rad']:.2f} rad, "
-        f"striker speeds {low:g} to {high:g} m/s, contact points to +-{reach:.0f} cm along the blade. "
-        "Two pucks of unknown friction. "
+        f"striker speeds {low:g} to {high:g} m/s, contact points to +-{reach:.0f} cm along the blade; "
+        "a recording of more hits than that repeats some of them. Two pucks of unknown friction. "
         f"Camera: {1e3 * camera['noise_sd_m']:g} mm at {camera['rate_hz']:g} Hz; "
         f"encoders {1e3 * joints['noise_sd_rad']:g} mrad at {joints['rate_hz']:g} Hz. Sizes are rms shifts "
         "of rest points (of tracks, where rest points do not move) over the hit-to-hit scatter of repeated "
