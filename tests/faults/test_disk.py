@@ -54,6 +54,8 @@ def test_a_full_disk_stops_with_one_line_and_the_run_goes_on_when_there_is_room(
     lost = {versions[label] for label in few(versions, before)}
     for version in lost:
         shutil.rmtree(copy.folder(version))
+        # Stale marks are removed at the start: the room that they leave would be enough for a small version.
+        copy.folder(version).with_name(f"{version.id}.ok").unlink()
     kept = copy.whole()
     done = copy.run(*namespace, "bash", "-c", FULL, "bash", "4096", *command_of(copy))
     assert done.returncode == 0, done.stdout

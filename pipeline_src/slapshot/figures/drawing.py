@@ -31,6 +31,8 @@ METHOD_NAMES = {
 # Methods are told apart without colour, too.
 _LINES = {"lstm": "--", "maml_1": ":", "maml_4": "-.", "maml_8": (0, (6, 1, 1, 1, 1, 1))}
 OTHER_COLOURS = ("#E69F00", "#56B4E9", "#000000", "#F0E442")
+# Named test conditions of a domain.
+FRICTIONS = ("low friction", "medium friction", "high friction")
 STAND_IN = "stand-in rig (simulated), not a real robot"
 
 _STYLE: dict[Any, Any] = {

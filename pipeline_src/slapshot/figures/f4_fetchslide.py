@@ -10,9 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from slapshot.figures.curves import panel_title, summarise
-from slapshot.figures.drawing import Drawing, method_line, method_name
+from slapshot.figures.drawing import FRICTIONS, Drawing, method_line, method_name
 
-FRICTIONS = ("low friction", "medium friction", "high friction")
 # A colour a condition, a line a method: each panel holds all of them, as in the paper.
 _COLOURS = ("#56B4E9", "#009E73", "#D55E00")
 

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from slapshot.figures.drawing import Drawing, method_name
-from slapshot.figures.f4_fetchslide import FRICTIONS
+from slapshot.figures.drawing import FRICTIONS, Drawing, method_name
 from slapshot.latent_space import fit_projection, read_latents
 
 MODEL = 0  # axes of different models are not comparable: one is shown

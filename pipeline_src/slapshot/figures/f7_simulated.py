@@ -9,9 +9,8 @@ import pandas as pd
 from matplotlib.figure import SubFigure
 
 from slapshot.figures.curves import draw_curves, panel_title, summarise
-from slapshot.figures.drawing import Drawing
+from slapshot.figures.drawing import FRICTIONS, Drawing
 
-FRICTIONS = ("low friction", "medium friction", "high friction")
 LOW_SAMPLES = 12
 _SHADED = ("kalman", "lstm")  # five bands on top of each other would hide one another
 
