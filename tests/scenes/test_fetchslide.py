@@ -11,8 +11,8 @@ from slapshot.errors import InputError
 from slapshot.scenes.fetchslide import build_scene, demonstrate, model
 from slapshot.scenes.fetchslide.collector import Collector, PucksAlone
 from slapshot.scenes.fetchslide.demonstrations import RESPONSE, commands_of, draw_task
-from slapshot.scenes.fetchslide.environment import environment_rests, make_environment
 from slapshot.scenes.fetchslide.gripper import PUCK_HOME, Grippers, prepare
+from slapshot.scenes.fetchslide.reference import environment_rests, make_environment
 from slapshot.scenes.fetchslide.safety import SafetyCheck
 from slapshot.trajectories.motion import Motion
 

@@ -43,7 +43,7 @@ def measure(store: Store, cores: int) -> list[Measure]:
         scene, swings = Scene.load(folders["scene"]), Swings.load(folders["swings"])
         model = TrajectoryVae.load(folders["trajectory_model"])
         settings = plan.recipes[f"rollouts/{domain}"].config
-        rows += hit_measures(domain, config["randomisation"], scene, model, swings)
+        rows += hit_measures(domain, config, scene, model, swings)
         rows += memory_measures(domain, inputs, settings)
         torch.set_num_threads(1)  # as the stage does
         for name in SCALES:

@@ -16,16 +16,13 @@ import torch
 from slapshot.adaptation.method import AdaptationMethod, Sizes, load_method
 from slapshot.command import Run
 from slapshot.rollouts.__main__ import produce
-from slapshot.rollouts.collector import Collector
-from slapshot.rollouts.hits import Hits
-from slapshot.rollouts.reference import dm_control_rests, reference_rests
+from slapshot.rollouts.hits import HitCollector, Hits
+from slapshot.scenes.domain import load_part
 from slapshot.scenes.randomisation import draw_conditions, draw_start_errors
 from slapshot.scenes.scene import Scene
-from slapshot.trajectories.execution import execute
 from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
 
-REFERENCE_STEP = 0.00025  # s
 HITS = 2048  # for the speed of the collector
 ROUNDS = 3
 SLOW_HITS = 96  # for everything that simulates the whole arm
@@ -52,16 +49,26 @@ def draw_hits(
 
 
 def hit_measures(
-    domain: str, randomisation: Mapping[str, Any], scene: Scene, model: TrajectoryVae, swings: Swings
+    domain: str, settings: Mapping[str, Any], scene: Scene, model: TrajectoryVae, swings: Swings
 ) -> list[Measure]:
-    """Speed on one core against dm_control's loop over the same hits, and error against the reference."""
+    """Speed on one core against a plain loop over the same hits, and error against the reference.
+
+    Args:
+        domain: its name in the configuration.
+        settings: the domain's block.
+        scene: of the domain.
+        model: of its trajectories.
+        swings: of its pool.
+    """
+    randomisation, kind = settings["randomisation"], settings["scene"]["domain"]
+    reference, execute = load_part(kind, "reference"), load_part(kind, "execution").execute
     hits = draw_hits(randomisation, swings, HITS, seed=1)
     few = hits.rows(slice(0, SLOW_HITS))
-    collector = Collector(scene, swings, threads=1)
+    collector: HitCollector = load_part(kind, "collector").Collector(scene, swings, threads=1)
     collector.collect(few)  # compiles the slide
     # In turns, the best of each: whatever else the machine does slows both alike.
     rounds = [
-        (seconds(lambda: collector.collect(hits)), seconds(lambda: dm_control_rests(scene, swings, few)))
+        (seconds(lambda: collector.collect(hits)), seconds(lambda: reference.plain_rests(scene, swings, few)))
         for _ in range(ROUNDS)
     ]
     collect_rate, slow_rate = HITS / min(r[0] for r in rounds), SLOW_HITS / min(r[1] for r in rounds)
@@ -70,13 +77,13 @@ def hit_measures(
     # With the swings: every hit pays a swing of its own, as hits that were asked for one by one do.
     with_swings = 1 / (1 / collect_rate + swing_seconds / len(latents))
     fast = collector.collect(few).rests[:, :2]
-    error = 1e3 * np.linalg.norm(fast - reference_rests(scene, swings, few, REFERENCE_STEP), axis=1)
+    error = 1e3 * np.linalg.norm(fast - reference.exact_rests(scene, swings, few), axis=1)
     rows = [
         Measure(f"{domain}_hits_per_second_and_core", collect_rate, "1/s"),
         Measure(f"{domain}_hits_per_second_and_core_with_own_swing", with_swings, "1/s"),
-        Measure(f"{domain}_hits_per_second_dm_control", slow_rate, "1/s"),
-        Measure(f"{domain}_hits_ratio_to_dm_control", collect_rate / slow_rate, "1"),
-        Measure(f"{domain}_hits_ratio_to_dm_control_with_own_swing", with_swings / slow_rate, "1"),
+        Measure(f"{domain}_hits_per_second_{reference.LOOP}", slow_rate, "1/s"),
+        Measure(f"{domain}_hits_ratio_to_{reference.LOOP}", collect_rate / slow_rate, "1"),
+        Measure(f"{domain}_hits_ratio_to_{reference.LOOP}_with_own_swing", with_swings / slow_rate, "1"),
         Measure(f"{domain}_rest_error_mm_median", float(np.median(error)), "mm"),
         Measure(f"{domain}_rest_error_mm_90_percent", float(np.quantile(error, 0.9)), "mm"),
     ]

@@ -17,8 +17,20 @@ from slapshot.trajectories.swings import Swings
 
 Array = NDArray[np.float64]
 
+LOOP = "dm_control"  # how measures call the plain loop
+REFERENCE_STEP = 0.00025  # s
 AT_REST = 2e-3  # m/s and, times the radius, rad/s
 LONGEST = 10.0  # s
+
+
+def plain_rests(scene: Scene, swings: Swings, hits: Hits) -> Array:
+    """(n, 2) rest points in m by the loop that one would write first."""
+    return dm_control_rests(scene, swings, hits)
+
+
+def exact_rests(scene: Scene, swings: Swings, hits: Hits) -> Array:
+    """(n, 2) rest points in m that errors are measured against."""
+    return reference_rests(scene, swings, hits, REFERENCE_STEP)
 
 
 def reference_rests(scene: Scene, swings: Swings, hits: Hits, timestep: float) -> Array:

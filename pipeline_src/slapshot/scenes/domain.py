@@ -23,6 +23,8 @@ PARTS = {
     "safety": "slapshot.trajectories.safety",  # class SafetyCheck
     "execution": "slapshot.trajectories.execution",  # function execute
     "collector": "slapshot.rollouts.collector",  # class Collector
+    # Functions plain_rests and exact_rests, and the plain loop's name LOOP.
+    "reference": "slapshot.rollouts.reference",
 }
 
 
