@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from slapshot.acting.choose import LARGEST_LATENT, cheapest, choose_by_gradient, draw_phi, expected_cost
+from slapshot.acting.ensemble import load_believing
 from slapshot.acting.inverse import InverseModel, Standardisation, load_inverse
 from slapshot.acting.rigs import Robot, batched
-from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks, split_hits
 from slapshot.command import Run, stage_command
-from slapshot.errors import InputError
 from slapshot.lab.live import LiveRig
 from slapshot.scenes.domain import load_part
 from slapshot.scenes.scene import Scene
@@ -43,10 +42,7 @@ def produce(run: Run) -> None:
     """
     settings = run.config
     torch.set_num_threads(run.cores)
-    method, standardiser = load_ensemble(run.inputs["train"])
-    if not isinstance(method, Kalman):
-        raise InputError(f"acting.method: {type(method).__name__} has no belief to act on; use kalman")
-    method.requires_grad_(False)
+    method, standardiser = load_believing(run.inputs["train"])
     inverse = load_inverse(run.inputs["inverse"], method, settings["inverse"]["hidden"])
     chooser = Chooser(method, standardiser, inverse, settings["draws"], settings["seed"])
     robot = _robot(run)

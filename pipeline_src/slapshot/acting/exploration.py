@@ -10,13 +10,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from slapshot.acting.ensemble import load_believing
 from slapshot.acting.explore import at_random, explore, informed
-from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks, split_hits
 from slapshot.command import Run, stage_command
-from slapshot.errors import InputError
 
 log = logging.getLogger("slapshot")
 
@@ -35,10 +34,7 @@ def produce(run: Run) -> None:
     """
     settings = run.config
     torch.set_num_threads(run.cores)
-    method, standardiser = load_ensemble(run.inputs["train"])
-    if not isinstance(method, Kalman):
-        raise InputError(f"acting.method: {type(method).__name__} has no belief to act on; use kalman")
-    method.requires_grad_(False)
+    method, standardiser = load_believing(run.inputs["train"])
     tables = []
     for number, task in enumerate(recorded_tasks(run)):
         rng = np.random.default_rng([settings["seed"], number])

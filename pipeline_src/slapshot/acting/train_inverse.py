@@ -5,12 +5,10 @@ import logging
 import pandas as pd
 import torch
 
+from slapshot.acting.ensemble import load_believing
 from slapshot.acting.inverse import Standardisation, train_inverse
-from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.adaptation.data import SequenceSampler
-from slapshot.adaptation.kalman import Kalman
 from slapshot.command import Run, stage_command
-from slapshot.errors import InputError
 from slapshot.rollouts.reading import read_sequences
 
 log = logging.getLogger("slapshot")
@@ -24,10 +22,7 @@ def produce(run: Run) -> None:
     """
     settings = run.config
     torch.set_num_threads(run.cores)
-    method, standardiser = load_ensemble(run.inputs["train"])
-    if not isinstance(method, Kalman):
-        raise InputError(f"acting.method: {type(method).__name__} has no belief to act on; use kalman")
-    method.requires_grad_(False)
+    method, standardiser = load_believing(run.inputs["train"])
     data = read_sequences(run.inputs["rollouts"], "train")
     sampler = SequenceSampler(data, standardiser, torch.device("cpu"))
     action = Standardisation(standardiser.mean["action"], standardiser.scale["action"])

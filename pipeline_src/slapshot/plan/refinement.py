@@ -3,11 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from slapshot.errors import InputError
 from slapshot.plan.adaptation import add_recorded
 from slapshot.plan.recipes import Plan
 from slapshot.plan.simulation import draws
-from slapshot.plan.sources import Sources
+from slapshot.plan.sources import Sources, check_names
 
 
 def add_refinement(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
@@ -20,12 +19,7 @@ def add_refinement(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     if settings is None or not domain["recordings"]:
         return
     recording, method = settings["recording"], settings["method"]
-    for key, known in (("recording", domain["recordings"]), ("method", domain["methods"])):
-        if settings[key] not in known:
-            raise InputError(
-                f"domains.{name}.refinement.{key}: {settings[key]!r} is not among domains.{name}.{key}s; "
-                f"use one of: {', '.join(known)}"
-            )
+    check_names(name, "refinement", domain)
     sources = Sources.of(name, domain, [recording])
     label = f"refinement/{name}"
     add_recorded(

@@ -5,12 +5,11 @@ from typing import Any
 
 from slapshot.adaptation.names import method_settings
 from slapshot.effects import modules_of_results
-from slapshot.errors import InputError
 from slapshot.plan.adaptation import add_recorded, method_module
 from slapshot.plan.diagnosis import SEED, what_is_believed
 from slapshot.plan.recipes import Plan
 from slapshot.plan.simulation import draws
-from slapshot.plan.sources import Sources
+from slapshot.plan.sources import Sources, check_names
 
 NOMINAL, RETRAINED = "nominal", ("refitted", "augmented")
 
@@ -25,12 +24,7 @@ def add_retraining(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     if settings is None or not domain["recordings"]:
         return
     recording, method = settings["recording"], settings["method"]
-    for key, known in (("recording", domain["recordings"]), ("method", domain["methods"])):
-        if settings[key] not in known:
-            raise InputError(
-                f"domains.{name}.retraining.{key}: {settings[key]!r} is not among domains.{name}.{key}s; "
-                f"use one of: {', '.join(known)}"
-            )
+    check_names(name, "retraining", domain)
     # Of stand-ins, the rig that is diagnosed.
     described = domain["recordings"][recording]
     first = {**described, "rigs": 1} if "lab" in described else described

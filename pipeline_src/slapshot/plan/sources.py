@@ -56,3 +56,17 @@ def _recording_files(path: str, key: str) -> dict[str, Path]:
             "give the path of a recording's folder"
         )
     return files
+
+
+def check_names(name: str, block: str, domain: Mapping[str, Any]) -> None:
+    """Whether the recording and the method that a block of a domain names are the domain's.
+
+    Raises:
+        InputError: one of them is not.
+    """
+    for key, known in (("recording", domain["recordings"]), ("method", domain["methods"])):
+        if domain[block][key] not in known:
+            raise InputError(
+                f"domains.{name}.{block}.{key}: {domain[block][key]!r} is not among domains.{name}.{key}s; "
+                f"use one of: {', '.join(known)}"
+            )

@@ -53,12 +53,12 @@ class Case:
         each = self.hits // objects
         # c commands twice and the rest once are c + objects (each - 2 c) commands.
         twice = math.ceil((objects * each - pool) / (2 * objects - 1))
-        repeats = {"commands": twice, "times": 2} if twice > 0 else base["repeats"]
+        repeated = {"repeats": {"commands": twice, "times": 2}} if twice > 0 else {}
         return {
             **base,
+            **repeated,
             "camera": camera,
             "hits": each,
-            "repeats": repeats,
             "keep": self.keep,
             "concealed": concealed,
             "commands": "pool",
