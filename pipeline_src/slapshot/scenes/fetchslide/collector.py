@@ -2,7 +2,8 @@
 
 None of this approximates the environment: what is left out is what cannot touch the puck any more. End points
 still differ, because the environment's contacts answer a shift of the puck by a nanometre with half a
-millimetre in the median and several at worst; the collector's differ from the environment's as much.
+millimetre in the median and a centimetre at worst; the collector's differ from the environment's about as
+much.
 """
 
 from functools import cached_property
