@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 POINTS = 3
 MAX_STEP = 1e-3  # s
 SPEED_CHANGE = 0.05  # largest share of its speed that the object may lose in a step
+SPIN_CHANGE = 0.5  # largest share of its spin: at 2 it would swing from one sense to the other for ever
 AT_REST = 1e-3  # m/s: what is left from here is below a micrometre
 GRAVITY = 9.81
 
@@ -47,6 +48,7 @@ def _slide_one(state, friction, radius, inertia_per_mass, period, track):  # typ
     x, y, yaw, vx, vy, spin = state
     mu_x, mu_y, mu_t = friction
     hardest = GRAVITY * max(mu_x, mu_y)
+    twist = GRAVITY * mu_t**2 / inertia_per_mass
     time, row = 0.0, 0
     while True:
         speed = np.sqrt(vx**2 + vy**2 + (radius * spin) ** 2)
@@ -56,7 +58,9 @@ def _slide_one(state, friction, radius, inertia_per_mass, period, track):  # typ
             row += 1
         if speed < AT_REST:
             break
-        step = min(MAX_STEP, SPEED_CHANGE * speed / hardest)
+        # Spin that is slow beside the speed dies at the rate twist / pressing.
+        pressing = np.sqrt((mu_x * vx) ** 2 + (mu_y * vy) ** 2 + (mu_t * spin) ** 2)
+        step = min(MAX_STEP, SPEED_CHANGE * speed / hardest, SPIN_CHANGE * pressing / (twist + 1e-12))
         ax, ay, aw = _acceleration(yaw, vx, vy, spin, mu_x, mu_y, mu_t, radius, inertia_per_mass)
         bx, by, bw = _acceleration(
             yaw + step * spin, vx + step * ax, vy + step * ay, spin + step * aw,
