@@ -52,12 +52,15 @@ RETRAINING = {"findings/hockey", "held_out/hockey"} | FROM_ARM_ROLLOUTS
 REGRESSION = {"regression", "figure/regression/F3", "claim/regression/C1", "claims"}
 EVALUATIONS = each("evaluate/hockey/{}") | figures("F4", "F7") | claims("C2", "C4")
 OWN = each("evaluate_recording/hockey/{}/own") | figures("F8") | claims("C5")
-RIG = each("evaluate_recording/hockey/{}/rig") | figures("F8") | claims("C5")
+COMPARED = figures("A4") | claims("C6")
+RIG = each("evaluate_recording/hockey/{}/rig") | figures("F8") | claims("C5") | COMPARED
 PREDICTIONS = {"predictions/hockey", "viewer/hockey"} | figures("F1", "U1")
 CALIBRATION = {"calibrate/hockey"} | PREDICTIONS
 BELIEFS = each("beliefs/hockey/{}", ("kalman", "lstm")) | figures("F5", "F9", "U2") | claims("C3", "C7")
 ACTS = {"acting/hockey/0", "acting/hockey/1"}
-ACTING = ACTS | figures("A1") | claims("S12")
+ACTING = ACTS | figures("A1") | claims("S12") | COMPARED
+POLICY_ACTS = {"policy_acting/hockey/0", "policy_acting/hockey/1"}
+FROM_POLICY = {"policy/hockey/0", "policy/hockey/1"} | POLICY_ACTS | COMPARED
 EXPLORATION = {"exploration/hockey"} | figures("A2") | claims("S13")
 COVERAGE = {"coverage/hockey"} | figures("A3") | claims("S11")
 REFINEMENT = {"refinement/hockey"} | COVERAGE
@@ -73,7 +76,7 @@ FROM_KALMAN = (
 )
 FROM_TRAIN = each("train/hockey/{}") | EVALUATIONS | RIG | OWN | CALIBRATION | BELIEFS | figures("M1")
 FROM_TRAIN |= FROM_ARM_TRAIN | FROM_INVERSE | EXPLORATION | REFINEMENT
-FROM_ROLLOUTS = {"rollouts/hockey"} | FROM_TRAIN | FROM_ARM_ROLLOUTS
+FROM_ROLLOUTS = {"rollouts/hockey"} | FROM_TRAIN | FROM_ARM_ROLLOUTS | FROM_POLICY
 FROM_SWINGS = {"swings/hockey"} | FROM_ROLLOUTS
 LABS = {"lab/hockey/rig/0", "lab/hockey/rig/1"}
 DIAGNOSES = {"diagnosis/hockey/rig", "diagnosis/hockey/own"}
@@ -81,6 +84,7 @@ FROM_LAB = (
     LABS
     | REFINEMENT
     | ACTING
+    | POLICY_ACTS
     | EXPLORATION
     | RIG
     | PREDICTIONS
@@ -132,7 +136,7 @@ def config(own, tmp_path) -> dict:
     domain["claims"] = [claim for claim in CLAIMS if claim != "C1"]
     domain["methods"] = {method: domain["methods"][method] for method in METHODS}
     domain["retraining"] |= {"recording": "rig", "samples": 2}
-    domain["acting"] |= {"recording": "rig"}
+    domain["acting"] |= {"recording": "rig", "compared": ["lstm"]}
     domain["refinement"] |= {"recording": "rig"}
     domain["recordings"] = {
         "rig": {"lab": LAB, "rigs": 2, "samples": 5, "repeats": 2},
@@ -229,13 +233,8 @@ def test_the_recipes_survive_the_command_line(config):
         (
             "recordings.rig.rigs",
             3,
-            {"lab/hockey/rig/2", "acting/hockey/2"}
-            | FROM_LAB
-            - LABS
-            - DIAGNOSES
-            - RETRAINING
-            - figures("F6")
-            - {"acting/hockey/0", "acting/hockey/1"},
+            {"lab/hockey/rig/2", "acting/hockey/2", "policy/hockey/2", "policy_acting/hockey/2"}
+            | FROM_LAB - LABS - DIAGNOSES - RETRAINING - figures("F6") - ACTS - POLICY_ACTS,
         ),
         ("training.steps", 7, FROM_TRAIN),
         ("training.noise_variance_max", 0.3, FROM_TRAIN),
@@ -244,7 +243,7 @@ def test_the_recipes_survive_the_command_line(config):
         (
             "methods.lstm.state",
             7,
-            of_method("lstm") | {"beliefs/hockey/lstm"} | figures("F5", "F9") | claims("C3"),
+            of_method("lstm") | {"beliefs/hockey/lstm"} | figures("F5", "F9") | claims("C3") | ACTING,
         ),
         ("methods.maml_8.batch", 7, of_method("maml_8")),
         ("uncertainty.draws", 7, CALIBRATION),
@@ -257,7 +256,10 @@ def test_the_recipes_survive_the_command_line(config):
         ("latents.repeats", 7, BELIEFS),
         ("latents.methods", ["kalman"], figures("F5", "F9") | claims("C3")),
         ("viewer.simulated", 7, {"viewer/hockey"}),
-        ("acting.targets", 7, ACTING),
+        ("acting.targets", 7, ACTING | POLICY_ACTS),
+        ("acting.compared", [], ACTING),
+        ("acting.policy.epochs", 7, FROM_POLICY),
+        ("acting.policy.updates_on_rigs", 7, POLICY_ACTS | COMPARED),
         ("refinement.nearest", 70, REFINEMENT),
         ("acting.draws", 7, ACTING),
         ("acting.inverse.steps", 7, FROM_INVERSE),
@@ -385,13 +387,13 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
         (
             "figures",
             ["F7", "F99"],
-            r"domains\.hockey\.figures: 'F99' cannot be made here; use some of: A1, A2, A3, F1, F2, ",
+            r"domains\.hockey\.figures: 'F99' cannot be made here; use some of: A1, A2, A3, A4, F1, F2, ",
         ),
         ("figures", ["F3"], r"domains\.hockey\.figures: 'F3' cannot be made here"),
         (
             "claims",
             ["C9"],
-            r"domains\.hockey\.claims: 'C9' cannot be made here; use some of: C2, C3, C4, C5, C7, S11, ",
+            r"domains\.hockey\.claims: 'C9' cannot be made here; use some of: C2, C3, C4, C5, C6, C7, S11, ",
         ),
         ("regression.figures", ["F7"], r"regression\.figures: 'F7' cannot be made here; use some of: F3"),
         ("regression.claims", ["C4"], r"regression\.claims: 'C4' cannot be made here; use some of: C1"),

@@ -6,9 +6,17 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from slapshot.acting.choose import cheapest, choose_by_gradient, draw_phi, expected_cost
+from slapshot.acting.choose import (
+    believed_cost,
+    cheapest,
+    choose_by_gradient,
+    draw_phi,
+    expected_cost,
+    predicted_cost,
+)
 from slapshot.acting.exploration import INFORMED, SAMPLED
 from slapshot.acting.explore import at_random, explore, informed
+from slapshot.acting.goals import goals_of
 from slapshot.acting.inverse import Standardisation, train_inverse
 from slapshot.acting.rigs import Robot
 from slapshot.acting.uncertainty import outcome_jacobian, predicted_variance, variance_after
@@ -16,6 +24,7 @@ from slapshot.adaptation.data import Batch
 from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.method import Sizes
 from slapshot.claims import s12, s13
+from slapshot.errors import InputError
 from slapshot.figures import a1_acting, a2_exploration
 
 MODELS, TASKS, LATENT, PHI = 2, 3, 3, 4
@@ -142,9 +151,8 @@ def test_the_gradient_finds_the_action_that_is_on_target_and_surest():
     phi = 0.3 * normal(1, 1, 64, PHI) + torch.tensor([0.5, -0.2, 0.0, 0.0])
     target = torch.tensor([[[1.0, 0.4], [-0.3, 0.2]]])
     corner = torch.full((LATENT,), 2.0)
-    found = choose_by_gradient(
-        Linear(), phi, torch.zeros(2), normal(32, LATENT, seed=3), target, (-corner, corner)
-    )
+    cost = believed_cost(Linear(), phi, torch.zeros(2), target)
+    found = choose_by_gradient(cost, normal(32, LATENT, seed=3), 1, 2, (-corner, corner))
     expected = target - phi[0, 0, :, :2].mean(0)
     torch.testing.assert_close(found[..., :2], expected, atol=0.03, rtol=0)
     assert found[..., 2].abs().max() < 0.15
@@ -155,13 +163,9 @@ def test_the_gradient_stays_within_bounds_and_never_loses_to_its_candidates(meth
     target, candidates = 3 * normal(TASKS, 4, 2), normal(16, LATENT, seed=4)
     corner = torch.full((LATENT,), 0.7)
     candidates = candidates.clamp(-0.7, 0.7)
-    found = choose_by_gradient(method, phi, torch.zeros(2), candidates, target, (-corner, corner))
+    cost = believed_cost(method, phi, torch.zeros(2), target)
+    found = choose_by_gradient(cost, candidates, TASKS, 4, (-corner, corner))
     assert (found.abs() <= 0.7 + 1e-6).all()
-
-    def cost(actions: torch.Tensor) -> torch.Tensor:
-        many = actions.expand(MODELS, *actions.shape)
-        return expected_cost(method, phi, torch.zeros(2), many, target.expand(MODELS, *target.shape)).mean(0)
-
     tried = cost(candidates.expand(TASKS, 4, 16, LATENT)).amin(-1)
     assert (cost(found[:, :, None])[..., 0] <= tried * 1.05).all()
 
@@ -173,6 +177,54 @@ def test_expected_cost_is_squared_error_of_the_mean_plus_variance(method, belief
     cloud = method.outcome(phi[:, :, None, None], torch.zeros(2), action[..., None, :])
     by_hand = (cloud.mean(-2) - target[:, :, :, None]).square().sum(-1) + cloud.var(-2, correction=0).sum(-1)
     torch.testing.assert_close(found, by_hand, rtol=1e-3, atol=1e-5)
+
+
+def test_what_predictions_cost_is_their_squared_distance_from_the_target(method, belief):
+    """By hand, target for target and candidate for candidate, the mean over models."""
+    state, target, actions = normal(2), normal(TASKS, 2, 2, seed=1), normal(TASKS, 2, 3, LATENT, seed=2)
+    found = predicted_cost(method, belief, state, target)(actions)
+    for t in range(2):
+        for c in range(3):
+            action = actions[:, t, c].expand(MODELS, TASKS, LATENT)[:, :, None]
+            outcome = method.predict(belief, state.expand(MODELS, TASKS, 1, 2), action)[:, :, 0]
+            by_hand = (outcome - target[:, t]).square().sum(-1).mean(0)
+            torch.testing.assert_close(found[:, t, c], by_hand)
+
+
+def test_a_hit_that_the_camera_misses_is_made_again():
+    asked: list[list[str]] = []
+
+    def blink(motions, object_ids, rng):
+        asked.append(list(object_ids))
+        rests = np.array([[m[0], m[1]] for m in motions], float)
+        if len(asked) == 1:
+            rests[0] = np.nan
+        return rests
+
+    model = SimpleNamespace(motion=lambda latent: latent, sizes=SimpleNamespace(latent=2))
+    check = SimpleNamespace(report=lambda motion: SimpleNamespace(safe=True))
+    robot = Robot(SimpleNamespace(execute=blink), model, check)
+    latents = np.array([[0.1, 0.2], [0.3, 0.4]])
+    assert np.array_equal(robot.hit(latents, ["red", "blue"], np.random.default_rng(0)), latents)
+    assert asked == [["red", "blue"], ["red"]]
+    blind = SimpleNamespace(execute=lambda motions, ids, rng: np.full((len(ids), 2), np.nan))
+    with pytest.raises(InputError, match="camera misses where 2 hits end"):
+        Robot(blind, model, check).hit(latents, ["red", "blue"], np.random.default_rng(0))
+
+
+def test_goals_are_the_same_for_everybody_and_apart_from_elsewhere():
+    actions = np.repeat(np.arange(10.0)[:, None], 2, axis=0) * np.ones(3)  # every command twice
+    data = {"action": actions.astype(np.float32), "outcome": actions[:, :2].astype(np.float32)}
+    task = SimpleNamespace(data=data, object="red")
+    robot = SimpleNamespace(certain=lambda latents, ids: latents[:, :2] + 0.5)
+    goals, again = (goals_of(robot, task, 4, [1, 2]) for _ in range(2))
+    assert np.array_equal(goals.targets, again.targets)
+    assert not np.array_equal(goals.targets, goals_of(robot, task, 4, [1, 3]).targets)
+    assert np.array_equal(goals.targets, goals.latents[:, :2] + 0.5)
+    commands = {*goals.latents[:, 0], *goals.elsewhere[:, 0]}
+    assert len(commands) == 10
+    assert (len(goals.latents), len(goals.elsewhere)) == (4, 6)
+    assert len(goals_of(robot, task, 99, [1]).latents) == 5
 
 
 def test_the_cheapest_of_several_is_taken():
@@ -242,11 +294,13 @@ def acting_folders(tmp_path, gain: float) -> dict:
     rng = np.random.default_rng(1)
     for rig in range(8):
         rows = [
-            {"rig": rig, "object": "red", "chooser": chooser, "samples": n, "target": t, "target_x_m": 1.0,
-             "target_y_m": 0.0, "error_m": base * (1 + 0.1 * rng.normal())}
-            for chooser, n, base in (
-                ("oracle", -1, 0.07),
-                *((c, n, 0.35 if n == 0 else gain * 0.07) for c in s12.CHOOSERS for n in (0, 4, 8, 16)),
+            {"rig": rig, "object": "red", "method": method, "chooser": chooser, "samples": n, "target": t,
+             "target_x_m": 1.0, "target_y_m": 0.0, "error_m": base * (1 + 0.1 * rng.normal())}
+            for method, chooser, n, base in (
+                ("", "oracle", -1, 0.07),
+                *(("lstm", "gradient", n, 9.0) for n in (0, 4, 8, 16)),  # of another figure
+                *(("kalman", c, n, 0.35 if n == 0 else gain * 0.07)
+                  for c in s12.CHOOSERS for n in (0, 4, 8, 16)),
             )
             for t in range(6)
         ]  # fmt: skip

@@ -9,15 +9,22 @@ models of the ensemble, too: where training data are thin they disagree, and a s
 finds the places where that one is wrong. What scatters from hit to hit, whatever the latent, is a constant.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import torch
 from torch import Tensor
 
 from slapshot.adaptation.kalman import Kalman, KalmanBelief
+from slapshot.adaptation.method import AdaptationMethod
 
 LARGEST_LATENT = 2.0  # of a unit Gaussian's components: farther out training data are thin
 _KEPT = 4  # candidates that the gradient goes on from
 _STEPS = 60
 _STEP_SIZE = 0.05
+
+Cost = Callable[[Tensor], Tensor]
+"""(B, T, C) of standardised actions (B, T, C, latent): what is to be small for each of T targets."""
 
 
 def expected_cost(method: Kalman, phi: Tensor, state: Tensor, action: Tensor, target: Tensor) -> Tensor:
@@ -34,35 +41,43 @@ def expected_cost(method: Kalman, phi: Tensor, state: Tensor, action: Tensor, ta
     return (outcome - target[:, :, :, None, None]).square().sum(-1).mean(-1)
 
 
+def believed_cost(method: Kalman, phi: Tensor, state: Tensor, target: Tensor) -> Cost:
+    """`expected_cost` as the mean over models, for targets (B, T, do) that all of them share."""
+
+    def cost(action: Tensor) -> Tensor:
+        many, wanted = (x.expand(method.models, *x.shape) for x in (action, target))
+        return expected_cost(method, phi, state, many, wanted).mean(0)
+
+    return cost
+
+
+def predicted_cost(method: AdaptationMethod[Any], belief: Any, state: Tensor, target: Tensor) -> Cost:
+    """Squared distance of predicted rest points, mean over models: of a method that knows no uncertainty."""
+
+    def cost(action: Tensor) -> Tensor:
+        many = action.flatten(1, 2).expand(method.models, action.shape[0], -1, -1)
+        outcome = method.predict(belief, state.expand(*many.shape[:3], -1), many)
+        off = outcome.unflatten(2, action.shape[1:3]) - target[:, :, None]
+        return off.square().sum(-1).mean(0)
+
+    return cost
+
+
 def choose_by_gradient(
-    method: Kalman,
-    phi: Tensor,
-    state: Tensor,
-    candidates: Tensor,
-    target: Tensor,
-    bounds: tuple[Tensor, Tensor],
+    cost: Cost, candidates: Tensor, tasks: int, targets: int, bounds: tuple[Tensor, Tensor]
 ) -> Tensor:
-    """The best of the candidates for each target, improved by gradient descent on the expected cost.
+    """The best of the candidates for each target, improved by gradient descent on the cost.
 
     Args:
-        method: an ensemble of M models.
-        phi: (M, B, draws, h) from their beliefs about B tasks; only the means leave uncertainty out.
-        state: (ds,) standardised, the same for all hits.
+        cost: of actions.
         candidates: (C, latent) standardised actions.
-        target: (B, T, do), standardised.
+        tasks: B.
+        targets: T, of each task.
         bounds: lowest and highest standardised action, (latent,) each.
 
     Returns:
         (B, T, latent) standardised actions.
     """
-    models = phi.shape[0]
-    tasks, targets, _ = target.shape
-    wanted = target.expand(models, *target.shape)
-
-    def cost(action: Tensor) -> Tensor:
-        """(B, T, C) of actions (B, T, C, latent)."""
-        return expected_cost(method, phi, state, action.expand(models, *action.shape), wanted).mean(0)
-
     with torch.no_grad():
         many = candidates.expand(tasks, targets, *candidates.shape)
         best = cost(many).topk(min(_KEPT, len(candidates)), dim=-1, largest=False).indices

@@ -1,20 +1,28 @@
-"""The ensemble that acts: one with beliefs, whose weights stay as they are."""
+"""Ensembles that act: their weights stay as they are."""
 
 from pathlib import Path
+from typing import Any
 
 from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.kalman import Kalman
+from slapshot.adaptation.method import AdaptationMethod
 from slapshot.errors import InputError
 
 
+def load_acting(folder: Path) -> tuple[AdaptationMethod[Any], Standardiser]:
+    """Read a version of the stage `train`."""
+    method, standardiser = load_ensemble(folder)
+    return method.requires_grad_(False), standardiser
+
+
 def load_believing(folder: Path) -> tuple[Kalman, Standardiser]:
-    """Read a version of the stage `train`.
+    """The same, of a method with beliefs.
 
     Raises:
         InputError: its method has no belief that uncertainty could be taken from.
     """
-    method, standardiser = load_ensemble(folder)
+    method, standardiser = load_acting(folder)
     if not isinstance(method, Kalman):
         raise InputError(f"acting.method: {type(method).__name__} has no belief to act on; use kalman")
-    return method.requires_grad_(False), standardiser
+    return method, standardiser

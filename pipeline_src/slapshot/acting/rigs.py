@@ -7,7 +7,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from slapshot.command import Run
+from slapshot.errors import InputError
 from slapshot.lab.live import LiveRig
+from slapshot.scenes.domain import load_part
+from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.safety import SafetyCheck
 from slapshot.trajectories.vae import TrajectoryVae
@@ -16,6 +20,7 @@ Array = NDArray[np.float64]
 
 _SHRINK = 0.9  # of a latent that is not safe, until it is: 0 stands for the demonstrations' middle
 _MOST_SHRINKING = 40
+_MOST_REPEATS = 10
 
 
 class Robot:
@@ -25,8 +30,25 @@ class Robot:
         self._rig, self._model, self._check = rig, model, check
 
     def hit(self, latents: Array, object_ids: Sequence[str], rng: np.random.Generator) -> Array:
-        """(n, 2) m, where objects are seen to rest; a latent that is not safe is shrunk until it is."""
-        return self._rig.execute([self.safe(latent)[1] for latent in latents], object_ids, rng)
+        """(n, 2) m, where objects are seen to rest.
+
+        A latent that is not safe is shrunk until it is; a hit whose end the camera misses is made again.
+
+        Raises:
+            InputError: the camera never sees some of them rest.
+        """
+        motions = [self.safe(latent)[1] for latent in latents]
+        rests = np.full((len(latents), 2), np.nan)
+        for _ in range(_MOST_REPEATS):
+            unseen = np.flatnonzero(np.isnan(rests[:, 0])).tolist()
+            if not unseen:
+                return rests
+            again = [motions[i] for i in unseen], [object_ids[i] for i in unseen]
+            rests[unseen] = self._rig.execute(*again, rng)
+        raise InputError(
+            f"the camera misses where {np.isnan(rests[:, 0]).sum()} hits end, {_MOST_REPEATS} times each; "
+            "widen lab.camera.view_m or lower its missing_share"
+        )
 
     def certain(self, latents: Array, object_ids: Sequence[str]) -> Array:
         """(n, 2) m, where they would rest without chance: what an oracle knows."""
@@ -49,6 +71,15 @@ class Robot:
             if self._check.report(self._model.motion(latent)).safe:
                 found.append(latent)
         return np.array(found)
+
+
+def robot_of(run: Run) -> Robot:
+    """The robot of a recipe that names a rig (see `slapshot.plan.acting`)."""
+    settings = run.config
+    scene = Scene.load(run.inputs["scene"])
+    rig = LiveRig(scene, settings["lab"], [settings["seed"], settings["rig"]], run.cores)
+    check = load_part(settings["domain"], "safety").SafetyCheck(scene)
+    return Robot(rig, TrajectoryVae.load(run.inputs["trajectory_model"]), check)
 
 
 def batched(values: NDArray[np.floating] | Tensor, models: int) -> Tensor:

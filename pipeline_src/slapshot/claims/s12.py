@@ -12,7 +12,8 @@ from slapshot.statistics import bootstrap
 
 TITLE = "hockey, recorded: an adapted model finds commands that hit targets"
 
-CHOOSERS = ("gradient", "inverse model")
+INVERSE = "inverse model"
+CHOOSERS = ("gradient", INVERSE)
 SAMPLES = 8  # hits seen: where claim C5 compares methods
 NEAR = 2.0  # of the oracle's distance, a margin of our own
 
@@ -25,9 +26,10 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     table = table.dropna(subset="error_m")
     seen = max(n for n in table["samples"].unique() if n <= SAMPLES)
     oracle = _by_rig(table[table["chooser"] == "oracle"])
+    believing = table.loc[table["chooser"] == INVERSE, "method"].iloc[0]  # alone it has an inverse
     statements = []
     for chooser in CHOOSERS:
-        own = table[table["chooser"] == chooser]
+        own = table[(table["chooser"] == chooser) & (table["method"] == believing)]
         before, after = (_by_rig(own[own["samples"] == n]) for n in (0, seen))
         note = (
             f"{100 * before.mean():.1f} cm before any hit, {100 * after.mean():.1f} cm after {seen}, "

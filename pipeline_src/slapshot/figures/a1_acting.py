@@ -10,13 +10,16 @@ import pandas as pd
 from slapshot.figures.curves import summarise
 from slapshot.figures.drawing import OTHER_COLOURS, STAND_IN, Drawing
 
-ORACLE = "oracle"
+ORACLE, INVERSE = "oracle", "inverse model"
 _LINES = ("-", "--", "-.", ":")
 
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """Error against samples seen, a line a way to choose; 95 % intervals over rigs; the oracle's level."""
     table = pd.concat([pd.read_parquet(f / "acting.parquet") for f in inputs.values()], ignore_index=True)
+    # Of the method that believes: others than the oracle belong to figure A4.
+    believing = table.loc[table["chooser"] == INVERSE, "method"].iloc[0]
+    table = table[table["method"].isin([believing, ""])]
     summary = summarise(table.dropna(subset="error_m"), ["chooser"], unit="rig")
     figure, axes = plt.subplots(figsize=(5.6, 3.9))
     choosers = [c for c in dict.fromkeys(table["chooser"]) if c != ORACLE]

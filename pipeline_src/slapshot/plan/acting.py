@@ -1,4 +1,4 @@
-"""Recipes of acting on an adapted model: an inverse model, stand-in rigs hit anew, exploration."""
+"""Recipes of acting: stand-in rigs hit anew with adapted models and with policies, and exploration."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 from slapshot.errors import InputError
 from slapshot.plan.adaptation import add_recorded, method_module
 from slapshot.plan.recipes import Plan
-from slapshot.plan.simulation import rig_labels
+from slapshot.plan.simulation import draws, rig_labels, stand_ins
 from slapshot.plan.sources import Sources
 from slapshot.scenes.domain import domain_module, part_module
 
@@ -20,50 +20,37 @@ def add_acting(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     settings = domain.get("acting")
     if settings is None or not domain["recordings"]:
         return
+    _check(name, domain)
     recording, method = settings["recording"], settings["method"]
-    if method not in domain["methods"]:
-        raise InputError(
-            f"domains.{name}.acting.method: {method!r} is not among domains.{name}.methods; "
-            f"use one of: {', '.join(domain['methods'])}"
-        )
-    stand_ins = [r for r, s in domain["recordings"].items() if "lab" in s]
-    if recording not in stand_ins:
-        raise InputError(
-            f"domains.{name}.acting.recording: {recording!r} is no recording of stand-in rigs, which alone "
-            f"can be hit anew; use one of: {', '.join(stand_ins) or 'none there is'}"
-        )
-    train = f"train/{name}/{method}"
+    methods = [method, *settings["compared"]]
     plan.add(
         f"inverse/{name}",
         "inverse",
         {"seed": domain["seed"], "inverse": settings["inverse"], "training": domain["training"]},
-        {"train": train, "rollouts": f"rollouts/{name}"},
+        {"train": f"train/{name}/{method}", "rollouts": f"rollouts/{name}"},
         modules=[method_module(method)],
     )
-    described = domain["recordings"][recording]
-    model = f"trajectory_model/{name}"
-    scene = domain["scene"]["domain"]
-    for rig, label in enumerate(rig_labels(name, recording, described)):
-        plan.add(
+    rigs = rig_labels(name, recording, domain["recordings"][recording])
+    policies = _add_policies(plan, name, domain, min(settings["policy"]["models"], len(rigs)))
+    for rig, label in enumerate(rigs):
+        robot = _robot(plan, name, domain, rig, label)
+        keys = ("method", "compared", "samples", "candidates", "draws", "inverse")
+        _add_on_rig(
+            plan,
             f"acting/{name}/{rig}",
-            "acting",
-            {
-                "domain": scene,
-                "seed": domain["seed"],
-                "rig": rig,
-                "lab": described["lab"],
-                "trajectory_model_id": plan.recipes[model].id,
-                "recordings": {recording: {"rigs": 1}},
-                **{key: settings[key] for key in ("samples", "targets", "candidates", "draws", "inverse")},
-            },
-            {
-                "scene": f"scene/{name}",
-                "trajectory_model": model,
-                "train": train,
-                "inverse": f"inverse/{name}",
-                f"lab/{recording}/0": label,
-            },
-            modules=[method_module(method), domain_module(scene), part_module(scene, "safety")],
+            robot,
+            {key: settings[key] for key in keys},
+            {"inverse": f"inverse/{name}", **{f"train/{m}": f"train/{name}/{m}" for m in methods}},
+            [method_module(m) for m in methods],
+        )
+        number = rig % len(policies)
+        _add_on_rig(
+            plan,
+            f"policy_acting/{name}/{rig}",
+            robot,
+            {"number": number, "policy": settings["policy"]},
+            {"policy": policies[number]},
+            [],
         )
     add_recorded(
         plan,
@@ -74,4 +61,82 @@ def add_acting(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
         method,
         Sources.of(name, domain, [recording]),
         settings["exploration"],
+    )
+
+
+def _check(name: str, domain: Mapping[str, Any]) -> None:
+    settings = domain["acting"]
+    asked = [("method", settings["method"]), *(("compared", m) for m in settings["compared"])]
+    for key, unknown in ((key, m) for key, m in asked if m not in domain["methods"]):
+        raise InputError(
+            f"domains.{name}.acting.{key}: {unknown!r} is not among domains.{name}.methods; "
+            f"use one of: {', '.join(domain['methods'])}"
+        )
+    if settings["recording"] not in stand_ins(domain):
+        raise InputError(
+            f"domains.{name}.acting.recording: {settings['recording']!r} is no recording of stand-in rigs, "
+            f"which alone can be hit anew; use one of: {', '.join(stand_ins(domain)) or 'none there is'}"
+        )
+
+
+def _add_policies(plan: Plan, name: str, domain: Mapping[str, Any], count: int) -> list[str]:
+    """Policies from weights and hits of their own, by label; rigs meet them in turn."""
+    settings, scene = domain["acting"]["policy"], domain["scene"]["domain"]
+    training = {key: settings[key] for key in settings if key not in {"models", "updates_on_rigs"}}
+    labels = []
+    for number in range(count):
+        labels.append(f"policy/{name}/{number}")
+        plan.add(
+            labels[-1],
+            "policy",
+            {
+                "domain": scene,
+                "seed": domain["seed"],
+                "number": number,
+                "randomisation": {"start_error": draws(domain["randomisation"])["start_error"]},
+                "policy": training,
+            },
+            {
+                "scene": f"scene/{name}",
+                "trajectory_model": f"trajectory_model/{name}",
+                "rollouts": f"rollouts/{name}",
+            },
+            modules=[domain_module(scene), part_module(scene, "collector")],
+        )
+    return labels
+
+
+def _robot(plan: Plan, name: str, domain: Mapping[str, Any], rig: int, recorded: str) -> dict[str, Any]:
+    """What says which robot it is and what it is asked to hit: `config` and `upstream` of a recipe."""
+    settings = domain["acting"]
+    recording, model = settings["recording"], f"trajectory_model/{name}"
+    return {
+        "config": {
+            "domain": domain["scene"]["domain"],
+            "seed": domain["seed"],
+            "rig": rig,
+            "lab": domain["recordings"][recording]["lab"],
+            "trajectory_model_id": plan.recipes[model].id,
+            "recordings": {recording: {"rigs": 1}},
+            "targets": settings["targets"],
+        },
+        "upstream": {"scene": f"scene/{name}", "trajectory_model": model, f"lab/{recording}/0": recorded},
+    }
+
+
+def _add_on_rig(
+    plan: Plan,
+    label: str,
+    robot: Mapping[str, Any],
+    config: Mapping[str, Any],
+    upstream: Mapping[str, str],
+    modules: list[str],
+) -> None:
+    scene = robot["config"]["domain"]
+    plan.add(
+        label,
+        label.partition("/")[0],
+        robot["config"] | config,
+        robot["upstream"] | upstream,
+        modules=[*modules, domain_module(scene), part_module(scene, "safety")],
     )

@@ -17,6 +17,8 @@ STAGES = {
     "inverse": "slapshot.acting.train_inverse",
     "acting": "slapshot.acting.__main__",
     "exploration": "slapshot.acting.exploration",
+    "policy": "slapshot.policy.__main__",
+    "policy_acting": "slapshot.policy.rigs",
     "refinement": "slapshot.refinement.__main__",
     "coverage": "slapshot.refinement.coverage",
     "regression": "slapshot.adaptation.regression",
@@ -42,6 +44,7 @@ FIGURES = {
     "A1": "slapshot.figures.a1_acting",
     "A2": "slapshot.figures.a2_exploration",
     "A3": "slapshot.figures.a3_refinement",
+    "A4": "slapshot.figures.a4_policy",
     "F1": "slapshot.figures.f1_intro",
     "F2": "slapshot.figures.f2_method",
     "F3": "slapshot.figures.f3_linear_regression",
@@ -58,7 +61,7 @@ FIGURES = {
     "U2": "slapshot.figures.u2_innovations",
 }
 # Claim id -> its module.
-_JUDGED = ("c1", "c2", "c3", "c4", "c5", "c7", "s11", "s12", "s13")
+_JUDGED = ("c1", "c2", "c3", "c4", "c5", "c6", "c7", "s11", "s12", "s13")
 CLAIMS = {name.upper(): f"slapshot.claims.{name}" for name in _JUDGED}
 
 _MUJOCO = ("mujoco", "dm-control", "numpy")
@@ -80,6 +83,8 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "inverse": (*_TORCH, "pandas", "pyarrow"),
     "acting": (*_MUJOCO, *_TORCH, *_TABLES, "scipy", "numba"),
     "exploration": (*_TORCH, *_TABLES),
+    "policy": (*_MUJOCO, *_TORCH, *_TABLES, "scipy", "numba"),
+    "policy_acting": (*_MUJOCO, *_TORCH, *_TABLES, "scipy", "numba"),
     "refinement": (*_TORCH, *_TABLES),
     "coverage": _TABLES,
     "regression": (*_TORCH, *_TABLES),

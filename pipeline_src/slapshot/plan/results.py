@@ -44,11 +44,13 @@ def _figure_inputs(
     analysed = domain["latents"]["methods"]
     match figure:
         case "A1":
-            return _acting_labels(plan, name, figure), {}
+            return _acting_labels(plan, name, figure, "acting"), {}
         case "A2":
             return {"exploration": _acting(plan, f"exploration/{name}", figure)}, {}
         case "A3":
             return {"coverage": _acting(plan, f"coverage/{name}", figure, "refinement")}, {}
+        case "A4":
+            return _compared_labels(plan, name, domain, figure), {"method": domain["acting"]["method"]}
         case "F1":
             return {"predictions": f"predictions/{name}", "scene": f"scene/{name}"}, {}
         case "F2":
@@ -108,7 +110,7 @@ def _claim_inputs(plan: Plan, name: str, domain: Mapping[str, Any], claim: str) 
         case "S11":
             return {"coverage": _acting(plan, f"coverage/{name}", claim, "refinement")}
         case "S12":
-            return _acting_labels(plan, name, claim)
+            return _acting_labels(plan, name, claim, "acting")
         case "S13":
             return {"exploration": _acting(plan, f"exploration/{name}", claim)}
         case "C2":
@@ -120,17 +122,30 @@ def _claim_inputs(plan: Plan, name: str, domain: Mapping[str, Any], claim: str) 
         case "C5":
             pairs = [(m, r) for m in methods for r in domain["recordings"]]
             return {f"{m}/{r}": f"evaluate_recording/{name}/{m}/{r}" for m, r in pairs}
+        case "C6":
+            return _compared_labels(plan, name, domain, claim)
         case "C7":
             return {"beliefs": f"beliefs/{name}/{domain['uncertainty']['method']}"}
     raise AssertionError(claim)
 
 
-def _acting_labels(plan: Plan, name: str, wanted: str) -> dict[str, str]:
+def _acting_labels(plan: Plan, name: str, wanted: str, stage: str) -> dict[str, str]:
     """Rig -> label of what was done there."""
-    labels = [r for r in plan.of_stage("acting") if r.startswith(f"acting/{name}/")]
+    labels = [label for label in plan.of_stage(stage) if label.startswith(f"{stage}/{name}/")]
     return {
-        label.rpartition("/")[2]: _acting(plan, label, wanted) for label in labels or [f"acting/{name}/0"]
+        label.rpartition("/")[2]: _acting(plan, label, wanted) for label in labels or [f"{stage}/{name}/0"]
     }
+
+
+def _compared_labels(plan: Plan, name: str, domain: Mapping[str, Any], wanted: str) -> dict[str, str]:
+    """What policies and models did on every rig (stage/rig), and what the model predicts."""
+    rigs = {
+        f"{stage}/{rig}": label
+        for stage in ("policy_acting", "acting")
+        for rig, label in _acting_labels(plan, name, wanted, stage).items()
+    }
+    settings = domain["acting"]
+    return rigs | {"predicted": f"evaluate_recording/{name}/{settings['method']}/{settings['recording']}"}
 
 
 def _acting(plan: Plan, label: str, wanted: str, block: str = "acting") -> str:

@@ -58,17 +58,12 @@ def execute(
         batch.step(nstep=substeps, stage=mujoco.mjtStage.mjSTAGE_POS)
         torque = np.maximum(torque, np.abs(force[:, :joints]))
     starts = np.tile(np.array(info.start), (count, 1))
-    gap = striker_gap(scene, striker, normal, starts)
-    contact = (gap < 0).argmax(1)
-    first = np.clip(contact - round(WINDOW_BEFORE / info.control_period), 0, None)
-    window = round((WINDOW_BEFORE + WINDOW_AFTER) / info.control_period)
+    first, rows, reached = window_rows(scene, striker, normal, starts)
     usable = (
-        (gap < 0).any(1)
+        reached
         & (torque < TORQUE_SHARE * np.array(info.torque_limits)).all(1)
         & (np.abs(velocities).max(1) < np.array(info.speed_limits)).all(1)
-        & (first + window < ticks)
     )
-    rows = np.minimum(first[:, None] + np.arange(window), ticks - 1)[:, :, None]
     swings = Swings(
         latents=latents,
         splits=np.asarray(splits, np.int64),
@@ -76,12 +71,28 @@ def execute(
         targets=targets,
         positions=np.take_along_axis(positions, rows, 1),
         velocities=np.take_along_axis(velocities, rows, 1),
-        first=first.astype(np.int64),
+        first=first,
         striker=striker,
         normal=normal,
         poses=positions[:, :: pose_stride(info.control_period)],
     )
     return swings, usable
+
+
+def window_rows(
+    scene: Scene, striker: Array, normal: Array, starts: Array
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """The window in which hits may begin, of swings (n, t, 3) at objects (n, 2) m.
+
+    Returns:
+        (n,) its first tick; (n, w, 1) its ticks; (n,) whether the object is reached in time for a whole one.
+    """
+    gap = striker_gap(scene, striker, normal, starts)
+    period, ticks = scene.info.control_period, gap.shape[1]
+    first = np.clip((gap < 0).argmax(1) - round(WINDOW_BEFORE / period), 0, None)
+    window = round((WINDOW_BEFORE + WINDOW_AFTER) / period)
+    rows = np.minimum(first[:, None] + np.arange(window), ticks - 1)[:, :, None]
+    return first, rows, (gap < 0).any(1) & (first + window < ticks)
 
 
 def striker_gap(scene: Scene, striker: Array, normal: Array, place: Array) -> Array:
