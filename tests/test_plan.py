@@ -31,6 +31,11 @@ def figures(*names: str) -> set[str]:
     return {f"figure/hockey/{name}" for name in names}
 
 
+def of_rig(labels: set[str], rig: str) -> set[str]:
+    """Those of rig 0, as those of another one."""
+    return {label.replace("/hockey/0", f"/hockey/{rig}") for label in labels if "/hockey/0" in label}
+
+
 def claims(*names: str) -> set[str]:
     return {"claims", *(f"claim/hockey/{name}" for name in names)}
 
@@ -63,7 +68,11 @@ POLICY_ACTS = {"policy_acting/hockey/0", "policy_acting/hockey/1"}
 FROM_POLICY = {"policy/hockey/0", "policy/hockey/1"} | POLICY_ACTS | COMPARED
 EXPLORATION = {"exploration/hockey"} | figures("A2") | claims("S13")
 COVERAGE = {"coverage/hockey"} | figures("A3") | claims("S11")
-REFINEMENT = {"refinement/hockey"} | COVERAGE
+REFINED = figures("A5") | claims("S11")
+ERRORS = {"refined_errors/hockey/0"} | REFINED
+FROM_REFINED_TRAIN = {"refined_train/hockey/0"} | ERRORS
+FROM_REFINED_ROLLOUTS = {"refined_rollouts/hockey/0"} | FROM_REFINED_TRAIN
+REFINEMENT = {"refinement/hockey"} | COVERAGE | FROM_REFINED_ROLLOUTS
 FROM_INVERSE = {"inverse/hockey"} | ACTING
 FROM_KALMAN = (
     FROM_INVERSE
@@ -261,6 +270,12 @@ def test_the_recipes_survive_the_command_line(config):
         ("acting.policy.epochs", 7, FROM_POLICY),
         ("acting.policy.updates_on_rigs", 7, POLICY_ACTS | COMPARED),
         ("refinement.nearest", 70, REFINEMENT),
+        ("refinement.queries", 7, ERRORS),
+        (
+            "refinement.retrained",
+            [1],
+            of_rig(FROM_REFINED_ROLLOUTS, "1") | REFINED,
+        ),
         ("acting.draws", 7, ACTING),
         ("acting.inverse.steps", 7, FROM_INVERSE),
         ("acting.exploration.samples", 7, EXPLORATION),
@@ -329,6 +344,21 @@ def test_the_order_of_keys_changes_nothing(config):
     assert ids(reordered(config)) == before
 
 
+def test_ranges_can_be_refined_for_rigs_that_cannot_be_hit_anew(config):
+    domain = config["domains"]["hockey"]
+    domain["refinement"] |= {"recording": "own", "retrained": []}
+    domain["figures"].remove("A5")
+    domain["figures"].remove("A3")
+    domain["claims"].remove("S11")
+    assert not any(label.startswith("refined_") for label in ids(config))
+    domain["refinement"]["retrained"] = [0]
+    with pytest.raises(InputError, match=r"refinement\.recording: 'own' is no recording of stand-in rigs"):
+        make_plan(config)
+    domain["refinement"] |= {"recording": "rig", "retrained": [2]}
+    with pytest.raises(InputError, match=r"there is no rig 2; recording 'rig' has rigs 0 to 1"):
+        make_plan(config)
+
+
 def test_a_recording_adds_versions_and_changes_only_what_shows_all_recordings(config, own):
     before = ids(config)
     config["domains"]["hockey"]["recordings"]["more"] = {"path": str(own), "samples": 3, "repeats": 1}
@@ -387,7 +417,7 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
         (
             "figures",
             ["F7", "F99"],
-            r"domains\.hockey\.figures: 'F99' cannot be made here; use some of: A1, A2, A3, A4, F1, F2, ",
+            r"domains\.hockey\.figures: 'F99' cannot be made here; use some of: A1, A2, A3, A4, A5, F1, ",
         ),
         ("figures", ["F3"], r"domains\.hockey\.figures: 'F3' cannot be made here"),
         (

@@ -187,7 +187,7 @@ def test_swings_that_follow_commands_exactly_are_near_simulated_ones(rig):
     simulated, usable = execute(rig.scene, rig.model, latents, np.zeros(len(latents), int), 1)
     ideal = ideal_swings(rig.scene, rig.model, latents)
     # The decoder's float32 rounds otherwise in batches.
-    assert ideal.targets == pytest.approx(simulated.targets, abs=1e-6)
+    assert ideal.targets == pytest.approx(simulated.targets, abs=1e-5)
     # The same moment in both, for windows begin where the striker is.
     for i in np.flatnonzero(usable):
         both = range(max(ideal.first[i], simulated.first[i]), min(ideal.first[i], simulated.first[i]) + 300)

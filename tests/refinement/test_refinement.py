@@ -5,12 +5,19 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 import yaml
+from slapshot.adaptation.data import Standardiser
 from slapshot.claims import s11
 from slapshot.command import Run
-from slapshot.figures import a3_refinement
+from slapshot.figures import a3_refinement, a5_refined
+from slapshot.refinement import rollouts as refined_rollouts
+from slapshot.refinement import train as refined_train
 from slapshot.refinement.__main__ import NOISE, Prior, configuration
 from slapshot.refinement.coverage import produce as cover
+from slapshot.refinement.errors import ALL_RANGES, REFINED
+from slapshot.refinement.refined import narrowed, refined_settings
+from slapshot.rollouts.reading import Sequences
 
 RANDOMISATION = {
     "mass": {"uniform": [0.01, 0.1]},
@@ -128,3 +135,79 @@ def test_the_figure_shows_ranges_and_truths(covered):
     assert drawing.name == "A3-hockey-refinement"
     titles = [axes.get_title(loc="left") for axes in drawing.figure.axes]
     assert all("0 % of truths inside" in title for title in titles)
+
+
+def test_narrowed_ranges_keep_what_was_not_refined(tmp_path):
+    told = configuration(table(1), {"domain": "hockey"}, "0")
+    (tmp_path / "rig-0.yaml").write_text(yaml.safe_dump(told))
+    refined = refined_settings(tmp_path, "hockey", 0)
+    assert refined == told["domains"]["hockey"]
+    found = narrowed(RANDOMISATION, refined["randomisation"])
+    assert found["friction_y"] == {"uniform": pytest.approx([0.8, 1.25]), "times": "friction_x"}
+    assert found["friction_rolling"] == RANDOMISATION["friction_rolling"]
+    assert found["start_error"] == RANDOMISATION["start_error"]
+    assert set(found) == set(RANDOMISATION)
+
+
+def test_refined_rollouts_are_rollouts_with_other_ranges(tmp_path, monkeypatch):
+    told = configuration(table(1), {"domain": "own"}, "0")
+    (tmp_path / "rig-0.yaml").write_text(yaml.safe_dump(told))
+    made: list[Run] = []
+    monkeypatch.setattr(refined_rollouts, "produce_rollouts", made.append)
+    config = {"name": "own", "rig": 0, "domain": "hockey", "hits": 7, "randomisation": RANDOMISATION}
+    refined_rollouts.produce(Run(config, {"refinement": tmp_path}, tmp_path, 1))
+    assert set(made[0].config) == {"domain", "hits", "randomisation"}
+    assert made[0].config["randomisation"]["mass"]["uniform"] == pytest.approx([0.04, 0.0625])
+
+
+def test_noise_means_as_many_metres_in_other_units(tmp_path, monkeypatch):
+    """Outcomes of refined rollouts spread half as far: a variance is four times as large in their units."""
+    rng = np.random.default_rng(0)
+    outcome = rng.normal(size=(50, 20, 2)).astype(np.float32)
+    before = Sequences(outcome, outcome, 2 * outcome, pd.DataFrame())
+    after = Sequences(outcome, outcome, outcome, pd.DataFrame())
+    monkeypatch.setattr(refined_train, "load_ensemble", lambda folder: (None, Standardiser.fit(before)))
+    monkeypatch.setattr(refined_train, "read_sequences", lambda folder, split: after)
+    told = configuration(table(1), {"domain": "own"}, "0")
+    (tmp_path / "rig-0.yaml").write_text(yaml.safe_dump(told))
+    asked: list[dict] = []
+
+    def train_ensemble(rollouts, method, settings, training, device):
+        asked.append(training)
+        raise InterruptedError
+
+    monkeypatch.setattr(refined_train, "train_ensemble", train_ensemble)
+    config = {"name": "own", "rig": 0, "method": "kalman", "settings": {},
+              "training": {"steps": 3, "noise_variance_max": 0.5}}  # fmt: skip
+    inputs = {"refinement": tmp_path, "train": tmp_path, "rollouts": tmp_path}
+    with pytest.raises(InterruptedError):
+        refined_train.produce(Run(config, inputs, tmp_path, torch.get_num_threads()))
+    assert asked == [{"steps": 3, "noise_variance_max": pytest.approx(4 * 0.125, rel=1e-4)}]
+
+
+def errors_of(gain: float) -> pd.DataFrame:
+    """Refined models err by `gain` times as much."""
+    rng = np.random.default_rng(1)
+    return pd.DataFrame(
+        [
+            {"arm": arm, "model": m, "rig": 0, "object": o, "repeat": r, "samples": n,
+             "error_m": scale * 0.3 / (1 + n) * (1 + 0.02 * rng.normal())}
+            for arm, scale in ((ALL_RANGES, 1.0), (REFINED, gain))
+            for m in range(4) for o in ("red", "blue") for r in range(5) for n in range(9)
+        ]
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("gain", "verdict"), [(0.6, "holds"), (0.9, "does not hold")])
+def test_the_verdict_on_models_made_again_is_the_ratio_of_errors(covered, tmp_path, gain, verdict):
+    folder = tmp_path / "errors"
+    folder.mkdir()
+    errors_of(gain).to_parquet(folder / "errors.parquet")
+    last = s11.judge(covered(1.0) | {"0": folder})[-1]
+    assert last.verdict == verdict
+    assert last.interval.value == pytest.approx(gain, rel=0.02)
+    assert "10.0 cm before" in last.note
+    drawing = a5_refined.draw({"0": folder}, {"domain": "hockey"})
+    assert drawing.name == "A5-hockey-refined"
+    drawing.figure.canvas.draw()
+    assert set(drawing.table["arm"]) == {ALL_RANGES, REFINED}

@@ -1,4 +1,4 @@
-# What the paper proposes to do with an adapted model: act on it, explore by it, refine ranges by it.
+# What the paper proposes to do with an adapted model: act on it, explore by it.
 
 
 rule inverse:
@@ -65,47 +65,3 @@ rule acting_version:
         recipe=recipe("acting"),
     shell:
         "python -m slapshot.acting --recipe {params.recipe:q} --cores {threads} --log {log}"
-
-
-rule refinement:
-    """Ranges of randomisation that hold the recorded rigs."""
-    input:
-        of_figures("refinement"),
-
-
-rule refinement_version:
-    input:
-        ancient(upstream("refinement")),
-    output:
-        version("refinement"),
-    log:
-        "logs/refinement/{id}.log",
-    benchmark:
-        "logs/refinement/{id}.tsv"
-    threads: 1
-    params:
-        recipe=recipe("refinement"),
-    shell:
-        "python -m slapshot.refinement --recipe {params.recipe:q} --cores {threads} --log {log}"
-
-
-rule coverage:
-    """Whether those ranges hold the truth about stand-in rigs."""
-    input:
-        of_figures("coverage"),
-
-
-rule coverage_version:
-    input:
-        ancient(upstream("coverage")),
-    output:
-        version("coverage"),
-    log:
-        "logs/coverage/{id}.log",
-    benchmark:
-        "logs/coverage/{id}.tsv"
-    threads: 1
-    params:
-        recipe=recipe("coverage"),
-    shell:
-        "python -m slapshot.refinement.coverage --recipe {params.recipe:q} --cores {threads} --log {log}"

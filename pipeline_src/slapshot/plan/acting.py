@@ -6,7 +6,8 @@ from typing import Any
 from slapshot.errors import InputError
 from slapshot.plan.adaptation import add_recorded, method_module
 from slapshot.plan.recipes import Plan
-from slapshot.plan.simulation import draws, rig_labels, stand_ins
+from slapshot.plan.rigs import add_on_rig, check_stand_in, robot_of
+from slapshot.plan.simulation import draws, rig_labels
 from slapshot.plan.sources import Sources
 from slapshot.scenes.domain import domain_module, part_module
 
@@ -32,23 +33,23 @@ def add_acting(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     )
     rigs = rig_labels(name, recording, domain["recordings"][recording])
     policies = _add_policies(plan, name, domain, min(settings["policy"]["models"], len(rigs)))
-    for rig, label in enumerate(rigs):
-        robot = _robot(plan, name, domain, rig, label)
+    for rig in range(len(rigs)):
+        robot = robot_of(plan, name, domain, recording, rig)
         keys = ("method", "compared", "samples", "candidates", "draws", "inverse")
-        _add_on_rig(
+        add_on_rig(
             plan,
             f"acting/{name}/{rig}",
             robot,
-            {key: settings[key] for key in keys},
+            {key: settings[key] for key in (*keys, "targets")},
             {"inverse": f"inverse/{name}", **{f"train/{m}": f"train/{name}/{m}" for m in methods}},
             [method_module(m) for m in methods],
         )
         number = rig % len(policies)
-        _add_on_rig(
+        add_on_rig(
             plan,
             f"policy_acting/{name}/{rig}",
             robot,
-            {"number": number, "policy": settings["policy"]},
+            {"number": number, "policy": settings["policy"], "targets": settings["targets"]},
             {"policy": policies[number]},
             [],
         )
@@ -72,11 +73,7 @@ def _check(name: str, domain: Mapping[str, Any]) -> None:
             f"domains.{name}.acting.{key}: {unknown!r} is not among domains.{name}.methods; "
             f"use one of: {', '.join(domain['methods'])}"
         )
-    if settings["recording"] not in stand_ins(domain):
-        raise InputError(
-            f"domains.{name}.acting.recording: {settings['recording']!r} is no recording of stand-in rigs, "
-            f"which alone can be hit anew; use one of: {', '.join(stand_ins(domain)) or 'none there is'}"
-        )
+    check_stand_in(name, "acting", domain)
 
 
 def _add_policies(plan: Plan, name: str, domain: Mapping[str, Any], count: int) -> list[str]:
@@ -104,39 +101,3 @@ def _add_policies(plan: Plan, name: str, domain: Mapping[str, Any], count: int) 
             modules=[domain_module(scene), part_module(scene, "collector")],
         )
     return labels
-
-
-def _robot(plan: Plan, name: str, domain: Mapping[str, Any], rig: int, recorded: str) -> dict[str, Any]:
-    """What says which robot it is and what it is asked to hit: `config` and `upstream` of a recipe."""
-    settings = domain["acting"]
-    recording, model = settings["recording"], f"trajectory_model/{name}"
-    return {
-        "config": {
-            "domain": domain["scene"]["domain"],
-            "seed": domain["seed"],
-            "rig": rig,
-            "lab": domain["recordings"][recording]["lab"],
-            "trajectory_model_id": plan.recipes[model].id,
-            "recordings": {recording: {"rigs": 1}},
-            "targets": settings["targets"],
-        },
-        "upstream": {"scene": f"scene/{name}", "trajectory_model": model, f"lab/{recording}/0": recorded},
-    }
-
-
-def _add_on_rig(
-    plan: Plan,
-    label: str,
-    robot: Mapping[str, Any],
-    config: Mapping[str, Any],
-    upstream: Mapping[str, str],
-    modules: list[str],
-) -> None:
-    scene = robot["config"]["domain"]
-    plan.add(
-        label,
-        label.partition("/")[0],
-        robot["config"] | config,
-        robot["upstream"] | upstream,
-        modules=[*modules, domain_module(scene), part_module(scene, "safety")],
-    )

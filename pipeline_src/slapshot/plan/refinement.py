@@ -3,17 +3,21 @@
 from collections.abc import Mapping
 from typing import Any
 
-from slapshot.plan.adaptation import add_recorded
+from slapshot.adaptation.names import method_settings
+from slapshot.errors import InputError
+from slapshot.plan.adaptation import add_recorded, method_module
 from slapshot.plan.recipes import Plan
+from slapshot.plan.rigs import add_on_rig, check_stand_in, robot_of
 from slapshot.plan.simulation import draws
 from slapshot.plan.sources import Sources, check_names
+from slapshot.scenes.domain import part_module
 
 
 def add_refinement(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     """Everything of the block `refinement`; nothing without it, or without any recording.
 
     Raises:
-        InputError: the block names a recording or a method that the domain does not have.
+        InputError: the block names a recording, a method or a rig that the domain does not have.
     """
     settings = domain.get("refinement")
     if settings is None or not domain["recordings"]:
@@ -40,3 +44,56 @@ def add_refinement(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     )
     if sources.roles:
         plan.add(f"coverage/{name}", "coverage", {}, {"refinement": label, **sources.roles})
+    for rig in settings["retrained"]:
+        _add_retrained(plan, name, domain, rig)
+
+
+def _add_retrained(plan: Plan, name: str, domain: Mapping[str, Any], rig: int) -> None:
+    """Rollouts and models made again from one rig's refined ranges, and their errors on new hits of it."""
+    settings = domain["refinement"]
+    recording, method = settings["recording"], settings["method"]
+    check_stand_in(name, "refinement", domain)
+    rigs = domain["recordings"][recording]["rigs"]
+    if rig >= rigs:
+        raise InputError(
+            f"domains.{name}.refinement.retrained: there is no rig {rig}; recording {recording!r} has rigs "
+            f"0 to {rigs - 1}"
+        )
+    which = {"name": name, "rig": rig}
+    refinement, train = f"refinement/{name}", f"train/{name}/{method}"
+    rollouts, refined = f"refined_rollouts/{name}/{rig}", f"refined_train/{name}/{rig}"
+    plan.add(
+        rollouts,
+        "refined_rollouts",
+        {
+            **which,
+            "domain": domain["scene"]["domain"],
+            "seed": domain["seed"],
+            "randomisation": draws(domain["randomisation"]),
+            **domain["rollouts"],
+        },
+        {"scene": f"scene/{name}", "swings": f"swings/{name}", "refinement": refinement},
+        modules=[part_module(domain["scene"]["domain"], "collector")],
+    )
+    configured = domain["methods"][method]
+    rate = {"learning_rate": configured["learning_rate"]}
+    plan.add(
+        refined,
+        "refined_train",
+        {
+            **which,
+            "method": method,
+            "settings": method_settings(configured),
+            "training": {"seed": domain["seed"], **domain["training"], **rate},
+        },
+        {"rollouts": rollouts, "refinement": refinement, "train": train},
+        modules=[method_module(method)],
+    )
+    add_on_rig(
+        plan,
+        f"refined_errors/{name}/{rig}",
+        robot_of(plan, name, domain, recording, rig),
+        {key: settings[key] for key in ("samples", "repeats", "queries")},
+        {"train": train, "refined": refined},
+        [method_module(method)],
+    )

@@ -44,13 +44,15 @@ def _figure_inputs(
     analysed = domain["latents"]["methods"]
     match figure:
         case "A1":
-            return _acting_labels(plan, name, figure, "acting"), {}
+            return _rig_labels(plan, name, figure, "acting"), {}
         case "A2":
-            return {"exploration": _acting(plan, f"exploration/{name}", figure)}, {}
+            return {"exploration": _needed(plan, f"exploration/{name}", figure)}, {}
         case "A3":
-            return {"coverage": _acting(plan, f"coverage/{name}", figure, "refinement")}, {}
+            return {"coverage": _needed(plan, f"coverage/{name}", figure, "refinement")}, {}
         case "A4":
             return _compared_labels(plan, name, domain, figure), {"method": domain["acting"]["method"]}
+        case "A5":
+            return _rig_labels(plan, name, figure, "refined_errors", "refinement"), {}
         case "F1":
             return {"predictions": f"predictions/{name}", "scene": f"scene/{name}"}, {}
         case "F2":
@@ -108,11 +110,12 @@ def _claim_inputs(plan: Plan, name: str, domain: Mapping[str, Any], claim: str) 
     methods = list(domain["methods"])
     match claim:
         case "S11":
-            return {"coverage": _acting(plan, f"coverage/{name}", claim, "refinement")}
+            refined = {label.rpartition("/")[2]: label for label in _on_rigs(plan, name, "refined_errors")}
+            return {"coverage": _needed(plan, f"coverage/{name}", claim, "refinement"), **refined}
         case "S12":
-            return _acting_labels(plan, name, claim, "acting")
+            return _rig_labels(plan, name, claim, "acting")
         case "S13":
-            return {"exploration": _acting(plan, f"exploration/{name}", claim)}
+            return {"exploration": _needed(plan, f"exploration/{name}", claim)}
         case "C2":
             return {m: f"evaluate/{name}/{m}" for m in methods}
         case "C3":
@@ -129,12 +132,14 @@ def _claim_inputs(plan: Plan, name: str, domain: Mapping[str, Any], claim: str) 
     raise AssertionError(claim)
 
 
-def _acting_labels(plan: Plan, name: str, wanted: str, stage: str) -> dict[str, str]:
+def _rig_labels(plan: Plan, name: str, wanted: str, stage: str, block: str = "acting") -> dict[str, str]:
     """Rig -> label of what was done there."""
-    labels = [label for label in plan.of_stage(stage) if label.startswith(f"{stage}/{name}/")]
-    return {
-        label.rpartition("/")[2]: _acting(plan, label, wanted) for label in labels or [f"{stage}/{name}/0"]
-    }
+    labels = _on_rigs(plan, name, stage) or [f"{stage}/{name}/0"]
+    return {label.rpartition("/")[2]: _needed(plan, label, wanted, block) for label in labels}
+
+
+def _on_rigs(plan: Plan, name: str, stage: str) -> list[str]:
+    return [label for label in plan.of_stage(stage) if label.startswith(f"{stage}/{name}/")]
 
 
 def _compared_labels(plan: Plan, name: str, domain: Mapping[str, Any], wanted: str) -> dict[str, str]:
@@ -142,13 +147,13 @@ def _compared_labels(plan: Plan, name: str, domain: Mapping[str, Any], wanted: s
     rigs = {
         f"{stage}/{rig}": label
         for stage in ("policy_acting", "acting")
-        for rig, label in _acting_labels(plan, name, wanted, stage).items()
+        for rig, label in _rig_labels(plan, name, wanted, stage).items()
     }
     settings = domain["acting"]
     return rigs | {"predicted": f"evaluate_recording/{name}/{settings['method']}/{settings['recording']}"}
 
 
-def _acting(plan: Plan, label: str, wanted: str, block: str = "acting") -> str:
+def _needed(plan: Plan, label: str, wanted: str, block: str = "acting") -> str:
     if label not in plan.recipes:
         name = label.split("/")[1]
         raise InputError(

@@ -1,0 +1,58 @@
+"""Stage `refined_errors`: new hits of a rig, predicted by models of all ranges and of its refined ones."""
+
+import logging
+
+import numpy as np
+import pandas as pd
+import torch
+
+from slapshot.acting.rigs import robot_of
+from slapshot.adaptation.checkpoint import load_ensemble
+from slapshot.adaptation.evaluate import error_table
+from slapshot.adaptation.recorded import recorded_tasks
+from slapshot.adaptation.scoring import errors_against_samples
+from slapshot.command import Run, stage_command
+
+log = logging.getLogger("slapshot")
+
+ALL_RANGES, REFINED = "all ranges", "refined ranges"
+
+
+def produce(run: Run) -> None:
+    """Write errors.parquet: arm, model, rig, object, repeat, samples, error_m.
+
+    The rig is hit anew with sampled latents: the ranges were refined with its recorded hits. Each repeat
+    splits the new hits at random, the same way for both arms.
+    """
+    settings = run.config
+    torch.set_num_threads(run.cores)
+    robot = robot_of(run)
+    rng = np.random.default_rng([settings["seed"], settings["rig"], 3])
+    arms = {
+        arm: load_ensemble(run.inputs[role]) for arm, role in ((ALL_RANGES, "train"), (REFINED, "refined"))
+    }
+    tables = []
+    for task in recorded_tasks(run):
+        latents = robot.candidates(settings["samples"] + settings["queries"], rng)
+        hits = {
+            "state": np.tile(task.data["state"][0], (len(latents), 1)),
+            "action": latents,
+            "outcome": robot.hit(latents, [task.object] * len(latents), rng),
+        }
+        orders = np.array([rng.permutation(len(latents)) for _ in range(settings["repeats"])])
+        adapt, query = (
+            {name: values[rows] for name, values in hits.items()}
+            for rows in np.split(orders, [settings["samples"]], axis=1)
+        )
+        labels = pd.DataFrame({"repeat": range(len(orders)), "rig": settings["rig"], "object": task.object})
+        for arm, (method, standardiser) in arms.items():
+            errors = errors_against_samples(method, standardiser, adapt, query)
+            tables.append(error_table(errors, labels).assign(arm=arm))
+    table = pd.concat(tables, ignore_index=True)
+    table.to_parquet(run.out / "errors.parquet", index=False)
+    means = 100 * table.groupby(["arm", "samples"])["error_m"].mean().unstack("arm")
+    log.info("cm after 0, 1, 2, 4, ... samples:\n%s", means.loc[[n for n in means.index if n & (n - 1) == 0]])
+
+
+if __name__ == "__main__":
+    stage_command("refined_errors", produce)

@@ -1,0 +1,44 @@
+"""Stage `refined_train`: an ensemble trained on refined rollouts, with noise up to the refined level."""
+
+from pathlib import Path
+
+import torch
+
+from slapshot.adaptation.checkpoint import load_ensemble, save_ensemble
+from slapshot.adaptation.data import Standardiser
+from slapshot.adaptation.train import choose_device, train_ensemble
+from slapshot.command import Run, stage_command
+from slapshot.refinement.refined import refined_settings
+from slapshot.rollouts.reading import read_sequences
+
+
+def produce(run: Run) -> None:
+    """Write the ensemble and losses.csv (step, model, train, validation)."""
+    config = run.config
+    torch.set_num_threads(run.cores)
+    refined = refined_settings(run.inputs["refinement"], config["name"], config["rig"])["training"]
+    scale = _narrower(run.inputs["train"], run.inputs["rollouts"])
+    noise = refined["noise_variance_max"] * scale
+    method, standardiser, losses = train_ensemble(
+        run.inputs["rollouts"],
+        config["method"],
+        config["settings"],
+        {**config["training"], "noise_variance_max": noise},
+        choose_device(),
+    )
+    losses.to_csv(run.out / "losses.csv", index=False, float_format="%.6g")
+    save_ensemble(run.out, config["method"], method, dict(config["settings"]), standardiser)
+
+
+def _narrower(trained: Path, rollouts: Path) -> float:
+    """Variance of outcomes that the first ensemble was trained on, over that of refined rollouts.
+
+    Noise is in units of standardised outcomes, which are other ones in the two.
+    """
+    before = load_ensemble(trained)[1].scale["outcome"]
+    after = Standardiser.fit(read_sequences(rollouts, "train")).scale["outcome"]
+    return float((before / after).square().mean())
+
+
+if __name__ == "__main__":
+    stage_command("refined_train", produce)
