@@ -5,11 +5,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import torch
 
 from slapshot.benchmark.measures import Measure, seconds
 from slapshot.command import Run
 from slapshot.plan import Plan
+from slapshot.policy.simulator import Simulator
+from slapshot.scenes.randomisation import draw_conditions
+from slapshot.scenes.scene import Scene
 from slapshot.trajectories import demonstrations
 from slapshot.trajectories.fit import train
 from slapshot.trajectories.swings import SPLITS
@@ -17,6 +22,7 @@ from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
 
 _TASKS = 256  # demonstrations that are timed
 _STEPS = 100  # training steps of the trajectory model that are timed
+_POLICY_HITS = 320  # hits that are timed: an iteration's, before one update
 
 
 def hours(
@@ -54,6 +60,13 @@ def hours(
         f"train_{method}": training["steps"] * measured[f"{domain}_{method}_training_step_{name}"]
         for method in config["methods"]
     }
+    if "acting" in config:
+        settings = config["acting"]["policy"]
+        wanted = settings["models"] * rollouts["train"] * rollouts["hits"]
+        parts["policy"] = wanted * _policy_hit(config, folders) / min(cores, settings["models"])
+    if "refinement" in config:
+        refined = hits / rate + trainings[f"train_{config['refinement']['method']}"]
+        parts["refined"] = len(config["refinement"]["retrained"]) * refined
     # Methods are trained side by side, one a core; the longest one bounds them all.
     together = max(*trainings.values(), sum(trainings.values()) / cores)
     return [
@@ -72,6 +85,19 @@ def _demonstration(plan: Plan, domain: str, folders: Mapping[str, Path]) -> floa
     config = {**plan.recipes[f"demonstrations/{domain}"].config, "count": _TASKS}
     with tempfile.TemporaryDirectory() as out:
         return seconds(lambda: demonstrations.produce(Run(config, folders, Path(out), 1))) / _TASKS
+
+
+def _policy_hit(config: Mapping[str, Any], folders: Mapping[str, Path]) -> float:
+    """Seconds that a policy's hit takes on one core, without what PPO adds."""
+    rng = np.random.default_rng(0)
+    randomisation = config["randomisation"]
+    conditions = pd.DataFrame(draw_conditions(randomisation, _POLICY_HITS, rng))
+    scene, model = Scene.load(folders["scene"]), TrajectoryVae.load(folders["trajectory_model"])
+    simulator = Simulator(scene, config["scene"]["domain"], model, conditions, randomisation, 1)
+    latents = rng.normal(size=(_POLICY_HITS, model.sizes.latent))
+    rows = np.arange(_POLICY_HITS)
+    simulator.rests(rows[:2], latents[:2], rng)  # compiles
+    return seconds(lambda: simulator.rests(rows, latents, rng)) / _POLICY_HITS
 
 
 def _vae_step(config: Mapping[str, Any], folders: Mapping[str, Path]) -> float:
