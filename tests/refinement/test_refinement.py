@@ -75,6 +75,17 @@ def table(rigs: int = 4, shift: float = 1.0) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def simulated(share: float, conditions: int = 40) -> pd.DataFrame:
+    """Ranges of which a share holds the truth, the same of all parameters."""
+    rows = [
+        {"condition": number, "parameter": parameter, "low": 0.8, "median": 1.0, "high": 1.25,
+         "truth": 1.0 if number < share * conditions else 2.0}
+        for number in range(conditions)
+        for parameter in ("mass", "friction_x", "friction_y", "friction_torsional", NOISE)
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
 def test_a_rig_s_configuration_holds_all_its_objects():
     own = table(1)
     own.loc[own["object"] == "blue", ["low", "high"]] *= 1.5
@@ -97,6 +108,7 @@ def covered(tmp_path):
         for folder in (refined, out):
             folder.mkdir()
         table(shift=shift).to_parquet(refined / "refinement.parquet")
+        simulated(0.9).to_parquet(refined / "simulated.parquet")
         for rig in range(4):
             inputs[f"lab/lab/{rig}"] = tmp_path / f"lab{rig}"
             (tmp_path / f"lab{rig}" / "truth").mkdir(parents=True)
@@ -125,7 +137,9 @@ def test_truth_is_looked_for_in_the_ranges(covered):
 @pytest.mark.parametrize(("shift", "verdict"), [(1.0, "holds"), (0.6, "does not hold")])
 def test_the_verdict_is_the_share_of_truths_inside(covered, shift, verdict):
     statements = s11.judge(covered(shift))
-    assert [s.verdict for s in statements] == [verdict] * 4
+    assert [s.verdict for s in statements] == [*[verdict] * 4, "holds"]
+    assert statements[4].interval.value == pytest.approx(0.9)
+    assert "40 validation conditions" in statements[4].note
     assert f"middle is {shift:.2f} times the truth" in statements[0].note
 
 
@@ -134,7 +148,7 @@ def test_the_figure_shows_ranges_and_truths(covered):
     drawing.figure.canvas.draw()
     assert drawing.name == "A3-hockey-refinement"
     titles = [axes.get_title(loc="left") for axes in drawing.figure.axes]
-    assert all("0 % of truths inside" in title for title in titles)
+    assert all("truths inside: 0 %; in simulation 90 %" in title for title in titles)
 
 
 def test_narrowed_ranges_keep_what_was_not_refined(tmp_path):

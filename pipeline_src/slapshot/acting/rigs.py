@@ -74,7 +74,7 @@ class Robot:
 
 
 def robot_of(run: Run) -> Robot:
-    """The robot of a recipe that names a rig (see `slapshot.plan.acting`)."""
+    """The robot of a recipe that names a rig (see `slapshot.plan.rigs`)."""
     settings = run.config
     scene = Scene.load(run.inputs["scene"])
     rig = LiveRig(scene, settings["lab"], [settings["seed"], settings["rig"]], run.cores)

@@ -51,8 +51,24 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
                 ),
             )
         )
+    simulated = pd.read_parquet(inputs["coverage"] / "simulated.parquet")
+    statements.append(_in_simulation(simulated))
     refined = [pd.read_parquet(f / "errors.parquet") for role, f in inputs.items() if role != "coverage"]
     return statements + ([_fewer_centimetres(pd.concat(refined, ignore_index=True))] if refined else [])
+
+
+def _in_simulation(table: pd.DataFrame) -> Statement:
+    """Where training lacks nothing: whether the method itself is right."""
+    inside = table.groupby("condition")["inside"].mean().to_numpy(float)
+    shares = 100 * table.groupby("parameter", sort=False)["inside"].mean()
+    each = ", ".join(f"{_NAMES.get(str(name), 'noise')} {share:.0f} %" for name, share in shares.items())
+    return Statement(
+        text="In simulation, refined ranges hold the truth",
+        measure=f"share of conditions and parameters whose 5 to 95 % range does; nominal {NOMINAL:g}",
+        interval=bootstrap(lambda a: float(a.mean()), inside[None]),
+        above=LEAST,
+        note=f"{len(inside)} validation conditions; {each}",
+    )
 
 
 def _fewer_centimetres(errors: pd.DataFrame) -> Statement:

@@ -23,6 +23,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """A panel a parameter: 5 to 95 % of every rig and puck, its median, the truth; what was drawn from."""
     (folder,) = inputs.values()
     table = pd.read_parquet(folder / "coverage.parquet")
+    simulated = pd.read_parquet(folder / "simulated.parquet").groupby("parameter")["inside"].mean()
     figure, panels = plt.subplots(1, len(_TITLES), figsize=(11, 4.4), sharey=True)
     rigs = sorted(table["rig"].unique())
     objects = list(dict.fromkeys(table["object"]))
@@ -39,8 +40,9 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
                 rows["truth"], at, "x", color="black", ms=4, mew=1, label="truth" if not number else None
             )
         share = own.loc[own["drawable"], "inside"].mean()
-        told = "" if np.isnan(share) else f"\n{100 * share:.0f} % of truths inside"
-        axes.set_title(f"{title}{told}", loc="left", fontsize=8)
+        told = "none could be drawn" if np.isnan(share) else f"{100 * share:.0f} %"
+        inside = f"truths inside: {told}; in simulation {100 * simulated[parameter]:.0f} %"
+        axes.set_title(f"{title}\n{inside}", loc="left", fontsize=8)
         if own["prior_high"].iloc[0] > 20 * own["prior_low"].iloc[0]:
             axes.set_xscale("log")
     panels[0].set_yticks(range(len(rigs)), [str(rig) for rig in rigs], fontsize=7)

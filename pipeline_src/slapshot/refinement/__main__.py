@@ -31,11 +31,12 @@ _LEAST_WIDTH = 0.05
 
 
 def produce(run: Run) -> None:
-    """Write refinement.parquet, and for every rig a configuration, rig-<rig>.yaml.
+    """Write refinement.parquet, simulated.parquet, and for every rig a configuration, rig-<rig>.yaml.
 
     Columns: recording, rig, object, parameter, low, median, high (5, 50 and 95 % quantiles), prior_low,
     prior_high. friction_y is the multiple of friction_x that the configuration draws; noise_variance is that
-    of the standardised rest point, the mean of both components.
+    of the standardised rest point, the mean of both components. The same of validation conditions, where
+    nothing is in the world that training lacks: condition in place of recording, rig and object, and truth.
 
     Raises:
         InputError: the rollouts have too few hits of a condition.
@@ -53,10 +54,23 @@ def produce(run: Run) -> None:
         raise InputError(f"refinement.samples: {error}; lower it or raise rollouts.hits") from None
     prior = Prior(settings["randomisation"], settings["noise_variance_max"])
     simulated = first, second, prior.parameters(data.conditions), np.log(noise.mean(1) + _LEAST_NOISE)
+    held = read_sequences(run.inputs["rollouts"], "validation")
+    seen, _, variances = summarise_simulated(
+        method, standardiser, held, settings["samples"], settings["noise_variance_max"], rng
+    )
+    truths = np.column_stack([np.exp(prior.parameters(held.conditions)), variances.mean(1)])
+    tested = [
+        {"condition": number, **row, "truth": truth}
+        for number, condition in enumerate(truths)
+        for row, truth in zip(
+            prior.rows(*_refine(seen.only(number), simulated, settings["nearest"])), condition, strict=True
+        )
+    ]
+    pd.DataFrame(tested).to_parquet(run.out / "simulated.parquet", index=False)
     rows: list[dict[str, Any]] = []
     for task in recorded_tasks(run):
         adapt, _ = split_hits(task.hits, settings["samples"], settings["repeats"], rng, task.where)
-        found = _refine(method, standardiser, task, adapt, simulated, settings["nearest"])
+        found = _refine(_summaries(method, standardiser, task, adapt), simulated, settings["nearest"])
         rows += [
             {"recording": task.recording, "rig": task.rig, "object": task.object, **row}
             for row in prior.rows(*found)
@@ -111,29 +125,34 @@ class Prior:
         return rows
 
 
-def _refine(
+def _summaries(
     method: AdaptationMethod[Any],
     standardiser: Standardiser,
     task: RecordedTask,
     adapt: list[NDArray[np.int64]],
-    simulated: tuple[Summaries, Summaries, Array, Array],
-    nearest: int,
-) -> tuple[Array, Array]:
-    """Quantiles (SHARES, p) of the parameters and (SHARES,) of the noise, logarithms.
-
-    Of the mixture over models and over sequences of the recording's hits.
-    """
-    first, second, parameters, noise = simulated
+) -> Summaries:
+    """Of sequences of a recording's hits, whose rows are in `adapt`."""
     stacked = (
         torch.stack([standardiser.standardise(name, task.data[name][rows]) for rows in adapt])
         for name in ("state", "action", "outcome")
     )
-    seen = summarise(method, *stacked)
+    return summarise(method, *stacked)
+
+
+def _refine(
+    seen: Summaries, simulated: tuple[Summaries, Summaries, Array, Array], nearest: int
+) -> tuple[Array, Array]:
+    """Quantiles (SHARES, p) of the parameters and (SHARES,) of the noise, logarithms.
+
+    Of the mixture over models and over the sequences seen.
+    """
+    first, second, parameters, noise = simulated
+    models, sequences, _ = seen.hidden.shape
     values, errors, weights, error_weights = [], [], [], []
-    for model in range(method.models):
+    for model in range(models):
         metric = metric_of(first.hidden[model], second.hidden[model])
         error_metric = metric_of(first.log_error[model][:, None], second.log_error[model][:, None])
-        for sequence in range(len(adapt)):
+        for sequence in range(sequences):
             found = posterior(first.hidden[model], parameters, seen.hidden[model, sequence], metric, nearest)
             values.append(found[0])
             weights.append(found[1])

@@ -19,7 +19,13 @@ _TRUTHS = {
 
 
 def produce(run: Run) -> None:
-    """Write coverage.parquet: the rows of refinement.parquet that have a truth, `truth`, and `inside`."""
+    """Write coverage.parquet: the rows of refinement.parquet that have a truth, `truth`, and `inside`.
+
+    And simulated.parquet: `inside` of the validation conditions.
+    """
+    simulated = pd.read_parquet(run.inputs["refinement"] / "simulated.parquet")
+    simulated["inside"] = simulated["truth"].between(simulated["low"], simulated["high"])
+    simulated.to_parquet(run.out / "simulated.parquet", index=False)
     table = pd.read_parquet(run.inputs["refinement"] / "refinement.parquet")
     rows = []
     for row in table[table["parameter"].isin(_TRUTHS)].to_dict("records"):
@@ -32,8 +38,9 @@ def produce(run: Run) -> None:
         rows.append({**row, "truth": truth, "inside": inside, "drawable": drawable})
     found = pd.DataFrame(rows)
     found.to_parquet(run.out / "coverage.parquet", index=False)
-    for parameter, share in found[found["drawable"]].groupby("parameter")["inside"].mean().items():
-        log.info("%s: %.0f %% of truths inside", parameter, 100 * share)
+    for where, table in (("rigs", found[found["drawable"]]), ("simulation", simulated)):
+        for parameter, share in table.groupby("parameter")["inside"].mean().items():
+            log.info("%s, %s: %.0f %% of truths inside", where, parameter, 100 * share)
 
 
 if __name__ == "__main__":

@@ -31,6 +31,10 @@ class Summaries:
     hidden: Array
     log_error: Array
 
+    def only(self, sequence: int) -> "Summaries":
+        """Of one sequence, (M, 1, ...)."""
+        return Summaries(self.hidden[:, [sequence]], self.log_error[:, [sequence]])
+
 
 @torch.no_grad()
 def summarise(method: AdaptationMethod[Any], state: Tensor, action: Tensor, observed: Tensor) -> Summaries:
