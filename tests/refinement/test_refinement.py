@@ -108,7 +108,7 @@ def covered(tmp_path):
         for folder in (refined, out):
             folder.mkdir()
         table(shift=shift).to_parquet(refined / "refinement.parquet")
-        simulated(0.9).to_parquet(refined / "simulated.parquet")
+        simulated(0.95).to_parquet(refined / "simulated.parquet")
         for rig in range(4):
             inputs[f"lab/lab/{rig}"] = tmp_path / f"lab{rig}"
             (tmp_path / f"lab{rig}" / "truth").mkdir(parents=True)
@@ -138,7 +138,7 @@ def test_truth_is_looked_for_in_the_ranges(covered):
 def test_the_verdict_is_the_share_of_truths_inside(covered, shift, verdict):
     statements = s11.judge(covered(shift))
     assert [s.verdict for s in statements] == [*[verdict] * 4, "holds"]
-    assert statements[4].interval.value == pytest.approx(0.9)
+    assert statements[4].interval.value == pytest.approx(0.95)
     assert "40 validation conditions" in statements[4].note
     assert f"middle is {shift:.2f} times the truth" in statements[0].note
 
@@ -148,7 +148,7 @@ def test_the_figure_shows_ranges_and_truths(covered):
     drawing.figure.canvas.draw()
     assert drawing.name == "A3-hockey-refinement"
     titles = [axes.get_title(loc="left") for axes in drawing.figure.axes]
-    assert all("truths inside: 0 %; in simulation 90 %" in title for title in titles)
+    assert all("truths inside: 0 %; in simulation 95 %" in title for title in titles)
 
 
 def test_narrowed_ranges_keep_what_was_not_refined(tmp_path):
