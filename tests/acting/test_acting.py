@@ -313,7 +313,9 @@ def acting_folders(tmp_path, gain: float) -> dict:
 @pytest.mark.parametrize(("gain", "verdict"), [(1.5, "holds"), (3.0, "does not hold")])
 def test_the_verdict_on_acting_is_the_ratio_to_the_oracle(tmp_path, gain, verdict):
     statements = s12.judge(acting_folders(tmp_path, gain))
-    assert [s.verdict for s in statements] == [verdict] * 2
+    assert [s.verdict for s in statements] == [verdict] * 3
+    # 35 cm before, 10.5 cm after 4: twice the oracle's 14 cm after 3.4; never, with 21 cm.
+    assert statements[2].interval.value == pytest.approx(3.4 if gain < 2 else 16, abs=0.2)
     assert statements[0].interval.value == pytest.approx(gain, rel=0.1)
     assert "cm before any hit" in statements[0].note
     assert "8 stand-in rigs" in statements[0].note

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.claims import c5
+from slapshot.claims.samples import samples_needed, samples_to_reach
 
 from .conftest import Curve, decay, error_rows, times
 
@@ -62,7 +63,16 @@ def tables_of(curves: dict[str, Curve], **settings) -> dict[str, pd.DataFrame]:
     ],
 )
 def test_samples_to_reach_an_error(curve, error, samples):
-    assert c5.samples_to_reach(np.array(curve, float), error) == pytest.approx(samples)
+    assert samples_to_reach(np.array(curve, float), error) == pytest.approx(samples)
+
+
+def test_samples_needed_with_gaps_between_numbers_that_were_tried():
+    """The mean falls from 9 to 5 over 4 samples and to 1 over the next 8: 6 after 3, 3 after 8."""
+    curves = np.array([[[8.0, 4.0, 0.0], [10.0, 6.0, 2.0]]])
+    samples = np.array([0.0, 4.0, 12.0])
+    assert samples_needed(curves, np.array([5.0, 7.0]), samples) == pytest.approx(3)
+    assert samples_needed(curves, np.array([[3.0]]), samples) == pytest.approx(8)
+    assert samples_needed(curves, np.array([0.5]), samples) == 12
 
 
 def test_what_is_as_claimed_holds(judge):

@@ -217,10 +217,13 @@ def test_the_verdict_on_models_made_again_is_the_ratio_of_errors(covered, tmp_pa
     folder = tmp_path / "errors"
     folder.mkdir()
     errors_of(gain).to_parquet(folder / "errors.parquet")
-    last = s11.judge(covered(1.0) | {"0": folder})[-1]
-    assert last.verdict == verdict
-    assert last.interval.value == pytest.approx(gain, rel=0.02)
-    assert "10.0 cm before" in last.note
+    error, samples = s11.judge(covered(1.0) | {"0": folder})[-2:]
+    assert error.verdict == verdict
+    assert error.interval.value == pytest.approx(gain, rel=0.02)
+    assert "10.0 cm before" in error.note
+    # gain / (1 + n) = 1 / 9, up to straight lines between samples.
+    assert samples.interval.value == pytest.approx((9 * gain - 1) / 8, rel=0.06)
+    assert samples.verdict == "holds"
     drawing = a5_refined.draw({"0": folder}, {"domain": "hockey"})
     assert drawing.name == "A5-hockey-refined"
     drawing.figure.canvas.draw()

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.claims.samples import samples_to_reach
 from slapshot.claims.statement import Statement, error_array
 from slapshot.statistics import bootstrap
 
@@ -50,17 +51,6 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
 
 def _stand_in(errors: Mapping[str, pd.DataFrame]) -> bool:
     return all(table["stand_in"].all() for table in errors.values())
-
-
-def samples_to_reach(curve: Array, error: float) -> float:
-    """Samples after which a curve (samples + 1) has come down to `error`, linear in between; inf if never."""
-    below = np.flatnonzero(curve <= error)
-    if len(below) == 0:
-        return np.inf
-    n = below[0]
-    if n == 0:
-        return 0.0
-    return float(n - 1 + (curve[n - 1] - error) / (curve[n - 1] - curve[n]))
 
 
 def _curve(errors: Array) -> Array:

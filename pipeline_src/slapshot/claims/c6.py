@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.claims.c5 import samples_to_reach
+from slapshot.claims.samples import samples_needed
 from slapshot.claims.statement import Statement
 from slapshot.statistics import bootstrap
 
@@ -49,7 +49,7 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
                 Statement(
                     text=f"The model's {text} of the policy after {hits} own hits in {fewer:g} or fewer",
                     measure="samples that the model needs",
-                    interval=bootstrap(lambda a, b, s=samples: _needed(a, b, s), curve, reached),
+                    interval=bootstrap(lambda a, b, s=samples: samples_needed(a, b, s), curve, reached),
                     below=fewer + 0.5,
                     paper=paper,
                     note=(
@@ -71,13 +71,3 @@ def _joined(inputs: Mapping[str, Path], stage: str, file: str) -> pd.DataFrame:
 def _curves(table: pd.DataFrame) -> pd.DataFrame:
     """Rigs x samples: mean error in m."""
     return table.groupby(["rig", "samples"])["error_m"].mean().unstack("samples")
-
-
-def _needed(curve: Array, reached: Array, samples: Array) -> float:
-    """Samples after which curves (1, rigs, n) have come down to an error; the last if never.
-
-    Between numbers of samples that were tried the curve is a straight line.
-    """
-    every = np.arange(samples[-1] + 1)
-    mean = np.interp(every, samples, curve.mean((0, 1)))
-    return min(samples_to_reach(mean, float(reached.mean())), float(samples[-1]))

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.claims.samples import samples_needed
 from slapshot.claims.statement import Statement
 from slapshot.statistics import bootstrap
 
@@ -46,7 +47,24 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
                 note=note,
             )
         )
-    return statements
+    return [*statements, _samples(table[table["method"] == believing], oracle)]
+
+
+def _samples(own: pd.DataFrame, oracle: Array) -> Statement:
+    """How many hits it takes."""
+    curves = (
+        own[own["chooser"] == CHOOSERS[0]].groupby(["rig", "samples"])["error_m"].mean().unstack("samples")
+    )
+    samples = curves.columns.to_numpy(float)
+    return Statement(
+        text=f"The gradient comes within {NEAR:g} times the oracle's distance in {SAMPLES} samples or fewer",
+        measure="samples that it takes",
+        interval=bootstrap(
+            lambda a, b: samples_needed(a, NEAR * b, samples), curves.to_numpy()[None], oracle[None]
+        ),
+        below=SAMPLES + 0.5,
+        note=f"{len(curves)} stand-in rigs; {samples[-1]:g} where it never does",
+    )
 
 
 def _by_rig(rows: pd.DataFrame) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.claims.c5 import samples_to_reach
+from slapshot.claims.samples import samples_to_reach
 from slapshot.claims.statement import Statement, error_array
 from slapshot.statistics import bootstrap
 
