@@ -233,7 +233,7 @@ def test_swapped_values_rerun_and_flipping_back_reruns_nothing(workspace):
 @pytest.mark.parametrize(
     ("file", "stages", "figures"),
     [
-        ("adaptation/scoring.py", {"evaluate", "evaluate_recording"}, set()),
+        ("adaptation/scoring.py", {"evaluate", "evaluate_recording", "refined_errors"}, set()),
         ("adaptation/train.py", {"train"}, set()),
         ("adaptation/intervals.py", {"calibrate", "predictions"}, set()),
         ("statistics.py", {"claim"}, {"F5", "F9"}),
