@@ -13,7 +13,7 @@ from slapshot.acting.chooser import BelievingChooser, Chooser
 from slapshot.acting.ensemble import load_acting, load_believing
 from slapshot.acting.goals import goals_of
 from slapshot.acting.inverse import load_inverse
-from slapshot.acting.rigs import Robot, robot_of
+from slapshot.acting.rigs import Robot, robot_of, sampled_hits
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks
 from slapshot.command import Run, stage_command
 
@@ -74,12 +74,7 @@ def _act(
     """Hits at the targets of one object."""
     goals = goals_of(robot, task, settings["targets"], [settings["seed"], settings["rig"]])
     start = task.data["state"][0]
-    sampled = robot.candidates(max(settings["samples"]), rng)
-    seen = {
-        "state": np.tile(start, (len(sampled), 1)),
-        "action": sampled,
-        "outcome": robot.hit(sampled, [task.object] * len(sampled), rng),
-    }
+    seen = sampled_hits(robot, task, max(settings["samples"]), rng)
     chosen = {("", ORACLE, -1): goals.latents}
     for method, chooser in choosers.items():
         beliefs = chooser.beliefs(seen)

@@ -7,6 +7,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from slapshot.adaptation.recorded import RecordedTask
 from slapshot.command import Run
 from slapshot.errors import InputError
 from slapshot.lab.live import LiveRig
@@ -80,6 +81,16 @@ def robot_of(run: Run) -> Robot:
     rig = LiveRig(scene, settings["lab"], [settings["seed"], settings["rig"]], run.cores)
     check = load_part(settings["domain"], "safety").SafetyCheck(scene)
     return Robot(rig, TrajectoryVae.load(run.inputs["trajectory_model"]), check)
+
+
+def sampled_hits(robot: Robot, task: RecordedTask, count: int, rng: np.random.Generator) -> dict[str, Array]:
+    """State, action and outcome, (count, size) each, of new hits of a task's object with sampled latents."""
+    latents = robot.candidates(count, rng)
+    return {
+        "state": np.tile(task.data["state"][0], (count, 1)),
+        "action": latents,
+        "outcome": robot.hit(latents, [task.object] * count, rng),
+    }
 
 
 def batched(values: NDArray[np.floating] | Tensor, models: int) -> Tensor:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import torch
 from torch import Tensor
 
@@ -61,7 +62,7 @@ def produce(run: Run) -> None:
     log.info("%d hits; distance after each number of updates: %s", iterations * each, _in_words(last))
 
 
-def _in_words(table: Any) -> str:
+def _in_words(table: pd.DataFrame) -> str:
     return ", ".join(f"{d:.2f}" for d in table.groupby("updates")["distance"].mean())
 
 

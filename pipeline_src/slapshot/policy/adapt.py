@@ -60,7 +60,8 @@ def update(policy: GaussianPolicy, parameters: Parameters, hits: OwnHits, differ
     # The square's floor keeps the root's derivative finite where all rewards are alike.
     norm = flat.square().sum(1).clamp_min(1e-12).sqrt()
     step = policy.log_step_size.exp() * (LARGEST_GRADIENT / norm).clamp(max=1.0)
-    return {
+    moved = {
         name: p + step.view(-1, *[1] * (p.dim() - 1)) * g
         for (name, p), g in zip(parameters.items(), gradients, strict=True)
     }
+    return moved if differentiable else {n: p.detach().requires_grad_() for n, p in moved.items()}

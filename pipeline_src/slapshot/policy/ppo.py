@@ -35,7 +35,6 @@ def hits_of(
     for wanted in targets:
         if batches:
             parameters = update(policy, parameters, batches[-1], differentiable=False)
-            parameters = {name: p.detach().requires_grad_() for name, p in parameters.items()}
         batches.append(own_hits(policy, parameters, wanted, lambda z: act(conditions, z), generator))
     return batches
 

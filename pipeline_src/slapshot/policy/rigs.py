@@ -69,8 +69,7 @@ def _errors(
             hits = own_hits(
                 policy, parameters, targets, lambda z: standardise("outcome", hit(z))[None], generator
             )
-            stepped = update(policy, parameters, hits, differentiable=False)
-            parameters = {name: p.detach().requires_grad_() for name, p in stepped.items()}
+            parameters = update(policy, parameters, hits, differentiable=False)
         with torch.no_grad():
             rests = hit(policy.distribution(parameters, wanted).mean)
         parts.append(

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import torch
 
-from slapshot.acting.rigs import robot_of
+from slapshot.acting.rigs import robot_of, sampled_hits
 from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.adaptation.evaluate import error_table
 from slapshot.adaptation.recorded import recorded_tasks
@@ -33,13 +33,9 @@ def produce(run: Run) -> None:
     }
     tables = []
     for task in recorded_tasks(run):
-        latents = robot.candidates(settings["samples"] + settings["queries"], rng)
-        hits = {
-            "state": np.tile(task.data["state"][0], (len(latents), 1)),
-            "action": latents,
-            "outcome": robot.hit(latents, [task.object] * len(latents), rng),
-        }
-        orders = np.array([rng.permutation(len(latents)) for _ in range(settings["repeats"])])
+        count = settings["samples"] + settings["queries"]
+        hits = sampled_hits(robot, task, count, rng)
+        orders = np.array([rng.permutation(count) for _ in range(settings["repeats"])])
         adapt, query = (
             {name: values[rows] for name, values in hits.items()}
             for rows in np.split(orders, [settings["samples"]], axis=1)

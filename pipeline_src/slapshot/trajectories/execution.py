@@ -57,42 +57,62 @@ def execute(
         ctrl[:, :joints] = targets[:, tick]
         batch.step(nstep=substeps, stage=mujoco.mjtStage.mjSTAGE_POS)
         torque = np.maximum(torque, np.abs(force[:, :joints]))
-    starts = np.tile(np.array(info.start), (count, 1))
-    first, rows, reached = window_rows(scene, striker, normal, starts)
+    swings, reached = windowed(
+        scene, latents, np.asarray(splits, np.int64), targets, positions, velocities, striker, normal
+    )
     usable = (
         reached
         & (torque < TORQUE_SHARE * np.array(info.torque_limits)).all(1)
         & (np.abs(velocities).max(1) < np.array(info.speed_limits)).all(1)
     )
+    return swings, usable
+
+
+def windowed(
+    scene: Scene,
+    latents: Array,
+    splits: NDArray[np.int64],
+    targets: Array,
+    positions: Array,
+    velocities: Array,
+    striker: Array,
+    normal: Array,
+) -> tuple[Swings, NDArray[np.bool_]]:
+    """Swings of all ticks, cut to the windows in which hits may begin.
+
+    Args:
+        scene: with the object where it is meant to lie.
+        latents: (n, latent).
+        splits: (n,).
+        targets: (n, t, j) rad.
+        positions: (n, t, j) rad, of all ticks.
+        velocities: (n, t, j) rad/s, of all ticks.
+        striker: (n, t, 3) m.
+        normal: (n, t, 3).
+
+    Returns:
+        The swings, and (n,) whether the object is reached in time for a whole window.
+    """
+    info = scene.info
+    starts = np.tile(np.array(info.start), (len(latents), 1))
+    gap = striker_gap(scene, striker, normal, starts)
+    ticks = gap.shape[1]
+    first = np.clip((gap < 0).argmax(1) - round(WINDOW_BEFORE / info.control_period), 0, None)
+    window = round((WINDOW_BEFORE + WINDOW_AFTER) / info.control_period)
+    rows = np.minimum(first[:, None] + np.arange(window), ticks - 1)[:, :, None]
     swings = Swings(
         latents=latents,
-        splits=np.asarray(splits, np.int64),
+        splits=splits,
         starts=starts,
         targets=targets,
         positions=np.take_along_axis(positions, rows, 1),
         velocities=np.take_along_axis(velocities, rows, 1),
-        first=first,
+        first=first.astype(np.int64),
         striker=striker,
         normal=normal,
         poses=positions[:, :: pose_stride(info.control_period)],
     )
-    return swings, usable
-
-
-def window_rows(
-    scene: Scene, striker: Array, normal: Array, starts: Array
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """The window in which hits may begin, of swings (n, t, 3) at objects (n, 2) m.
-
-    Returns:
-        (n,) its first tick; (n, w, 1) its ticks; (n,) whether the object is reached in time for a whole one.
-    """
-    gap = striker_gap(scene, striker, normal, starts)
-    period, ticks = scene.info.control_period, gap.shape[1]
-    first = np.clip((gap < 0).argmax(1) - round(WINDOW_BEFORE / period), 0, None)
-    window = round((WINDOW_BEFORE + WINDOW_AFTER) / period)
-    rows = np.minimum(first[:, None] + np.arange(window), ticks - 1)[:, :, None]
-    return first, rows, (gap < 0).any(1) & (first + window < ticks)
+    return swings, (gap < 0).any(1) & (first + window < ticks)
 
 
 def striker_gap(scene: Scene, striker: Array, normal: Array, place: Array) -> Array:

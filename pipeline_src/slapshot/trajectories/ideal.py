@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.scenes.scene import Scene
-from slapshot.trajectories.execution import SETTLE, window_rows
+from slapshot.trajectories.execution import SETTLE, windowed
 from slapshot.trajectories.motion import Motion
-from slapshot.trajectories.swings import Swings, pose_stride
+from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
 
 Array = NDArray[np.float64]
@@ -23,26 +23,19 @@ _EVERY = 5  # ticks between poses of the striker that are worked out; between th
 def ideal_swings(scene: Scene, model: TrajectoryVae, latents: Array) -> Swings:
     """Swings of latents (n, latent), all of them in the split `train`; nothing is checked."""
     info = scene.info
-    count, duration = len(latents), model.sizes.duration
-    ticks = round((duration + SETTLE) / info.control_period)
+    ticks = round((model.sizes.duration + SETTLE) / info.control_period)
     times = np.arange(ticks, dtype=np.float64) * info.control_period
-    motion = Motion.through(model.waypoints(latents).swapaxes(0, 1), duration)
-    positions, velocities = (x.swapaxes(0, 1) for x in (motion.position(times), motion.velocity(times)))
-    striker, normal = _striker(scene, positions)
-    starts = np.tile(np.array(info.start), (count, 1))
-    first, rows, _ = window_rows(scene, striker, normal, starts)
-    return Swings(
-        latents=latents,
-        splits=np.zeros(count, np.int64),
-        starts=starts,
-        targets=motion.servo_targets(times, info.servo_time).swapaxes(0, 1),
-        positions=np.take_along_axis(positions, rows, 1),
-        velocities=np.take_along_axis(velocities, rows, 1),
-        first=first,
-        striker=striker,
-        normal=normal,
-        poses=positions[:, :: pose_stride(info.control_period)],
+    motion = Motion.through(model.waypoints(latents).swapaxes(0, 1), model.sizes.duration)
+    positions, velocities, targets = (
+        x.swapaxes(0, 1)
+        for x in (
+            motion.position(times),
+            motion.velocity(times),
+            motion.servo_targets(times, info.servo_time),
+        )
     )
+    splits = np.zeros(len(latents), np.int64)
+    return windowed(scene, latents, splits, targets, positions, velocities, *_striker(scene, positions))[0]
 
 
 def _striker(scene: Scene, positions: Array) -> tuple[Array, Array]:
