@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.result import Setting
+from slapshot.effects.catalogue import catalogue
 
 from .synthetic import CAMERA, RADIUS, recording
 
@@ -62,6 +63,15 @@ def test_a_tilt_is_found_with_its_slope():
     slope = {p.name: p for p in found.parameters}
     assert slope["slope_y"].low < 0.01 < slope["slope_y"].high
     assert slope["slope_y"].low > 0
+
+
+def test_a_catalogue_may_hold_the_effect_that_is_there_and_no_other():
+    made = recording(np.random.default_rng(1), 60, {"linear_drag": {"rate": 0.5}})
+    verdict = diagnose(made, SETTING, effects={"linear_drag": catalogue()["linear_drag"]}, threads=2).verdict
+    (found,) = verdict.effects
+    (rate,) = found.parameters
+    assert found.members == {"linear_drag": 1}
+    assert rate.low < 0.5 < rate.high
 
 
 def test_the_same_seed_gives_the_same_verdict_whatever_the_order_of_rows(dragged):

@@ -93,6 +93,8 @@ def _search(
     leftover = search.screen_beyond(best)
     while len(best.effects) < search.most:
         further = [n for n in search.catalogue if n not in best.effects]
+        if not further:
+            break
         strongest = leftover.best(further)[0]
         # A screen is linear: what falls short of ADD by a class may still gain it in a refit.
         least = max(ADD, LEFT * best.log_evidence) + feigned
