@@ -242,7 +242,7 @@ def test_the_recipes_survive_the_command_line(config):
         (
             "recordings.rig.rigs",
             3,
-            {"lab/hockey/rig/2", "acting/hockey/2", "policy/hockey/2", "policy_acting/hockey/2"}
+            {"lab/hockey/rig/2", "acting/hockey/2", "policy_acting/hockey/2"}
             | FROM_LAB - LABS - DIAGNOSES - RETRAINING - figures("F6") - ACTS - POLICY_ACTS,
         ),
         ("training.steps", 7, FROM_TRAIN),
