@@ -58,10 +58,15 @@ def _parameters(effect: NamedEffect) -> list[str]:
         for p in effect.parameters
     ]
     values = table([f"parameter of {wording.title(effect.name)}", "value (90 % interval)"], rows)
+    chance = (
+        "Intervals hold chance alone, not what the law of an effect simplifies: with many hits a value can lie "
+        "outside its own (`coverage90` of the proof says how often)."
+    )
     if not any(wording.is_bump(p.name) for p in effect.parameters):
-        return [values]
+        return [values, chance]
     return [
         values,
+        chance,
         "These are the strongest bumps of a field. Neighbours can stand in for each other, so that one bump "
         "is uncertain where the field is not; the location map shows the whole.",
     ]

@@ -90,7 +90,7 @@ def _recording(verdict: Verdict) -> str:
     used = f"{verdict.used} of {wording.several(verdict.hits, 'hit')} could be used"
     if verdict.cannot_tell is None:
         used += f"; {100 * HELD_OUT:.0f} % of them took no part in fitting or choosing"
-    return f"{what}. {used}. Ranges in brackets are 90 % intervals."
+    return f"{what}. {used}. Ranges in brackets are 90 % intervals, of chance alone."
 
 
 def _mismatch(verdict: Verdict) -> str:
