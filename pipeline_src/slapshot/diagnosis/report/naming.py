@@ -59,8 +59,8 @@ def _parameters(effect: NamedEffect) -> list[str]:
     ]
     values = table([f"parameter of {wording.title(effect.name)}", "value (90 % interval)"], rows)
     chance = (
-        "Intervals hold chance alone, not what the law of an effect simplifies: with many hits a value can lie "
-        "outside its own (`coverage90` of the proof says how often)."
+        "Intervals hold chance alone, not what the law of an effect simplifies: with many hits a value can "
+        "lie outside its own (`coverage90` of the proof says how often)."
     )
     if not any(wording.is_bump(p.name) for p in effect.parameters):
         return [values, chance]
