@@ -212,6 +212,25 @@ def test_a_hit_that_the_camera_misses_is_made_again():
         Robot(blind, model, check).hit(latents, ["red", "blue"], np.random.default_rng(0))
 
 
+def test_a_sampled_latent_that_leads_out_of_view_is_drawn_anew():
+    """Unlike a chosen one, which is what it is: here nothing beyond 0.5 is ever seen."""
+    model = SimpleNamespace(motion=lambda latent: latent, sizes=SimpleNamespace(latent=2))
+    check = SimpleNamespace(report=lambda motion: SimpleNamespace(safe=True))
+
+    def execute(motions, object_ids, rng):
+        return np.array([m if m[0] < 0.5 else np.full(2, np.nan) for m in motions])
+
+    latents, rests = Robot(SimpleNamespace(execute=execute), model, check).sample(
+        50, "red", np.random.default_rng(0)
+    )
+    assert np.array_equal(latents, rests)
+    assert (latents[:, 0] < 0.5).all()
+    assert len(np.unique(latents, axis=0)) == 50
+    blind = SimpleNamespace(execute=lambda motions, ids, rng: np.full((len(ids), 2), np.nan))
+    with pytest.raises(InputError, match="camera misses where 3 hits end"):
+        Robot(blind, model, check).sample(3, "red", np.random.default_rng(0))
+
+
 def test_goals_are_the_same_for_everybody_and_apart_from_elsewhere():
     actions = np.repeat(np.arange(10.0)[:, None], 2, axis=0) * np.ones(3)  # every command twice
     data = {"action": actions.astype(np.float32), "outcome": actions[:, :2].astype(np.float32)}

@@ -26,6 +26,8 @@ rule signatures_version:
         "logs/signatures/{id}.log",
     benchmark:
         "logs/signatures/{id}.tsv"
+    # Takes all cores: earlier than what could fill one core beside another.
+    priority: 1
     threads: workflow.cores
     params:
         recipe=recipe("signatures"),

@@ -13,6 +13,8 @@ rule rollouts_version:
         "logs/rollouts/{id}.log",
     benchmark:
         "logs/rollouts/{id}.tsv"
+    # Takes all cores: earlier than what could fill one core beside another.
+    priority: 1
     threads: workflow.cores
     params:
         recipe=recipe("rollouts"),

@@ -57,6 +57,8 @@ rule swings_version:
         "logs/swings/{id}.log",
     benchmark:
         "logs/swings/{id}.tsv"
+    # Takes all cores: earlier than what could fill one core beside another.
+    priority: 1
     threads: workflow.cores
     params:
         recipe=recipe("swings"),

@@ -73,7 +73,7 @@ def _act(
 ) -> pd.DataFrame:
     """Hits at the targets of one object."""
     goals = goals_of(robot, task, settings["targets"], [settings["seed"], settings["rig"]])
-    start = task.data["state"][0]
+    start = task.data["state"][0].copy()  # tables are read-only, tensors are not
     seen = sampled_hits(robot, task, max(settings["samples"]), rng)
     chosen = {("", ORACLE, -1): goals.latents}
     for method, chooser in choosers.items():

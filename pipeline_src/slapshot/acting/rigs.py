@@ -1,6 +1,6 @@
 """A rig to act on: safe commands from latents, and the tensors that an ensemble wants."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -39,17 +39,29 @@ class Robot:
             InputError: the camera never sees some of them rest.
         """
         motions = [self.safe(latent)[1] for latent in latents]
-        rests = np.full((len(latents), 2), np.nan)
-        for _ in range(_MOST_REPEATS):
-            unseen = np.flatnonzero(np.isnan(rests[:, 0])).tolist()
-            if not unseen:
-                return rests
-            again = [motions[i] for i in unseen], [object_ids[i] for i in unseen]
-            rests[unseen] = self._rig.execute(*again, rng)
-        raise InputError(
-            f"the camera misses where {np.isnan(rests[:, 0]).sum()} hits end, {_MOST_REPEATS} times each; "
-            "widen lab.camera.view_m or lower its missing_share"
-        )
+
+        def execute(rows: list[int]) -> Array:
+            return self._rig.execute([motions[i] for i in rows], [object_ids[i] for i in rows], rng)
+
+        return _until_seen(len(latents), execute)
+
+    def sample(self, count: int, object_id: str, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Safe latents (count, latent) and (count, 2) m, where an object is seen to rest after each.
+
+        A latent whose end the camera misses is drawn anew: where friction is low some lead out of its view.
+
+        Raises:
+            InputError: the camera sees too few of them rest.
+        """
+        latents = np.empty((count, self._model.sizes.latent))
+
+        def execute(rows: list[int]) -> Array:
+            latents[rows] = self.candidates(len(rows), rng)
+            motions = [self._model.motion(latent) for latent in latents[rows]]
+            return self._rig.execute(motions, [object_id] * len(rows), rng)
+
+        rests = _until_seen(count, execute)
+        return latents, rests
 
     def certain(self, latents: Array, object_ids: Sequence[str]) -> Array:
         """(n, 2) m, where they would rest without chance: what an oracle knows."""
@@ -85,12 +97,25 @@ def robot_of(run: Run) -> Robot:
 
 def sampled_hits(robot: Robot, task: RecordedTask, count: int, rng: np.random.Generator) -> dict[str, Array]:
     """State, action and outcome, (count, size) each, of new hits of a task's object with sampled latents."""
-    latents = robot.candidates(count, rng)
-    return {
-        "state": np.tile(task.data["state"][0], (count, 1)),
-        "action": latents,
-        "outcome": robot.hit(latents, [task.object] * count, rng),
-    }
+    latents, rests = robot.sample(count, task.object, rng)
+    return {"state": np.tile(task.data["state"][0], (count, 1)), "action": latents, "outcome": rests}
+
+
+def _until_seen(count: int, execute: Callable[[list[int]], Array]) -> Array:
+    """(count, 2) m; `execute` makes hits of these rows and says where each ends, NaN if unseen."""
+    rests = np.full((count, 2), np.nan)
+    for _ in range(_MOST_REPEATS):
+        unseen = np.flatnonzero(np.isnan(rests[:, 0])).tolist()
+        if not unseen:
+            break
+        rests[unseen] = execute(unseen)
+    missed = int(np.isnan(rests[:, 0]).sum())
+    if missed:
+        raise InputError(
+            f"the camera misses where {missed} hits end, {_MOST_REPEATS} times each; "
+            "widen lab.camera.view_m or lower its missing_share"
+        )
+    return rests
 
 
 def batched(values: NDArray[np.floating] | Tensor, models: int) -> Tensor:
