@@ -227,6 +227,14 @@ def test_randomisation_table_is_the_configuration(hockey_config):
     assert table.index[0] == "mass"
 
 
+def test_small_numbers_of_the_table_have_no_exponent(hockey_config):
+    mass = {"uniform": [0.00005, 0.001], "label": "Mass", "unit": "kg"}
+    randomisation = {**hockey_config["randomisation"], "mass": mass}
+    drawing = randomisation_table.draw({}, {"figure": "T1", "domain": "x", "randomisation": randomisation})
+    (table,) = drawing.figure.axes[0].tables
+    assert r"(0.00005,\ 0.001)" in table[1, 1].get_text().get_text()
+
+
 def test_what_does_not_vary_is_left_out_of_the_table(hockey_config):
     mass = {"uniform": [2.0, 2.0], "label": "Mass", "unit": "kg"}
     start = {"normal": [0.1, 0.0], "label": "Start", "unit": "m"}

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 from matplotlib.transforms import Bbox
 
@@ -52,4 +53,9 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
 def _formula(row: Any) -> str:
     letter = "U" if row.distribution == "uniform" else "N"
     times = rf"\,\cdot\,{_SYMBOLS.get(row.times, row.times)}" if row.times else ""
-    return rf"$\mathcal{{{letter}}}({row.low_or_mean:g},\ {row.high_or_sd:g}){times}$"
+    return rf"$\mathcal{{{letter}}}({_number(row.low_or_mean)},\ {_number(row.high_or_sd)}){times}$"
+
+
+def _number(value: float) -> str:
+    """Without an exponent."""
+    return np.format_float_positional(value, precision=6, fractional=False, trim="-")
