@@ -2,6 +2,7 @@
 
 import errno
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -59,3 +60,37 @@ def _refusal(error: BaseException) -> int | None:
         return error.errno
     code = next((code for code in _REMEDIES if os.strerror(code) in str(error)), None)
     return code if code or error.__context__ is None else _refusal(error.__context__)
+
+
+@contextmanager
+def reading(path: Path, remedy: str, longest: int | None = None) -> Iterator[None]:
+    """While `path` is read: only a regular file is opened, and what the system refuses is said in one line.
+
+    A pipe or a device would be waited for without end.
+
+    Args:
+        path: of the file.
+        remedy: what to do where it is none.
+        longest: bytes that it may have.
+
+    Raises:
+        InputError: it is missing, not a regular file, too large, or may not be read.
+    """
+    try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            kind = "a folder" if stat.S_ISDIR(found.st_mode) else "no regular file"
+            raise InputError(f"{path}: is {kind}; {remedy}")
+        if longest is not None and found.st_size > longest:
+            raise InputError(f"{path}: has {found.st_size:,} bytes, and {longest:,} are allowed; {remedy}")
+        yield
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; {remedy}") from None
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read ({reason}); {remedy}") from None
+
+
+def printable(text: str) -> str:
+    """A text that is safe on a terminal: control characters and half letters as escapes."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
