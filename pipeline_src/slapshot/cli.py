@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import signal
 import sys
 from collections import Counter
 from pathlib import Path
@@ -28,11 +29,16 @@ console = Console(highlight=False, markup=False, soft_wrap=True, width=_WIDTH)
 def main() -> None:
     """Entry point."""
     args = _parser().parse_args()
+    # So that whoever holds something unfinished removes it.
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
     try:
         sys.exit(args.run(args))
     except InputError as error:
         print(f"slapshot: {error}", file=sys.stderr)
         sys.exit(1)
+    except KeyboardInterrupt:
+        print("slapshot: interrupted", file=sys.stderr)
+        sys.exit(128 + signal.SIGINT)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -3,6 +3,7 @@
 import errno
 import os
 import stat
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -49,6 +50,21 @@ def writing(target: Path) -> Iterator[None]:
             f"{target} could not be written: {os.strerror(code)}{where}; "
             f"{_REMEDIES[code]}, then run the same command again"
         ) from error
+
+
+def check_writable(target: Path) -> None:
+    """Whether `target`, which is not there, can be made later: before anything is computed for it.
+
+    Raises:
+        InputError: what is above it is no folder, or must not be written to.
+    """
+    above = target.absolute().parent
+    while not above.exists() and above != above.parent:
+        above = above.parent
+    if not above.is_dir():
+        raise InputError(f"{target}: {above} is no folder; name another place")
+    with writing(target), tempfile.TemporaryFile(dir=above):
+        pass
 
 
 def _refusal(error: BaseException) -> int | None:

@@ -5,21 +5,21 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import pytest
 from slapshot.diagnosis import report
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.judgement import limits
 from slapshot.diagnosis.report import write_report
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.sentences import VERDICT_TEXT
 from slapshot.diagnosis.result import Diagnosis, Setting
-from slapshot.diagnosis.verdict import Location, Mismatch, Unknown
 from slapshot.effects.catalogue import catalogue
 from slapshot.figures import drawing
 
 from .synthetic import CAMERA, RADIUS, recording
 
 SLOPE = 0.02  # m/m, towards +y
+CURL = 0.3
 VERSIONS = {"scene": "hockey", "code": "abc", "recording": "rig 3"}
 EFFECTS = ("tilt", "linear_drag")
 
@@ -43,16 +43,22 @@ class Made(NamedTuple):
 
 @pytest.fixture(scope="session")
 def reports(tmp_path_factory):
-    """Of a tilted board, of the same one as if nothing had been found, and of too few hits."""
+    """Of a tilted board, a flat one, one that acts as no known effect does, of too few hits and of pushes."""
     known = {name: catalogue()[name] for name in EFFECTS}
     setting = Setting(RADIUS, CAMERA, (0.5, 0.5, 0.01))
-    tilted = recording(np.random.default_rng(3), 30, {"tilt": {"slope_x": 0.0, "slope_y": SLOPE}})
-    tilt = diagnose(tilted, setting, effects=known)
-    few = diagnose(recording(np.random.default_rng(2), 6), setting, effects=known)
+    recorded = {
+        "tilt": recording(np.random.default_rng(3), 30, {"tilt": {"slope_x": 0.0, "slope_y": SLOPE}}),
+        "nothing": recording(np.random.default_rng(4), 30),
+        "not named": recording(np.random.default_rng(20), 100, {"curl": {"strength": CURL}}),
+        "few carry it": recording(np.random.default_rng(21), 30, {"curl": {"strength": CURL}}),
+        "cannot tell": recording(np.random.default_rng(2), 6),
+        "no fit": scattered(recording(np.random.default_rng(6), 30)),
+    }
     made = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(drawing._STYLE, "savefig.dpi", 50)  # pixels take longer than all the rest
-        for name, diagnosis in {"tilt": tilt, "nothing": nothing_of(tilt), "cannot tell": few}.items():
+        for name, recorded_hits in recorded.items():
+            diagnosis = diagnose(recorded_hits, setting, effects=known)
             folder, kept = tmp_path_factory.mktemp("report"), {}
             patch.setattr(report, "save", keeping(kept))
             write_report(diagnosis, VERSIONS, folder)
@@ -70,23 +76,12 @@ def keeping(kept):
     return save
 
 
-def nothing_of(diagnosis):
-    """What would have been said had the recording passed."""
-    verdict = diagnosis.verdict
-    return replace(
-        diagnosis,
-        verdict=replace(
-            verdict,
-            mismatch=Mismatch(False, 0.4, 1.2, 0.001),
-            location=Location(None, None, "nothing is missing that this recording could show"),
-            effects=(),
-            unknown=Unknown(False, None, None, 0.3, 0.001),
-            limits=limits(diagnosis.search, diagnosis.nominal),
-            fit=verdict.fit | {"augmented": verdict.fit["refitted"]},
-            next_hits=(),
-        ),
-        final=diagnosis.nominal,
-    )
+def scattered(made):
+    """The same hits, each at a pace of its own: friction seems to differ by far more than is believed."""
+    rng = np.random.default_rng(0)
+    groups = (rows for _, rows in made.tracks.groupby("hit"))
+    tracks = [rows.assign(t=rows["t"] * np.exp(rng.normal(0, 0.3))) for rows in groups]
+    return replace(made, tracks=pd.concat(tracks, ignore_index=True))
 
 
 @pytest.fixture(scope="session")

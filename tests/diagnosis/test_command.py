@@ -1,12 +1,17 @@
 """`slapshot diagnose`: files in, a folder out, one line for every mistake."""
 
 import json
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from slapshot import cli
+from slapshot.diagnosis import command
+from slapshot.diagnosis.report import location_map
 from slapshot.diagnosis.rig_file import camera_foot, read_rig, rig_of_domain
 from slapshot.errors import InputError
 from slapshot.recordings.write import write_recording
@@ -59,6 +64,83 @@ def test_a_recording_that_cannot_tell_is_no_error(slapshot, recorded, tmp_path):
     assert code == 0
     assert "record at least 12" in out
     assert not (tmp_path / "verdict/augmented").exists()
+
+
+def test_a_figure_that_fails_costs_nothing_else(slapshot, recorded, tmp_path, monkeypatch):
+    def fail(outcome):
+        raise KeyError("binned_force")
+
+    monkeypatch.setattr(location_map, "draw", fail)
+    out = tmp_path / "verdict"
+    code, said, errors = slapshot("diagnose", recorded / "tilted", "--out", out)
+    assert code == 1
+    assert "tilt" in said
+    assert errors.count("D1-location could not be drawn (KeyError: 'binned_force')") == 1
+    verdict = json.loads((out / "verdict.json").read_text())
+    assert verdict["headline"] == "found"
+    assert any("D1-location could not be drawn" in note for note in verdict["notes"])
+    page = (out / "verdict.md").read_text()
+    assert "D1-location could not be drawn" in page
+    assert "D1-location.png" not in page
+    kept = {path.name for path in out.iterdir()}
+    assert {"D2-ranking.png", "D3-tracks.png", "D4-errors.png", "diagnosis.rrd", "augmented"} <= kept
+    assert not [name for name in kept if name.startswith(("D1", "."))]
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
+def test_an_end_while_figures_are_drawn_keeps_the_verdict_and_hides_nothing(recorded, tmp_path, how):
+    out = tmp_path / "verdict"
+    code = f"""
+import os, sys
+from slapshot import cli
+from slapshot.diagnosis import command
+from slapshot.diagnosis.report import location_map
+from slapshot.diagnosis.report import ranking
+
+def stop(outcome):
+    os.kill(os.getpid(), {int(how)})
+
+ranking.draw = stop
+sys.argv = ["slapshot", "diagnose", {str(recorded / "tilted")!r}, "--out", {str(out)!r}]
+cli.main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 128 + how, done.stderr
+    assert "Traceback" not in done.stderr
+    assert json.loads((out / "verdict.json").read_text())["headline"] == "found"
+    assert {"verdict.md", "D1-location.png", "augmented"} <= {path.name for path in out.iterdir()}
+    assert not [path for path in tmp_path.rglob("*") if path.name.startswith(".")]
+
+
+@pytest.mark.parametrize("option", ["--out", "--signatures"])
+def test_places_to_write_to_are_checked_before_anything_is_computed(
+    slapshot, recorded, tmp_path, monkeypatch, option
+):
+    def compute(*args, **kwargs):
+        raise AssertionError("computed")
+
+    monkeypatch.setattr(command, "diagnose", compute)
+    (tmp_path / "file").write_text("no folder")
+    asked = {"--out": tmp_path / "verdict"} | {option: tmp_path / "file" / "below"}
+    code, _, errors = slapshot("diagnose", recorded / "tilted", *(x for pair in asked.items() for x in pair))
+    assert code == 1
+    assert errors.count("\n") == 1
+    assert "is no folder" in errors
+    assert {path.name for path in tmp_path.iterdir()} == {"file"}
+
+
+def test_a_file_that_holds_no_signatures_is_refused_before_anything_is_computed(
+    slapshot, recorded, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(command, "diagnose", None)
+    file = tmp_path / "signatures"
+    for content in (b"", b"garbage", b"\x08\x00\x00\x00\x00\x00\x00\x00{}      "):
+        file.write_bytes(content)
+        code, _, errors = slapshot(
+            "diagnose", recorded / "tilted", "--signatures", file, "--out", tmp_path / "out"
+        )
+        assert code == 1
+        assert "holds no signatures" in errors
 
 
 def test_a_folder_that_exists_is_left_alone(slapshot, recorded, tmp_path):

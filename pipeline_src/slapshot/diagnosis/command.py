@@ -3,9 +3,7 @@
 import argparse
 import hashlib
 import os
-import shutil
 import sys
-import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
@@ -17,48 +15,49 @@ from slapshot.diagnosis.result import Diagnosis
 from slapshot.diagnosis.rig_file import RigFile, read_rig, rig_of_domain
 from slapshot.diagnosis.signatures import Signatures
 from slapshot.effects.catalogue import import_effects
-from slapshot.errors import InputError, writing
+from slapshot.errors import InputError, check_writable, printable, writing
 from slapshot.recordings.read import read_recording
+from slapshot.scenes.scene import Scene
 from slapshot.store.closure import code_digest
 from slapshot.store.content import content_digest
+from slapshot.whole_file import replacing
 
 
 def run_diagnose(args: argparse.Namespace) -> int:
-    """Diagnose and write the report; 0 for a verdict of any kind.
+    """Diagnose and write the report; 0 for a verdict of any kind, 1 where a part of the report failed.
 
     Raises:
         InputError: something that was given is not there or not allowed.
     """
-    if args.out.exists():
+    if args.out.exists() or args.out.is_symlink():
         raise InputError(f"{args.out}: exists already; name a folder that does not, or remove it")
+    check_writable(args.out)
     rig = _rig(args)
     import_effects(*rig.effects)
     recording = read_recording(args.recording)
-    signatures = None
-    if args.signatures is not None and args.signatures.is_file():
-        signatures = Signatures.load(args.signatures)
+    signatures = _signatures(args.signatures, rig.scene)
     print(f"diagnosing {args.recording}: {len(recording.hits)} hits, {recording.kind}", file=sys.stderr)
     diagnosis = diagnose(
         recording, rig.setting, args.seed, threads=os.cpu_count() or 1, signatures=signatures
     )
-    _keep(diagnosis, args.signatures, signatures)
     versions = {
         "slapshot": version("slapshot"),
         "code": code_digest("slapshot.diagnosis.diagnose")[:12],
         "scene": _digest(rig.scene.xml),
         "recording": _recording_digest(args.recording),
     }
+    problems: tuple[str, ...] = ()
+    try:
+        _keep(diagnosis, args.signatures, signatures, rig.scene)
+    except InputError as error:  # a verdict is not lost for them
+        problems = (str(error),)
     with writing(args.out):
-        args.out.parent.mkdir(parents=True, exist_ok=True)
-        aside = Path(tempfile.mkdtemp(prefix=f".{args.out.name}-", dir=args.out.parent))
-        try:
-            write_outputs(diagnosis, recording, rig.scene, versions, aside)
-            aside.chmod(0o755)
-            aside.rename(args.out)
-        finally:
-            shutil.rmtree(aside, ignore_errors=True)
+        args.out.mkdir(parents=True)
+        problems += write_outputs(diagnosis, recording, rig.scene, versions, args.out)
     print(terminal_text(diagnosis.verdict))
-    return 0
+    for problem in problems:
+        print(f"slapshot: {printable(problem)}; all else is in {args.out}", file=sys.stderr)
+    return 1 if problems else 0
 
 
 def _rig(args: argparse.Namespace) -> RigFile:
@@ -70,12 +69,27 @@ def _rig(args: argparse.Namespace) -> RigFile:
     return rig_of_domain(domains[args.domain])
 
 
-def _keep(diagnosis: Diagnosis, file: Path | None, before: Signatures | None) -> None:
+def _signatures(file: Path | None, scene: Scene) -> Signatures | None:
+    """What the file holds, if it is there.
+
+    Raises:
+        InputError: it is no such file or of another scene, or it could not be written later.
+    """
+    if file is None:
+        return None
+    if not (file.exists() or file.is_symlink()):
+        check_writable(file)
+        return None
+    return Signatures.load(file, scene)
+
+
+def _keep(diagnosis: Diagnosis, file: Path | None, before: Signatures | None, scene: Scene) -> None:
     """Save signatures that were made, for the next recording over these commands."""
     if file is not None and diagnosis.signatures is not None and diagnosis.signatures is not before:
         with writing(file):
             file.parent.mkdir(parents=True, exist_ok=True)
-            diagnosis.signatures.save(file)
+            with replacing(file) as aside:
+                diagnosis.signatures.save(aside, scene)
 
 
 def _recording_digest(folder: Path) -> str:

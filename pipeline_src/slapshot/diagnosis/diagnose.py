@@ -1,6 +1,6 @@
 """From a recording and a scene to a verdict."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from slapshot.diagnosis.diagnose_rests import diagnose_rests
 from slapshot.diagnosis.free_form import FREE_FORMS, FREE_LAUNCH
 from slapshot.diagnosis.gauss_newton import Fit
+from slapshot.diagnosis.headline import distrust, headline_of, names_hold, settled, undecided
 from slapshot.diagnosis.held_out import FittedScene, errors_of_scenes, split_hits
 from slapshot.diagnosis.judgement import (
     found_effects,
@@ -17,7 +18,7 @@ from slapshot.diagnosis.judgement import (
     strongest,
 )
 from slapshot.diagnosis.launch_fit import launch_fitter
-from slapshot.diagnosis.level import examine
+from slapshot.diagnosis.level import Level, examine, refuted_notes
 from slapshot.diagnosis.next_hits import next_hits
 from slapshot.diagnosis.noise import CameraNoise, estimate_noise, timing_jitter
 from slapshot.diagnosis.result import Diagnosis, Setting
@@ -28,17 +29,21 @@ from slapshot.diagnosis.simulated import LaunchEvidence, launches_about
 from slapshot.diagnosis.slide_fit import SlideFitter
 from slapshot.diagnosis.slide_model import Point, SlideModel
 from slapshot.diagnosis.spin import SimulatedSpin
-from slapshot.diagnosis.suitability import cannot_tell
-from slapshot.diagnosis.tracks import HitTracks, hit_tracks
+from slapshot.diagnosis.suitability import cannot_tell, untold
+from slapshot.diagnosis.tracks import PUSHED_AGAIN, HitTracks, hit_tracks
 from slapshot.diagnosis.trial import dropped_note, that_work
-from slapshot.diagnosis.verdict import Verdict
+from slapshot.diagnosis.verdict import Errors
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
+from slapshot.recordings.finding import Finding
 from slapshot.recordings.format import Recording
+from slapshot.recordings.oddities import odd_things
 
 Array = NDArray[np.float64]
 
 FIRST_S = 0.24  # s of a slide that launches are told from where the law of the slide was mended
+# Findings of a check that say of a hit that it is no single push followed by a slide to rest.
+NO_CLEAN_SLIDE = ("second_push", "moves_again", "not_slowing", "moving_at_start", "moving_at_end")
 
 
 def diagnose(
@@ -65,11 +70,11 @@ def diagnose(
         known = {name: e for name, e in known.items() if e.acts_on_slide or e.acts_on_camera}
     if recording.tracks is None:
         return diagnose_rests(recording, setting, seed, known, threads, signatures)
-    tracks = hit_tracks(recording)
+    findings = odd_things(recording)
+    tracks = hit_tracks(recording, dict.fromkeys(_hits_of(findings, "second_push"), PUSHED_AGAIN))
     reason = cannot_tell(recording, tracks)
-    described = (recording.rig, recording.kind, recording.stand_in, len(recording.hits), len(tracks), reason)
     if reason is not None:
-        return Diagnosis(Verdict(*described, notes=tracks.notes))
+        return Diagnosis(untold(recording, tracks, findings, reason, tracks.notes))
     known, failed = that_work(known, tracks.start.mean(0), setting.friction, setting.radius)
     # Named in this order whatever the order in which the table lists them.
     split_rng, flip_rng, resample_rng = np.random.default_rng(seed).spawn(3)
@@ -112,34 +117,63 @@ def diagnose(
         ]
         about = launches_about(fitter, level.final.fit, rig, kept, launches, first_s, everything)
         levels.append(examine(Search(launches, candidates, [FREE_LAUNCH], flip_rng, about=about), level))
-    found = {n: v for part in levels for n, v in part.final.fit.point.effects.items()}
+    used = set(tracks.hit.tolist())
+    doubtful = [hit for hit in _hits_of(findings, *NO_CLEAN_SLIDE) if hit in used]
+    doubt = distrust(levels, tracks.hit[kept], doubtful)
+    notes = (*tracks.notes, *failed, *(note for part in levels for note in part.notes))
+    if doubt is not None:
+        verdict = untold(recording, tracks, findings, doubt.reason, notes, doubt.hits)
+        return Diagnosis(verdict, signatures=rig.signatures if rig is not None else None)
+    nominal = FittedScene(*(part.nominal.fit for part in levels))
+    test.drop_jumps(_start_of(test, level.nominal.fit))
+
+    def errors(of: Sequence[Level]) -> dict[str, Errors]:
+        named = any(part.final.effects for part in of)
+        return errors_of_scenes(
+            test,
+            nominal,
+            FittedScene(*(part.final.fit for part in of)) if named else nominal,
+            setting.friction,
+            rig.about({n: v for part in of for n, v in part.final.fit.point.effects.items()}).launches(held)
+            if rig
+            else None,
+            resample_rng,
+        )
+
+    tried = levels
+    # The last level stands on those before it: its names go first.
+    for count in range(len(levels), -1, -1):
+        levels = [*tried[:count], *(part.without_names() for part in tried[count:])]
+        if names_hold(fit := errors(levels)):
+            break
+    notes = (*notes, *refuted_notes(tried, levels))
+    level = levels[0]
     named_by_level = [found_effects(each.search, each.final) for each in levels]
     named = tuple(sorted((e for part in named_by_level for e in part), key=lambda e: -e.shift_m))
     hits = [next_hits(each, part, setting) for each, part in zip(levels, named_by_level, strict=True)]
     unknown = max((part.unknown for part in levels), key=lambda u: (u.flagged, u.log_evidence))
     mismatch = strongest([each.mismatch for each in levels])
-    nominal = FittedScene(*(part.nominal.fit for part in levels))
-    test.drop_jumps(_start_of(test, level.nominal.fit))
-    verdict = Verdict(
-        *described,
+    headline = headline_of(mismatch.found, bool(named), fit)
+    if headline == "nothing_found":
+        doubt = undecided(levels, tracks.hit[kept], doubtful)
+        if doubt is not None:
+            verdict = untold(recording, tracks, findings, doubt.reason, notes, doubt.hits)
+            return Diagnosis(verdict, signatures=rig.signatures if rig is not None else None)
+    mismatch = settled(mismatch, headline)
+    verdict = replace(
+        untold(recording, tracks, findings, None, notes),
+        headline=headline,
         mismatch=mismatch,
-        location=location_of(named, unknown, known),
+        location=location_of(mismatch, named, unknown, known),
         effects=named,
         unknown=unknown,
         limits=() if mismatch.found else limits(search, level.nominal),
         noise_sd_m=noise.sd,
         noise_time_s=noise.time,
+        noise_jitter_s=noise.jitter,
         friction_scatter=level.final.fit.scatter,
-        fit=errors_of_scenes(
-            test,
-            nominal,
-            FittedScene(*(part.final.fit for part in levels)) if named else nominal,
-            setting.friction,
-            rig.about(found).launches(held) if rig else None,
-            resample_rng,
-        ),
+        fit=fit,
         next_hits=next((some for some in hits if some), ()),
-        notes=(*tracks.notes, *failed, *(note for part in levels for note in part.notes)),
     )
     return Diagnosis(
         verdict,
@@ -151,6 +185,11 @@ def diagnose(
         levels[1] if len(levels) > 1 else None,
         signatures=rig.signatures if rig is not None else None,
     )
+
+
+def _hits_of(findings: Sequence[Finding], *kinds: str) -> list[int]:
+    """Numbers of the hits that findings of some kinds are about."""
+    return sorted({hit for finding in findings if finding.kind in kinds for hit in finding.hits})
 
 
 def _noise(tracks: HitTracks) -> CameraNoise:

@@ -12,21 +12,23 @@ from numpy.typing import NDArray
 
 from slapshot.diagnosis.free_form import FREE_FORMS, FREE_LAUNCH
 from slapshot.diagnosis.gauss_newton import Fit
-from slapshot.diagnosis.held_out import mean, root_mean, split_hits
+from slapshot.diagnosis.headline import distrust, headline_of, names_hold, settled, undecided
+from slapshot.diagnosis.held_out import SURE, mean, root_mean, split_hits
 from slapshot.diagnosis.judgement import found_effects, limits, location_of
-from slapshot.diagnosis.level import Level, examine
+from slapshot.diagnosis.level import Level, examine, refuted_notes
 from slapshot.diagnosis.rest_fit import RestFitter
 from slapshot.diagnosis.result import Diagnosis, Setting
 from slapshot.diagnosis.rig_model import RigModel
 from slapshot.diagnosis.search import CLASS, Search
 from slapshot.diagnosis.signatures import Signatures
 from slapshot.diagnosis.slide_model import Point, SlideModel
-from slapshot.diagnosis.suitability import cannot_tell
+from slapshot.diagnosis.suitability import cannot_tell, untold
 from slapshot.diagnosis.tracks import rest_tracks
 from slapshot.diagnosis.trial import dropped_note, that_work
-from slapshot.diagnosis.verdict import Errors, Interval, NamedEffect, Verdict
+from slapshot.diagnosis.verdict import Errors, Interval, NamedEffect
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording
+from slapshot.recordings.oddities import odd_things
 
 Array = NDArray[np.float64]
 
@@ -49,9 +51,9 @@ def diagnose_rests(
             "the recording has rest points only, and nothing says how objects were hit: record tracks "
             "(camera frames of the sliding object), or the commands and the arm in the scene"
         )
-    about = (recording.rig, recording.kind, recording.stand_in, len(recording.hits), len(tracks), reason)
+    findings = odd_things(recording)
     if reason is not None or setting.scene is None:
-        return Diagnosis(Verdict(*about, notes=tracks.notes))
+        return Diagnosis(untold(recording, tracks, findings, reason, tracks.notes))
     known, failed = that_work(known, tracks.start.mean(0), setting.friction, setting.radius)
     split_rng, flip_rng, resample_rng = np.random.default_rng(seed).spawn(3)
     kept, held = split_hits(tracks, split_rng)
@@ -73,7 +75,22 @@ def diagnose_rests(
     candidates = [n for n, e in known.items() if not (e.phase == "camera" and e.follows == "time")]
     search = Search(fitter, candidates, [FREE_LAUNCH], flip_rng, refitted=REFITTED, most=1)
     level = examine(search)
+    doubt = distrust([level], tracks.hit[kept], ())
+    if doubt is not None:
+        verdict = untold(
+            recording, tracks, findings, doubt.reason, (*tracks.notes, *failed, *level.notes), doubt.hits
+        )
+        return Diagnosis(verdict, signatures=rig.signatures)
+    tried, fit = level, _errors(test, level, setting, resample_rng)
+    if not names_hold(fit):
+        level = level.without_names()
+        fit = _errors(test, level, setting, resample_rng)
     named = tuple(_of_class(level, effect) for effect in found_effects(search, level.final))
+    headline = headline_of(level.mismatch.found, bool(named), fit)
+    if headline == "nothing_found" and (doubt := undecided([level], tracks.hit[kept], ())) is not None:
+        verdict = untold(recording, tracks, findings, doubt.reason, (*tracks.notes, *failed), doubt.hits)
+        return Diagnosis(verdict, signatures=rig.signatures)
+    mismatch = settled(level.mismatch, headline)
     share = np.sqrt(np.diag(level.final.fit.scatter))
     notes = (
         f"rest points scatter about those of their commands by {100 * share[0]:.0f} % of the distance along "
@@ -83,16 +100,17 @@ def diagnose_rests(
         *failed,
         *(dropped_note(name, why) for name, why in dropped.items()),
         *level.notes,
+        *refuted_notes([tried], [level]),
     )
-    verdict = Verdict(
-        *about,
-        mismatch=level.mismatch,
-        location=location_of(named, level.unknown, known),
+    verdict = replace(
+        untold(recording, tracks, findings, None, notes),
+        headline=headline,
+        mismatch=mismatch,
+        location=location_of(mismatch, named, level.unknown, known),
         effects=named,
         unknown=level.unknown,
-        limits=() if level.mismatch.found else limits(search, level.nominal),
-        fit=_errors(test, level, setting, resample_rng),
-        notes=notes,
+        limits=() if mismatch.found else limits(search, level.nominal),
+        fit=fit,
     )
     return Diagnosis(verdict, rests=level, signatures=rig.signatures)
 
@@ -131,7 +149,7 @@ def _errors_of(test: RestFitter, fit: Fit, reference: Array, rng: np.random.Gene
     state = test.evaluate(point, [], fit.scatter)
     square = ((test.measured - test.predict(point)) ** 2).sum(1)
     gain = _log_likelihood(test, fit) - reference
-    return Errors(None, None, root_mean(square, rng), mean(gain, rng), mean(state.squares / 2, rng))
+    return Errors(None, None, root_mean(square, rng), mean(gain, rng), mean(state.squares / 2, rng, SURE))
 
 
 def _log_likelihood(test: RestFitter, fit: Fit) -> Array:

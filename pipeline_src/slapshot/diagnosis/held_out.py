@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 HELD_OUT = 0.25  # share of commands
 SEEN_SHARE = 0.35  # of a hit's frames, from which its launch is told
 RESAMPLES = 1000
+LIKELY, SURE = 0.9, 0.99  # probability of an interval, and of one that a headline rests on
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ def errors_of(held: HeldOut, reference: Array, rng: np.random.Generator) -> Erro
         root_mean(held.rest_square, rng),
         None if command is None else root_mean(command, rng),
         mean(held.loglik - reference, rng),
-        mean(held.chi2, rng),
+        mean(held.chi2, rng, SURE),
     )
 
 
@@ -175,10 +176,11 @@ def errors_of_scenes(
     return found | {"noise_floor": noise_floor(augmented, refitted.loglik, rng)}
 
 
-def mean(values: Array, rng: np.random.Generator) -> Interval:
-    """With a 90 % bootstrap interval over hits."""
+def mean(values: Array, rng: np.random.Generator, probability: float = LIKELY) -> Interval:
+    """With a bootstrap interval over hits."""
     draws = values[rng.integers(0, len(values), (RESAMPLES, len(values)))].mean(1)
-    return Interval(float(values.mean()), float(np.quantile(draws, 0.05)), float(np.quantile(draws, 0.95)))
+    low, high = np.quantile(draws, [(1 - probability) / 2, (1 + probability) / 2])
+    return Interval(float(values.mean()), float(low), float(high))
 
 
 def root_mean(squares: Array, rng: np.random.Generator) -> Interval:

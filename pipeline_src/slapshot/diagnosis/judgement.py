@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from slapshot.diagnosis.verdict import (
 from slapshot.effects.effect import Effect
 
 Array = NDArray[np.float64]
+Word = TypeVar("Word", bound=str)
 
 Z90, Z95 = 1.645, 1.96
 LEFT = 0.02  # of the evidence for what was named: less is no further effect
@@ -128,19 +129,23 @@ def unknown_of(search: Search[Any], leftover: Screen, least: float, shift: float
     return Unknown(True, effect.phase, effect.follows, evidence, moved)
 
 
-def location_of(named: Sequence[NamedEffect], unknown: Unknown, effects: Mapping[str, Effect]) -> Location:
+def location_of(
+    mismatch: Mismatch, named: Sequence[NamedEffect], unknown: Unknown, effects: Mapping[str, Effect]
+) -> Location:
     """Where that is which moves tracks the most; what the rivals of a class disagree about stays open."""
+    if not mismatch.found:
+        return Location(None, None, "nothing is missing that this recording could show")
     if unknown.flagged and all(effect.log_evidence < unknown.log_evidence for effect in named):
         return Location(unknown.phase, unknown.variable, _size(unknown.shift_m))
     if not named:
-        return Location(None, None, "nothing is missing that this recording could show")
+        return Location(None, None, f"the best single description of it {_moves(mismatch.shift_m)}")
     members = named[0].members
     phase = _agreed(members, {name: effects[name].phase for name in members})
     variable = _agreed(members, {name: effects[name].follows for name in members})
     return Location(phase, variable, _size(named[0].shift_m))
 
 
-def _agreed(members: Mapping[str, float], said: Mapping[str, str]) -> str | None:
+def _agreed(members: Mapping[str, float], said: Mapping[str, Word]) -> Word | None:
     """What members say that hold most of the probability; None if no such thing is said."""
     share = {word: sum(p for n, p in members.items() if said[n] == word) for word in set(said.values())}
     best = max(sorted(share), key=lambda word: share[word])
@@ -148,7 +153,11 @@ def _agreed(members: Mapping[str, float], said: Mapping[str, str]) -> str | None
 
 
 def _size(shift: float) -> str:
-    return f"it moves tracks by {1e3 * shift:.0f} mm (rms)"
+    return f"it {_moves(shift)}"
+
+
+def _moves(shift: float) -> str:
+    return f"moves tracks by {1e3 * shift:.0f} mm (rms)"
 
 
 def limits(search: Search[Any], nominal: Candidate) -> tuple[Limit, ...]:

@@ -192,9 +192,10 @@ class LaunchModel:
         """(n, 5, p) of the means by columns."""
         slopes = np.zeros((*self.mean.shape, len(columns)))
         for c, column in enumerate(columns):
-            if column.object >= 0:
+            # Neither friction nor a description of the slide alone changes how objects are launched.
+            if column.object >= 0 or column.owner not in self._effects:
                 continue
-            values = dict(effects.get(column.owner, self._effects[column.owner].neutral()))
+            values = dict(effects.get(column.owner) or self._effects[column.owner].neutral())
             change = self._changes.get(f"{column.owner}/{column.parameter}")
             if change is not None:
                 step = column.step

@@ -1,6 +1,7 @@
 """One level of a diagnosis: slides, or launches given the slides; whether and what each of them lacks."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from slapshot.diagnosis.judgement import LEFT, mismatch_of, unknown_of
@@ -37,16 +38,12 @@ class Level:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Fits that did not converge, and hypotheses that failed."""
-        fits = {"the nominal scene": self.nominal.fit, "what was found": self.final.fit}
-        return (
-            *(
-                f"the fit of {what} did not converge: its values and intervals may be wrong"
-                for what, fit in fits.items()
-                if not fit.converged and (fit is not self.nominal.fit or what == "the nominal scene")
-            ),
-            *(dropped_note(name, why) for name, why in self.search.failed.items()),
-        )
+        """Hypotheses that failed."""
+        return tuple(dropped_note(name, why) for name, why in self.search.failed.items())
+
+    def without_names(self) -> "Level":
+        """The same where what was named does not hold: nothing is named, and all of it is left over."""
+        return replace(self, final=self.nominal, leftover=self.screen)
 
     @property
     def unknown(self) -> Unknown:
@@ -80,6 +77,7 @@ def examine(search: Search[Any], before: "Level | None" = None) -> Level:
     final, leftover = nominal, screen
     if mismatch.found:
         final, leftover = _search(search, nominal, screen, feigned)
+        final = search.settle(final)
     return Level(search, nominal, final, screen, leftover, mismatch, feigned)
 
 
@@ -107,3 +105,15 @@ def _search(
         best = search.prune(grown)
         leftover = search.screen_beyond(best)
     return best, leftover
+
+
+def refuted_notes(tried: Sequence[Level], kept: Sequence[Level]) -> tuple[str, ...]:
+    """A line on what was tried as a name and does not hold."""
+    names = [name for a, b in zip(tried, kept, strict=True) for name in a.final.effects if a is not b]
+    if not names:
+        return ()
+    said = " with ".join(name.replace("_", " ") for name in names)
+    return (
+        f"{said} fitted best, but with it held-out hits are predicted worse than by the nominal scene: "
+        "it is not named",
+    )

@@ -7,14 +7,16 @@ from slapshot.diagnosis.augmented import AUGMENTED, write_augmented
 from slapshot.diagnosis.refit import write_refit
 from slapshot.diagnosis.report import write_report
 from slapshot.diagnosis.result import Diagnosis
+from slapshot.diagnosis.verdict_file import write_verdict
 from slapshot.effects.catalogue import catalogue
 from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene
+from slapshot.whole_file import replacing
 
 
 def write_outputs(
     diagnosis: Diagnosis, recording: Recording, scene: Scene, versions: Mapping[str, str], folder: Path
-) -> None:
+) -> tuple[str, ...]:
     """Write the report, refit.json, and augmented/ where something is missing.
 
     Args:
@@ -23,9 +25,14 @@ def write_outputs(
         scene: nominal.
         versions: of scene, code and recording.
         folder: that exists.
+
+    Returns:
+        What could not be drawn and why, a line each.
     """
-    write_report(diagnosis, versions, folder)
+    write_verdict(diagnosis.verdict, versions, folder)  # as soon as it is known
     write_refit(diagnosis, recording, folder)
     values = diagnosis.values()
     if values:
-        write_augmented(scene, catalogue(), values, folder / AUGMENTED)
+        with replacing(folder / AUGMENTED) as aside:
+            write_augmented(scene, catalogue(), values, aside)
+    return write_report(diagnosis, versions, folder)

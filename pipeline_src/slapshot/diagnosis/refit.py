@@ -9,6 +9,7 @@ import numpy as np
 from slapshot.diagnosis.judgement import robust_covariance
 from slapshot.diagnosis.result import Diagnosis
 from slapshot.recordings.format import Recording
+from slapshot.whole_file import write_whole
 
 REFIT_FILE = "refit.json"
 
@@ -45,4 +46,4 @@ def write_refit(diagnosis: Diagnosis, recording: Recording, folder: Path) -> Non
         },
         indent=2,
     )
-    (folder / REFIT_FILE).write_text(text + "\n")
+    write_whole(folder / REFIT_FILE, text + "\n")

@@ -34,6 +34,8 @@ RIVAL = 0.4  # share of the best one's gain with which another may still win onc
 RIVALS = 3  # at most so many
 STAYED = 0.1  # of a parameter's scale
 FINISHED = 2  # most rounds of fitting about the last fit
+CONTINUED = 5  # times that a fit which stopped before it had converged goes on
+CREEP = 20.0  # of the objective: as many steps as a fit takes, each of which may raise it by 1
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,22 @@ def largest_shift(moved: Array) -> float:
     return float(np.sqrt((moved**2).sum(-1).mean(0).max()))
 
 
+def settled(fitter: Fitter, fit: Fit, effects: Sequence[str] = ()) -> Fit:
+    """A fit that goes on from where one stopped before it had converged.
+
+    Steps are those of a linear model with estimated scatter, and near an optimum may creep away from it. A
+    fit that going on only makes worse, by no more than its steps are let pass, has converged where it was.
+    """
+    for _ in range(CONTINUED):
+        if fit.converged:
+            break
+        further = fitter.fit(fit.point, fit.scatter, effects)
+        if not further.converged and 0 <= further.objective - fit.objective < CREEP:
+            return replace(fit, converged=True)
+        fit = further
+    return fit
+
+
 @dataclass
 class Search(Generic[F]):
     """The search and what it finds on the way.
@@ -121,9 +139,14 @@ class Search(Generic[F]):
         """The scene as it is, with its nuisance fitted; mistracked frames are left out."""
         fit = self.fitter.fit(self.fitter.start())
         self.fitter.drop_jumps(fit.point)
-        fit = self.fitter.fit(fit.point, fit.scatter)
+        fit = settled(self.fitter, self.fitter.fit(fit.point, fit.scatter))
         self.seen[()] = Candidate((), fit, 0.0, self.fitter)
         return self.seen[()]
+
+    def settle(self, candidate: Candidate) -> Candidate:
+        """A candidate whose fit has converged, if going on makes it do so."""
+        fit = settled(candidate.fitter, candidate.fit, candidate.effects)
+        return candidate if fit is candidate.fit else replace(candidate, fit=fit)
 
     def screen(self, at: Candidate, hypotheses: Sequence[str]) -> Screen:
         """Judge hypotheses beyond those of a fit, which are projected out with the nuisance."""

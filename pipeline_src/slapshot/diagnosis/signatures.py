@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import safe_open
+from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from slapshot.diagnosis.strikes import Commands, Striker
 from slapshot.diagnosis.trial import reason_of
 from slapshot.effects.effect import Effect, Parameter
+from slapshot.errors import InputError, reading
 from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
 
@@ -87,8 +88,13 @@ class Signatures:
         spline = CubicSpline(self.times, joints, axis=1)
         return np.asarray(spline(times), float), np.asarray(spline(times, 1), float)
 
-    def save(self, file: Path) -> None:
-        """Write one safetensors file; joint angles in single precision."""
+    def save(self, file: Path, scene: Scene | None = None) -> None:
+        """Write one safetensors file; joint angles in single precision.
+
+        Args:
+            file: to write.
+            scene: that commands were simulated in, for `load` to compare with.
+        """
         arrays = {
             "contact": self.contact,
             "times": self.times,
@@ -102,14 +108,37 @@ class Signatures:
             arrays[f"launches:{name}"] = self.launches[name]
             arrays[f"swings:{name}"] = self.swings[name].astype(np.float32)
         metadata = {"dropped": json.dumps(dict(self.dropped))}
+        if scene is not None:
+            metadata["scene"] = _digest_of_scene(scene)
         save_file({k: np.ascontiguousarray(v) for k, v in arrays.items()}, file, metadata)
 
     @classmethod
-    def load(cls, file: Path) -> "Signatures":
-        """Read what `save` wrote."""
-        with safe_open(file, "numpy") as opened:
-            arrays: dict[str, Any] = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
-            dropped = json.loads(opened.metadata()["dropped"])
+    def load(cls, file: Path, scene: Scene | None = None) -> "Signatures":
+        """Read what `save` wrote.
+
+        Args:
+            file: to read.
+            scene: that they must be of, where the file says of which they are.
+
+        Raises:
+            InputError: the file holds no signatures, or those of another scene.
+        """
+        remedy = "name the file that an earlier diagnosis made, or one that does not exist yet"
+        with reading(file, remedy):
+            file.open("rb").close()
+        try:
+            with safe_open(file, "numpy") as opened:
+                arrays: dict[str, Any] = {n: opened.get_tensor(n) for n in opened.keys()}  # noqa: SIM118
+                metadata = opened.metadata()
+            made = cls._of(arrays, json.loads(metadata["dropped"]))
+        except (SafetensorError, KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{file}: holds no signatures ({reason_of(error)}); {remedy}") from None
+        if scene is not None and metadata.get("scene", _digest_of_scene(scene)) != _digest_of_scene(scene):
+            raise InputError(f"{file}: holds signatures of another scene; {remedy}")
+        return made
+
+    @classmethod
+    def _of(cls, arrays: Mapping[str, Any], dropped: Mapping[str, str]) -> "Signatures":
         parts: dict[str, Any] = {
             kind: {k.partition(":")[2]: v for k, v in arrays.items() if k.startswith(f"{kind}:")}
             for kind in ("values", "launches", "swings")
@@ -117,6 +146,10 @@ class Signatures:
         single = {k: arrays[k] for k in ("contact", "times", "joints", "by_start", "by_joints")}
         digests = tuple(bytes(row).hex() for row in arrays["digests"])
         return cls(digests=digests, **single, **parts, dropped=dropped)
+
+
+def _digest_of_scene(scene: Scene) -> str:
+    return hashlib.sha256(scene.xml.encode()).hexdigest()
 
 
 def digest_of(positions: Array) -> str:

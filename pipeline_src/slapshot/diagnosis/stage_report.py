@@ -25,7 +25,8 @@ def produce(run: Run) -> None:
     recording = read_recording(folder)
     found = diagnose(recording, setting, run.config["seed"], threads=run.cores)
     versions = {"slapshot": version("slapshot"), **{role: path.name for role, path in run.inputs.items()}}
-    write_outputs(found, recording, scene, versions, run.out)
+    for problem in write_outputs(found, recording, scene, versions, run.out):
+        log.warning("%s", problem)
     for line in terminal_text(found.verdict).splitlines():
         log.info("%s", line)
 

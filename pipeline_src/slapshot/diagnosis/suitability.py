@@ -1,6 +1,7 @@
 """Whether a recording can carry a diagnosis at all, and if not, what to record instead."""
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,11 +9,14 @@ from slapshot.diagnosis.tracks import (
     NEVER_RESTED,
     NO_FRAMES,
     NO_REST_POINT,
+    PUSHED_AGAIN,
     TOO_FEW_FRAMES,
     TOO_SHORT_A_SLIDE,
     TOO_SHORT_A_WAY,
     HitTracks,
 )
+from slapshot.diagnosis.verdict import Verdict
+from slapshot.recordings.finding import Finding
 from slapshot.recordings.format import Recording
 
 FEWEST_HITS = 12  # of which three are held out
@@ -27,6 +31,7 @@ REMEDIES = {
     TOO_SHORT_A_WAY: "hit harder",
     TOO_SHORT_A_SLIDE: "record more frames a second (Hz), or hit harder",
     NEVER_RESTED: "let the camera run until the object rests",
+    PUSHED_AGAIN: "record hits of one push each, and let the striker stop or retreat after it",
 }
 
 
@@ -55,6 +60,38 @@ def cannot_tell(recording: Recording, tracks: HitTracks) -> str | None:
             "tell friction, slope and drag apart; vary headings and speeds"
         )
     return None
+
+
+def untold(
+    recording: Recording,
+    tracks: HitTracks,
+    findings: Sequence[Finding],
+    reason: str | None,
+    notes: Sequence[str],
+    to_blame: Sequence[int] = (),
+) -> Verdict:
+    """The verdict that says of what recording it is, and why nothing can be told from it.
+
+    Args:
+        recording: that was diagnosed.
+        tracks: of the hits that can be used.
+        findings: of a check of the recording.
+        reason: with what to record instead; None for a verdict that is to be completed.
+        notes: what else one should know, a line each.
+        to_blame: numbers of hits because of which it cannot be told.
+    """
+    return Verdict(
+        "cannot_tell",
+        recording.rig,
+        recording.kind,
+        recording.stand_in,
+        len(recording.hits),
+        len(tracks),
+        reason,
+        hits_to_blame=tuple(to_blame),
+        findings=tuple(map(str, findings)),
+        notes=tuple(notes),
+    )
 
 
 def _spread(tracks: HitTracks) -> tuple[float, float]:

@@ -1,6 +1,7 @@
 """What a diagnosis takes from a recording: the frames of every hit that slides, and where it started."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,7 @@ TOO_FEW_FRAMES = "they have too few frames"
 TOO_SHORT_A_WAY = f"the object moved by less than {100 * RELEASE_DISTANCE:.0f} cm"
 TOO_SHORT_A_SLIDE = f"the object was seen to slide for less than {FEWEST_FRAMES} frames"
 NEVER_RESTED = "the object was still moving when the camera stopped"
+PUSHED_AGAIN = "the speed rose again after its first peak: pushed or hit a second time, they are no slides"
 
 
 @dataclass(frozen=True)
@@ -83,8 +85,13 @@ class HitTracks:
         return tuple(f"{count} hits were left out because {why}" for why, count in sorted(reasons.items()))
 
 
-def hit_tracks(recording: Recording) -> HitTracks:
-    """Cut the slides out of a recording that has tracks."""
+def hit_tracks(recording: Recording, left_out: Mapping[int, str] | None = None) -> HitTracks:
+    """Cut the slides out of a recording that has tracks.
+
+    Args:
+        recording: with tracks.
+        left_out: numbers of hits that are not to be used -> why.
+    """
     assert recording.tracks is not None
     groups = dict(tuple(recording.tracks.groupby("hit")))
     rows: list[tuple[pd.Series, Array, Array, float, Array]] = []
@@ -93,6 +100,9 @@ def hit_tracks(recording: Recording) -> HitTracks:
     ordered = recording.hits.sort_values("order")
     for _, hit in ordered.iterrows():
         number = int(hit["hit"])
+        if left_out and number in left_out:
+            dropped[number] = left_out[number]
+            continue
         frames = groups.get(number)
         if frames is None:
             dropped[number] = NO_FRAMES

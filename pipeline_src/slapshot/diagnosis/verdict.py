@@ -1,7 +1,21 @@
-"""What a diagnosis says of a recording, as plain dataclasses; SI units."""
+"""What a diagnosis says of a recording, as plain dataclasses; SI units.
+
+Annotations say what a file may hold (diagnosis.verdict_file).
+"""
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from slapshot.effects.effect import Follows, Phase
+from slapshot.recordings.format import Kind
+
+Text = Annotated[str, Field(min_length=1)]
+Count = Annotated[int, Field(ge=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Probability = Annotated[float, Field(ge=0, le=1)]
+Headline = Literal["nothing_found", "found", "found_not_named", "cannot_tell"]
 
 
 @dataclass(frozen=True)
@@ -18,16 +32,17 @@ class Mismatch:
     """Whether something is missing after the nuisance parameters were fitted.
 
     Attributes:
-        found: the verdict.
+        found: the verdict: by the test below, or because held-out hits are predicted worse than noise alone
+            would.
         p_value: of the largest evidence, by sign flips of whole hits.
         log_evidence: nats of the best hypothesis over the nominal scene.
         shift_m: rms shift of tracks by it where it is largest, beyond what another friction would do.
     """
 
     found: bool
-    p_value: float
+    p_value: Probability
     log_evidence: float
-    shift_m: float
+    shift_m: NotNegative
 
 
 @dataclass(frozen=True)
@@ -40,21 +55,21 @@ class Location:
         size: in words with numbers.
     """
 
-    phase: str | None
-    variable: str | None
-    size: str
+    phase: Phase | None
+    variable: Follows | None
+    size: Text
 
 
 @dataclass(frozen=True)
 class ParameterValue:
     """A fitted parameter with its 90 % interval."""
 
-    name: str
-    unit: str
+    name: Text
+    unit: Text
     value: float
     low: float
     high: float
-    meaning: str
+    meaning: Text
 
 
 @dataclass(frozen=True)
@@ -71,14 +86,14 @@ class NamedEffect:
         physics: what it is.
     """
 
-    name: str
-    phase: str
-    variable: str
-    members: dict[str, float]
+    name: Text
+    phase: Phase
+    variable: Follows
+    members: Annotated[dict[str, Probability], Field(min_length=1)]
     log_evidence: float
-    shift_m: float
+    shift_m: NotNegative
     parameters: tuple[ParameterValue, ...]
-    physics: str
+    physics: Text
 
 
 @dataclass(frozen=True)
@@ -93,10 +108,10 @@ class Unknown:
     """
 
     flagged: bool
-    phase: str | None
-    variable: str | None
+    phase: Phase | None
+    variable: Follows | None
     log_evidence: float
-    shift_m: float
+    shift_m: NotNegative
 
 
 @dataclass(frozen=True)
@@ -108,7 +123,8 @@ class Errors:
         rest_rmse_m: of the last of them; None without tracks.
         command_rest_rmse_m: of rest points predicted from commands alone; None where they are not known.
         loglik_per_hit: nats, over that of the nominal scene with refitted nuisance.
-        chi2_per_freedom: of the whitened residuals, 1 where the model holds.
+        chi2_per_freedom: of the whitened residuals, 1 where the model holds; its interval is one of 99 %,
+            since the headline rests on it.
     """
 
     track_rmse_m: Interval | None
@@ -130,20 +146,20 @@ class NextHit:
     """
 
     heading_rad: float
-    speed_m_s: float
-    rivals: tuple[str, str]
+    speed_m_s: NotNegative
+    rivals: tuple[Text, Text]
     nats: float
-    like_hit: int | None = None
+    like_hit: int | None
 
 
 @dataclass(frozen=True)
 class Limit:
     """What an effect that was not found could still be, with 95 % confidence."""
 
-    effect: str
-    parameter: str
-    unit: str
-    at_most: float
+    effect: Text
+    parameter: Text
+    unit: Text
+    at_most: NotNegative
 
 
 @dataclass(frozen=True)
@@ -151,35 +167,43 @@ class Verdict:
     """All of it.
 
     Attributes:
+        headline: what all of it comes to, see `headline`.
         rig, kind, stand_in: of the recording.
         hits, used: recorded, and used.
         cannot_tell: reason and what to record instead; None where there is a verdict.
+        hits_to_blame: numbers of hits because of which it cannot be told, worst first.
+        findings: what a check of the recording found odd, a line each.
         mismatch, location, effects, unknown: what is missing, and where.
         limits: of what was not found.
-        noise_sd_m, noise_time_s: of the camera, as estimated.
+        noise_sd_m, noise_time_s: of the camera, as estimated at rest.
+        noise_jitter_s: of when frames were taken: at speed v it adds jitter times v to the noise.
         friction_scatter: sd of log friction from hit to hit.
         fit: nominal, refitted, augmented and noise_floor -> errors on held-out hits.
         next_hits: best first.
         notes: what else one should know, a line each.
     """
 
-    rig: str
-    kind: str
+    headline: Headline
+    rig: Text
+    kind: Kind
     stand_in: bool
-    hits: int
-    used: int
-    cannot_tell: str | None
+    hits: Count
+    used: Count
+    cannot_tell: Text | None
+    hits_to_blame: tuple[int, ...] = ()
+    findings: tuple[Text, ...] = ()
     mismatch: Mismatch | None = None
     location: Location | None = None
     effects: tuple[NamedEffect, ...] = ()
     unknown: Unknown | None = None
     limits: tuple[Limit, ...] = ()
-    noise_sd_m: float | None = None
-    noise_time_s: float | None = None
-    friction_scatter: float | None = None
+    noise_sd_m: NotNegative | None = None
+    noise_time_s: NotNegative | None = None
+    noise_jitter_s: NotNegative | None = None
+    friction_scatter: NotNegative | None = None
     fit: dict[str, Errors] | None = None
     next_hits: tuple[NextHit, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Text, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

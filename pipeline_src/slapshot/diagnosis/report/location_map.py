@@ -29,7 +29,8 @@ Array = NDArray[np.float64]
 NAME = "D1-location"
 CAPTION = (
     "Pushes that the nominal scene lacks once friction is refitted. (a) Over the board where hits went (grey "
-    "lines); purple arrows cannot be chance (90 %, all arrows taken together), grey ones may be. (b) By the "
+    "lines); purple arrows are unlikely to be chance (90 %, all arrows taken together, and only where the "
+    "verdict finds a mismatch), grey ones may be. (b) By the "
     "variable that the mismatch follows, along the motion and to its left (of launches: how they differ from "
     "those of their commands); bars are 90 % intervals, hollow "
     "is what may be chance, dashed what is left with the effects found in the scene."
@@ -49,12 +50,14 @@ def draw(outcome: Outcome) -> Drawing:
     a.set_title("(a) push that the scene lacks, over the board", loc="left")
     launches = outcome.launches if in_launch(outcome) else None
     if variable == "place" and launches is None:
-        own = _along_table(outcome)
+        own = outcome.judged(_along_table(outcome))
         _draw_board(b, tracks)
         _draw_along(b, own)
         b.set_title("(b) its part along the motion, by place", loc="left")
     else:
-        own = bin_table(outcome, variable) if launches is None else launch_table(launches, variable)
+        own = outcome.judged(
+            bin_table(outcome, variable) if launches is None else launch_table(launches, variable)
+        )
         draw_bins(b, own, variable)
         b.set_title(f"(b) {'push' if launches is None else 'launch'} by {axis_name(variable)}", loc="left")
     mark_stand_in(figure, outcome.verdict)
@@ -112,7 +115,7 @@ def _draw_arrows(axes: Axes, arrows: pd.DataFrame) -> None:
         )  # fmt: skip
     length = _round_length(0.6 * LONGEST_ARROW / scale)
     axes.quiverkey(quiver, 0.86, 0.05, length, f"{length:g} m/s²", labelpos="N", color="#444444")
-    axes.plot([], [], color=PUSH, label="cannot be chance")
+    axes.plot([], [], color=PUSH, label="unlikely to be chance")
     axes.plot([], [], color=NOTHING, label="may be chance")
     axes.legend(loc="upper right")
 
@@ -136,6 +139,8 @@ def _draw_along(axes: Axes, cells: pd.DataFrame) -> None:
         axes.add_collection(drawn)
     bar = axes.figure.colorbar(ScalarMappable(Normalize(-most, most), "RdBu"), ax=axes, shrink=0.85)
     bar.set_label("push along the motion (m/s²); red brakes")
-    axes.scatter([], [], s=70, marker="s", color="#999999", edgecolors="#333333", label="cannot be chance")
+    axes.scatter(
+        [], [], s=70, marker="s", color="#999999", edgecolors="#333333", label="unlikely to be chance"
+    )
     axes.scatter([], [], s=70, marker="s", color="#DDDDDD", edgecolors="none", label="may be chance")
     axes.legend(loc="upper right")

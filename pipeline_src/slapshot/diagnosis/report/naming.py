@@ -14,9 +14,9 @@ def what(verdict: Verdict) -> list[str]:
     parts: list[str] = []
     for effect in verdict.effects:
         parts += [
-            f"### {wording.phrase(effect.name)[:1].upper()}{wording.phrase(effect.name)[1:]}",
-            f"{effect.physics} It adds {effect.log_evidence:.1f} nats of evidence; without it, all else "
-            f"being equal, tracks would lie {1e3 * effect.shift_m:.1f} mm (rms) elsewhere.",
+            f"### {wording.escaped(wording.capitalised(wording.phrase(effect.name)))}",
+            f"{wording.escaped(effect.physics)} It adds {effect.log_evidence:.1f} nats of evidence; without "
+            f"it, all else being equal, tracks would lie {1e3 * effect.shift_m:.1f} mm (rms) elsewhere.",
             *_members(effect),
             *_parameters(effect),
         ]
@@ -28,7 +28,7 @@ def what(verdict: Verdict) -> list[str]:
 def _members(effect: NamedEffect) -> list[str]:
     known = catalogue()
     follows = {name: known[name].follows for name in effect.members if name in known}
-    follows.setdefault(effect.name, effect.variable)  # type: ignore[arg-type]
+    follows.setdefault(effect.name, effect.variable)
     if len(effect.members) == 1:
         return [f"No other effect that was tried in its place comes within a factor of {np.exp(CLASS):.0f}."]
     same = len(set(follows.values())) == 1
@@ -38,7 +38,11 @@ def _members(effect: NamedEffect) -> list[str]:
         else "they follow different variables, but the hits recorded vary these together"
     )
     rows = [
-        [wording.title(name), f"{100 * p:.0f} %", wording.VARIABLES[follows[name]] if name in follows else ""]
+        [
+            wording.escaped(wording.title(name)),
+            f"{100 * p:.0f} %",
+            wording.VARIABLES[follows[name]] if name in follows else "",
+        ]
         for name, p in effect.members.items()
     ]
     return [
@@ -52,12 +56,14 @@ def _parameters(effect: NamedEffect) -> list[str]:
         return []
     rows = [
         [
-            wording.parameter_label(p.name, p.meaning),
-            wording.parameter_text(p.name, p.unit, p.value, p.low, p.high),
+            wording.escaped(wording.parameter_label(p.name, p.meaning)),
+            wording.escaped(wording.parameter_text(p.name, p.unit, p.value, p.low, p.high)),
         ]
         for p in effect.parameters
     ]
-    values = table([f"parameter of {wording.title(effect.name)}", "value (90 % interval)"], rows)
+    values = table(
+        [f"parameter of {wording.escaped(wording.title(effect.name))}", "value (90 % interval)"], rows
+    )
     chance = (
         "Intervals hold chance alone, not what the law of an effect simplifies: with many hits a value can "
         "lie outside its own (`coverage90` of the proof says how often)."

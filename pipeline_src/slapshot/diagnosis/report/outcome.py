@@ -114,7 +114,15 @@ class Outcome:
     @cached_property
     def arrows(self) -> pd.DataFrame:
         """Pushes over the board that the nominal scene lacks, see `arrow_table`."""
-        return arrow_table(self.fitter, self.nominal)
+        return self.judged(arrow_table(self.fitter, self.nominal))
+
+    def judged(self, table: pd.DataFrame) -> pd.DataFrame:
+        """A table whose rows are significant only where the recording as a whole shows a mismatch.
+
+        Single places are judged after the whole (a closed test), so that the chance of calling any of them
+        where nothing is missing is that of calling the whole.
+        """
+        return table if self.verdict.headline != "nothing_found" else table.assign(significant=False)
 
     @cached_property
     def predicted(self) -> Predicted:

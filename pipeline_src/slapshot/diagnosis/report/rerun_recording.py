@@ -23,8 +23,8 @@ RECORDING_FILE = "diagnosis.rrd"
 HIT = "hit"
 CAPTION = (
     "Orange: recorded (a dot a camera frame). Grey: nominal scene with friction refitted. Blue: scene with "
-    "what was found. Purple arrows: pushes that the nominal scene lacks and that cannot be chance; pale grey "
-    "ones may be. Launches are told from the first frames of each hit. "
+    "what was found. Purple arrows: pushes that the nominal scene lacks and that are unlikely to be chance; "
+    "pale grey ones may be. Launches are told from the first frames of each hit. "
     f"Timeline `{HIT}` shows one hit after another, timeline `{TIME}` lets all of them slide at once."
 )
 

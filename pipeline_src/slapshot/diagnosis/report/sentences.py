@@ -27,19 +27,20 @@ MM = 1e3
 
 def headline(verdict: Verdict) -> str:
     """The verdict in one sentence."""
-    if verdict.cannot_tell is not None or verdict.mismatch is None:
+    if verdict.headline == "cannot_tell":
         return "Cannot tell"
-    if not verdict.mismatch.found:
-        return "Nothing is missing that these hits could show"
+    if verdict.headline == "nothing_found":
+        return "Nothing found: the nominal scene predicts held-out hits to the noise floor"
     unknown = verdict.unknown
-    if unknown is not None and unknown.flagged and not verdict.effects:
+    flagged = unknown is not None and unknown.flagged
+    if verdict.headline == "found_not_named":
+        if unknown is None or not flagged:
+            return "Something is missing, but no effect of the catalogue explains enough of it to be named"
         return (
             "Something is missing that the catalogue does not know: it acts "
             f"{wording.PHASES[str(unknown.phase)]} and follows {wording.VARIABLES[str(unknown.variable)]}"
         )
-    if not verdict.effects:
-        return "Something is missing, but no effect of the catalogue explains enough of it to be named"
-    further = ", and something that the catalogue does not know" if unknown and unknown.flagged else ""
+    further = ", and something that the catalogue does not know" if flagged else ""
     named = [_alternatives(effect) for effect in verdict.effects]
     sure = all(len(effect.members) == 1 for effect in verdict.effects)
     return f"Something is missing: {wording.listed(named) if sure else '; '.join(named)}{further}"
@@ -66,25 +67,33 @@ def markdown(
         versions: of what it came from.
         figures: name of a figure in the same folder, without suffix -> caption.
     """
-    parts = [f"# {headline(verdict)}", _recording(verdict)]
+    parts = [f"# {wording.escaped(headline(verdict))}", _recording(verdict)]
     if verdict.cannot_tell is not None:
         parts += ["## Why not, and what to record instead", _sentence(verdict.cannot_tell)]
+        if verdict.hits_to_blame:
+            parts.append(f"Hits to blame, worst first: {', '.join(map(str, verdict.hits_to_blame))}.")
     else:
         parts += ["## Is there a mismatch?", _mismatch(verdict), "## Where?", _where(verdict)]
         parts += ["## What?", *what(verdict), "## How much better?", *_better(verdict)]
         parts += ["## What to record next", _next(verdict), "## What it could still be", _still(verdict)]
+    if verdict.findings:
+        parts += [
+            "## What a check of the recording found odd",
+            "\n".join(f"- {_sentence(finding)}" for finding in verdict.findings),
+        ]
     if verdict.notes:
         parts += ["## Notes", "\n".join(f"- {_sentence(note)}" for note in verdict.notes)]
     if figures:
         parts.append("## Figures")
         parts += [f"![{name}]({name}.png)\n\n*{caption}*" for name, caption in figures.items()]
     if versions:
-        parts += ["## Versions", table(["of", "version"], [[n, f"`{v}`"] for n, v in versions.items()])]
+        rows = [[wording.escaped(name), f"`{version}`"] for name, version in versions.items()]
+        parts += ["## Versions", table(["of", "version"], rows)]
     return "\n\n".join(parts) + "\n"
 
 
 def _recording(verdict: Verdict) -> str:
-    what = f"Recording of “{verdict.rig}” ({verdict.kind})"
+    what = f"Recording of “{wording.escaped(verdict.rig)}” ({verdict.kind})"
     if verdict.stand_in:
         what += f", a **{STAND_IN}**"
     used = f"{verdict.used} of {wording.several(verdict.hits, 'hit')} could be used"
@@ -101,22 +110,40 @@ def _mismatch(verdict: Verdict) -> str:
         "nats for the best single hypothesis, which moves rest points by "
         f"{MM * mismatch.shift_m:.1f} mm (rms)"
     )
+    held_out = _held_out(verdict)
     noise = _noise(verdict)
-    if mismatch.found:
+    if verdict.headline == "nothing_found":
         return (
-            f"**Yes.** After friction was refitted, something is left that cannot be chance: {facts}. {noise}"
+            f"**No.** {held_out} The test of what is left after friction was refitted falls short of what "
+            f"counts as missing physics ({facts}; it takes p < {P_VALUE:g}, more than {LEAST_EVIDENCE:g} "
+            f"nats and at least {MM * LEAST_SHIFT:g} mm). {noise}"
         )
+    if _tested(mismatch):
+        return f"**Yes.** After friction was refitted, something is left: {facts}. {held_out} {noise}"
     return (
-        f"**No.** After friction was refitted, what is left {_short_of(mismatch)}: {facts}. To be called "
-        f"missing physics it must have p < {P_VALUE:g}, more than {LEAST_EVIDENCE:g} nats and at least "
-        f"{MM * LEAST_SHIFT:g} mm. {noise}"
+        f"**Yes.** {held_out} The test of single hypotheses alone would not have said so ({facts}). {noise}"
     )
 
 
-def _short_of(mismatch: Mismatch) -> str:
-    if mismatch.p_value >= P_VALUE or mismatch.log_evidence <= LEAST_EVIDENCE:
-        return "can be chance"
-    return "is real but too small to matter"
+def _tested(mismatch: Mismatch) -> bool:
+    """Whether the test of single hypotheses alone finds it."""
+    return (
+        mismatch.p_value < 2 * P_VALUE
+        and mismatch.log_evidence > LEAST_EVIDENCE
+        and mismatch.shift_m >= LEAST_SHIFT
+    )
+
+
+def _held_out(verdict: Verdict) -> str:
+    """Whether the nominal scene predicts held-out hits as well as noise lets it."""
+    assert verdict.fit is not None
+    chi2 = verdict.fit["refitted"].chi2_per_freedom
+    told = f"{chi2.value:.2f} ({chi2.low:.2f} to {chi2.high:.2f}, 99 %)"
+    how = "worse than noise alone would" if chi2.low > 1 else "to the noise floor"
+    return (
+        f"Held-out hits are predicted {how} by the nominal scene with friction refitted: chi-squared a "
+        f"degree of freedom {told}, where 1 is noise alone."
+    )
 
 
 def _noise(verdict: Verdict) -> str:
@@ -125,14 +152,19 @@ def _noise(verdict: Verdict) -> str:
     memory = (
         f"with a memory of {1e3 * verdict.noise_time_s:.0f} ms" if verdict.noise_time_s else "without memory"
     )
-    text = f"As estimated from the recording, camera noise is {MM * verdict.noise_sd_m:.1f} mm, {memory}"
+    text = (
+        f"As estimated from the recording, camera noise is {MM * verdict.noise_sd_m:.1f} mm at rest, {memory}"
+    )
+    if verdict.noise_jitter_s:
+        at_one = MM * float(np.hypot(verdict.noise_sd_m, verdict.noise_jitter_s))
+        text += f" ({at_one:.1f} mm at 1 m/s, as times of frames scatter)"
     if verdict.friction_scatter is not None:
         text += f", and friction scatters by {100 * verdict.friction_scatter:.1f} % from hit to hit"
     return text + "."
 
 
 def _where(verdict: Verdict) -> str:
-    if verdict.mismatch is None or not verdict.mismatch.found:
+    if verdict.headline == "nothing_found":
         return "Nowhere that these hits could show."
     return _sentence(place(verdict))
 
@@ -140,8 +172,8 @@ def _where(verdict: Verdict) -> str:
 def place(verdict: Verdict) -> str:
     """Phase, variable and size."""
     location = verdict.location
-    if location is None:
-        return "no phase or variable stands out"
+    if location is None or (location.phase is None and not verdict.effects):
+        return f"no phase or variable stands out{'; ' + location.size if location else ''}"
     phase = "rivals disagree in which phase" if location.phase is None else wording.PHASES[location.phase]
     variable = "it cannot be told what it follows"
     if location.variable is not None:
@@ -167,11 +199,13 @@ def _better(verdict: Verdict) -> list[str]:
     known = _measured(verdict.fit["refitted"])
     head = ["scene", *(name for name, error in known.items() if error), "log-likelihood a hit (nats)"]
     before, after, floor = (mm(rest_error(verdict.fit[n])) for n in ("refitted", "augmented", "noise_floor"))
-    told = f"Rest points are predicted to {before} mm; noise alone leaves {floor} mm."
-    if "augmented" in scenes(verdict):
-        told = (
-            f"Rest points are predicted to {after} mm instead of {before} mm; noise alone leaves {floor} mm."
-        )
+    leaves = f"noise alone leaves {floor} mm"
+    best = "augmented" if "augmented" in scenes(verdict) else "refitted"
+    if rest_error(verdict.fit[best]).high < rest_error(verdict.fit["noise_floor"]).low:
+        leaves = f"the noise estimated would leave {floor} mm, which is too much"
+    told = f"Rest points are predicted to {before} mm; {leaves}."
+    if best == "augmented":
+        told = f"Rest points are predicted to {after} mm instead of {before} mm; {leaves}."
         gained = rest_error(verdict.fit["augmented"]).high < rest_error(verdict.fit["refitted"]).low
         if verdict.fit["augmented"].loglik_per_hit.low <= 0 and not gained:
             told += " **On so few held-out hits the gain cannot be told from chance.**"
@@ -220,12 +254,14 @@ def mm(error: Interval) -> str:
 def _next(verdict: Verdict) -> str:
     if not verdict.next_hits:
         classes = [e.members for e in verdict.effects if len(e.members) > 1]
-        rivals = [wording.listed([wording.title(name) for name in members]) for members in classes]
+        rivals = [
+            wording.escaped(wording.listed([wording.title(name) for name in members])) for members in classes
+        ]
         if rivals:
             return f"No hits were worked out that would part {wording.listed(rivals)}."
         return "No rivals are left that further hits would have to part."
     hits = verdict.next_hits
-    first = [wording.title(name) for name in hits[0].rivals]
+    first = [wording.escaped(wording.title(name)) for name in hits[0].rivals]
     head = ["heading (degrees, anticlockwise from x)", "speed (m/s)", "evidence a hit (nats)"]
     rows = [[heading(h.heading_rad), f"{h.speed_m_s:.1f}", f"{h.nats:.1f}"] for h in hits]
     if hits[0].like_hit is not None:
@@ -250,17 +286,19 @@ def _still(verdict: Verdict) -> str:
             "Beyond what is named, the best description without a name gains "
             f"{unknown.log_evidence:.1f} nats: {sign} of anything that the catalogue does not know. "
         )
-    if not verdict.limits:
+    if verdict.headline != "nothing_found" or not verdict.limits:
         return f"{beyond}Limits on effects are given where nothing is found."
     known = catalogue()
     meanings = {(e.name, p.name): p.meaning for e in known.values() for p in e.parameters}
     rows = [
         [
-            wording.title(limit.effect),
-            wording.parameter_label(
-                limit.parameter, meanings.get((limit.effect, limit.parameter), "")
-            ).rstrip(": "),
-            wording.limit_text(limit.parameter, limit.unit, limit.at_most),
+            wording.escaped(wording.title(limit.effect)),
+            wording.escaped(
+                wording.parameter_label(
+                    limit.parameter, meanings.get((limit.effect, limit.parameter), "")
+                ).rstrip(": ")
+            ),
+            wording.escaped(wording.limit_text(limit.parameter, limit.unit, limit.at_most)),
         ]
         for limit in verdict.limits
     ]
@@ -270,5 +308,6 @@ def _still(verdict: Verdict) -> str:
 
 
 def _sentence(text: str) -> str:
-    """With a capital and a full stop."""
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
+    """With a capital and a full stop, as Markdown."""
+    text = wording.capitalised(wording.escaped(text))
+    return f"{text}{'' if text.endswith('.') else '.'}"

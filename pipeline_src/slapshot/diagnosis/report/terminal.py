@@ -12,6 +12,7 @@ from slapshot.diagnosis.report.sentences import (
     scenes,
 )
 from slapshot.diagnosis.verdict import Verdict
+from slapshot.errors import printable
 from slapshot.figures.drawing import STAND_IN
 
 
@@ -22,8 +23,10 @@ def terminal_text(verdict: Verdict) -> str:
         headline(verdict),
         f"  recording  {verdict.rig} ({kind}), {verdict.used} of {verdict.hits} hits used",
     ]
+    notes = [f"  check      {finding}" for finding in verdict.findings]
+    notes += [f"  note       {note}" for note in verdict.notes]
     if verdict.cannot_tell is not None:
-        return "\n".join([*lines, f"  because    {verdict.cannot_tell}"])
+        return _safe([*lines, f"  because    {verdict.cannot_tell}", *notes])
     mismatch = verdict.mismatch
     assert mismatch is not None
     lines.append(
@@ -47,4 +50,9 @@ def terminal_text(verdict: Verdict) -> str:
         best = verdict.next_hits[0]
         command = "" if best.like_hit is None else f", the command of hit {best.like_hit}"
         lines.append(f"  next hit   {heading(best.heading_rad)} degrees at {best.speed_m_s:.1f} m/s{command}")
-    return "\n".join([*lines, *(f"  note       {note}" for note in verdict.notes)])
+    return _safe([*lines, *notes])
+
+
+def _safe(lines: list[str]) -> str:
+    """Lines that hold no control characters, whatever names and notes do."""
+    return "\n".join(printable(line) for line in lines)

@@ -1,10 +1,12 @@
 """Words and units for people: what an effect is called in a sentence, and its numbers in mm/m or degrees."""
 
+import html
 import math
 import re
 from collections.abc import Sequence
 
 from slapshot.effects.bases import BOARD
+from slapshot.errors import printable
 
 # As the end of "Something is missing: ...". An effect without a phrase is called by its name.
 PHRASES = {
@@ -72,6 +74,11 @@ def title(effect: str) -> str:
     return effect.replace("_", " ")
 
 
+def capitalised(text: str) -> str:
+    """With a capital first letter, the others as they are."""
+    return text[:1].upper() + text[1:]
+
+
 def listed(words: Sequence[str], last: str = "and") -> str:
     """A, B and C."""
     if len(words) < 2:
@@ -103,10 +110,18 @@ def between(value: float, low: float, high: float, unit: str = "", scale: float 
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown."""
+    """A table in Markdown, of cells that are Markdown."""
     lines = [head, ["---"] * len(head), *rows]
-    # A bar ends a cell.
-    return "\n".join("| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |" for line in lines)
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def escaped(text: str) -> str:
+    """A text from outside (a name, a note) as Markdown that shows just it, on one line.
+
+    What would be a tag, a link, a heading, the end of a cell or a control character is shown as it stands.
+    """
+    line = html.escape(printable(" ".join(text.split())), quote=False)
+    return re.sub(r"([\\`*_\[\]|#~])", r"\\\1", line)
 
 
 def parameter_label(name: str, meaning: str) -> str:
