@@ -118,6 +118,12 @@ def test_what_is_called_unknown_stands_beside_what_is_named(scored, cases):
     assert rows == ["curl (1)", "tether (4)", "nothing (1)"]
 
 
+def test_a_list_of_nulls_alone_is_drawn(scored, cases):
+    drawings = list(draw_all(cases(scored("null", [], verdict()))))
+    assert drawings[0].table["of"].tolist() == [1]
+    assert drawings[1].figure.axes[0].get_title(loc="left").startswith("0 cases, one catalogued effect")
+
+
 @pytest.mark.parametrize("which", PROOFS)
 def test_a_published_proof_is_drawn_anew_from_its_cases_alone(which, tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)

@@ -66,6 +66,8 @@ def _confusion(cases: pd.DataFrame) -> Drawing:
 
 def _number(cases: pd.DataFrame) -> str:
     """How many cases, of how many hits each."""
+    if cases.empty:
+        return "0 cases"
     low, high = cases["hits"].min(), cases["hits"].max()
     return f"{len(cases)} cases of {low}{f' to {high}' if high > low else ''} hits"
 
@@ -107,7 +109,8 @@ def _by_size(cases: pd.DataFrame) -> Drawing:
     axes.set_ylim(-0.03, 1.03)
     axes.set_xticks([0.1, 0.2, 0.5, 1, 2], ["0.1", "0.2", "0.5", "1", "2"])
     axes.minorticks_off()
-    axes.legend(loc="lower right")
+    if rows:
+        axes.legend(loc="lower right")
     axes.set_title(
         f"{_number(known)}, one catalogued effect concealed;\n95 % intervals; {STAND_IN}", loc="left"
     )
