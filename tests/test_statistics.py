@@ -57,6 +57,16 @@ def test_what_two_tables_share_cancels():
     assert alone.high > 1.2 * alone.low
 
 
+def test_tables_of_other_tasks_are_resampled_apart_and_share_their_models():
+    """The difference of two means over other tasks has the sum of both variances; models cancel."""
+    rng = np.random.default_rng(3)
+    model = rng.normal(0, 100, (6, 1))
+    first, second = (model + rng.normal(0, sd, (1, n)) for sd, n in ((1.0, 80), (2.0, 300)))
+    interval = bootstrap(lambda a, b: float(a.mean() - b.mean()), first, second, tasks=(0, 1), draws=4000)
+    error = math.sqrt(first[0].var() / 80 + second[0].var() / 300)
+    assert interval.high - interval.low == pytest.approx(2 * 1.96 * error, rel=0.1)
+
+
 def test_models_and_tasks_are_resampled_apart():
     """Every model meets every task: a draw is a table of rows and columns, not of single cells."""
     table = 10.0 * np.arange(3)[:, None] + np.arange(4)

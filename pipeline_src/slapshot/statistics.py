@@ -1,6 +1,6 @@
 """Intervals and projections that figures and claims share."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,13 @@ class Interval:
     high: float
 
 
-def bootstrap(statistic: Callable[..., float], *tables: Array, draws: int = 2000, seed: int = 0) -> Interval:
+def bootstrap(
+    statistic: Callable[..., float],
+    *tables: Array,
+    tasks: Sequence[int] | None = None,
+    draws: int = 2000,
+    seed: int = 0,
+) -> Interval:
     """Percentile interval of a statistic of tables (models, tasks, ...), over both models and tasks.
 
     Models and tasks are crossed: every model meets every task. Each draw resamples the models and, apart
@@ -28,16 +34,20 @@ def bootstrap(statistic: Callable[..., float], *tables: Array, draws: int = 2000
 
     Args:
         statistic: of the tables, each (models, tasks, ...).
-        tables: equal in the first two dimensions.
+        tables: of the same models, and of the same tasks where `tasks` does not say otherwise.
+        tasks: a number for each table, equal where tables have their tasks in common.
         draws: resamples.
         seed: of the resampling.
     """
     rng = np.random.default_rng(seed)
-    models, tasks = tables[0].shape[:2]
+    groups = [0] * len(tables) if tasks is None else list(tasks)
+    models = len(tables[0])
+    counts = {group: table.shape[1] for group, table in zip(groups, tables, strict=True)}
     values = []
     for _ in range(draws):
-        m, t = rng.integers(models, size=models), rng.integers(tasks, size=tasks)
-        values.append(statistic(*(table[m][:, t] for table in tables)))
+        m = rng.integers(models, size=models)
+        t = {group: rng.integers(count, size=count) for group, count in counts.items()}
+        values.append(statistic(*(table[m][:, t[g]] for table, g in zip(tables, groups, strict=True))))
     low, high = np.nanpercentile(values, [2.5, 97.5])
     return Interval(float(statistic(*tables)), float(low), float(high))
 

@@ -46,7 +46,7 @@ def hash_of(name: str) -> int:
 @pytest.fixture
 def judge(write):
     def run(curves: dict[str, Curve], costs: dict[str, float] | None = None, **named) -> dict[str, str]:
-        costs = costs or {"maml_1": 1.6, "maml_8": 1.2}
+        costs = costs or {"lstm": 1.15, "maml_1": 1.6, "maml_8": 1.2}
         tables = {m: table(c, i, costs.get(m, 1.1), **named) for i, (m, c) in enumerate(curves.items())}
         statements = c4.judge(write(tables))
         assert len({s.text for s in statements}) == len(statements)
@@ -57,7 +57,7 @@ def judge(write):
 
 def test_what_is_as_claimed_holds(judge):
     verdicts = judge(AS_CLAIMED)
-    assert len(verdicts) == 1 + 4 + 4 + 1 + 2
+    assert len(verdicts) == 1 + 1 + 4 + 4 + 1 + 2
     assert set(verdicts.values()) == {"holds"}
 
 
@@ -110,6 +110,15 @@ def test_a_difference_that_single_conditions_hide_is_undecided(judge):
 )
 def test_noise_must_cost_more_where_batches_are_small(judge, costs, expected):
     assert judge(AS_CLAIMED, costs)["Noise costs MAML more when its batches are small"] == expected
+
+
+@pytest.mark.parametrize(("lstm", "expected"), [(1.2, "holds"), (1.0, "does not hold"), (1.1, "undecided")])
+def test_the_lead_over_the_lstm_is_held_against_noise(judge, lstm, expected):
+    """Noise costs Kalman 1.1 times its error."""
+    curves = {"kalman": AS_CLAIMED["kalman"], "lstm": AS_CLAIMED["kalman"]}
+    assert (
+        judge(curves, {"lstm": lstm})["With few samples Kalman's lead over LSTM grows with noise"] == expected
+    )
 
 
 @pytest.mark.parametrize(

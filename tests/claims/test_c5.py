@@ -88,6 +88,29 @@ def test_lstm_half_as_fast_needs_twice_the_samples(write):
     assert found.interval.low < 2 < found.interval.high
 
 
+def simulated(curve: Curve, seed: int) -> pd.DataFrame:
+    """On test conditions: a number of them that is not that of the rigs."""
+    keys = pd.DataFrame({"condition": range(3 * RIGS), "name": "", "noise_variance": 0.0})
+    return error_rows(curve, SAMPLES, keys, seed=1000 + seed)
+
+
+@pytest.mark.parametrize(
+    ("on_rigs", "in_simulation", "verdict"),
+    [(1.2, 1.05, "holds"), (1.05, 1.2, "does not hold"), (1.1, 1.1, "undecided")],
+)
+def test_the_lead_on_rigs_is_held_against_that_in_simulation(write, on_rigs, in_simulation, verdict):
+    tables = tables_of({"kalman": FAST, "lstm": times(on_rigs, FAST)})
+    for i, factor in enumerate((1.0, in_simulation)):
+        curve = times(factor, decay(0.2, 0.04))  # everything is nearer in simulation
+        tables[("kalman", "lstm")[i]] = simulated(curve, i)
+    text = "With few samples Kalman's lead over LSTM is larger on recorded rigs than in simulation"
+    (found,) = (s for s in c5.judge(write(tables)) if s.text == text)
+    assert found.verdict == verdict
+    assert found.interval.value == pytest.approx(on_rigs / in_simulation, rel=0.01)
+    assert f"over {RIGS} rigs, a stand-in each, and " in found.note
+    assert f"over {3 * RIGS} simulated conditions" in found.note
+
+
 def test_a_method_that_never_gets_there_counts_as_needing_all_samples(write):
     found = c5.judge(write(tables_of({"kalman": FAST, "lstm": decay(0.5, 0.4)})))[0]
     assert (found.interval.value, found.interval.low) == (SAMPLES / 8, SAMPLES / 8)

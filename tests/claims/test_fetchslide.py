@@ -1,5 +1,7 @@
 """C2 and C3 on errors and hidden states whose answer is known, and the figures drawn from the same tables."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -50,19 +52,40 @@ def written(tmp_path):
 @pytest.mark.parametrize(
     ("lead_few", "lead_loud", "verdicts"),
     [
-        (1.5, 1.3, ["holds", "holds", "holds", "holds"]),
-        (0.8, 0.8, ["does not hold", "does not hold", "does not hold", "does not hold"]),
+        (1.5, 1.3, ["holds", "holds", "holds", "holds", "holds"]),
+        (0.8, 0.8, ["does not hold", "does not hold", "does not hold", "does not hold", "does not hold"]),
     ],
 )
 def test_leads_are_found_where_they_are(written, lead_few, lead_loud, verdicts):
     statements = c2.judge(written(errors(lead_few, lead_loud)))
     assert [s.verdict for s in statements] == verdicts
-    few, loud, by_samples, by_noise = (s.interval.value for s in statements)
+    few, loud, by_samples, by_noise, few_by_noise = (s.interval.value for s in statements)
     mean = (2 + lead_loud) / 3  # over the levels of noise
     assert few == pytest.approx(lead_few * mean, rel=0.01)
     assert loud == pytest.approx(lead_loud * (10 * lead_few + 90) / 100, rel=0.01)
     assert by_samples == pytest.approx(lead_few, rel=0.01)
     assert by_noise == pytest.approx(lead_loud, rel=0.01)
+    assert few_by_noise == pytest.approx(lead_loud, rel=0.01)
+
+
+def test_a_lead_that_shrinks_with_noise_is_said_to(written):
+    """1.2 times Kalman's error over few samples without noise, 0.9 times that with the most: 1.08."""
+    found = c2.judge(written(errors(1.2, 0.9)))[-1]
+    assert found.text == "With few samples Kalman's lead over LSTM grows with noise"
+    assert found.verdict == "does not hold"
+    told = (
+        r"the lead shrinks with noise: the ratio is 1\.(19|20)\d, 1\.(19|20)\d, 1\.0[78]\d at noise variance "
+    )
+    assert re.fullmatch(told + r"0, 0\.1, 0\.5", found.note)
+    grows = c2.judge(written(errors(1.2, 1.1)))[-1]
+    assert grows.verdict == "holds"
+    assert grows.note.startswith("the ratio is ")
+
+
+def test_one_level_of_noise_says_nothing_of_noise(written):
+    table = errors(1.5, 1.3)
+    statements = c2.judge(written(table[table["noise_variance"] == 0]))
+    assert not any("grows with noise" in s.text for s in statements)
 
 
 def test_one_method_alone_is_no_comparison(written):

@@ -1,59 +1,11 @@
 """Scores and measures of cases whose answer is known."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
 from slapshot.proof.measures import clustered, measures_of, median, share
-from slapshot.proof.page import write_page
-from slapshot.proof.score import score
 
-ERRORS = {
-    "track_rmse_m": {"value": 0.01, "low": 0.009, "high": 0.011},
-    "rest_rmse_m": {"value": 0.02, "low": 0.02, "high": 0.02},
-    "command_rest_rmse_m": None,
-    "loglik_per_hit": {"value": 1.5, "low": 1.0, "high": 2.0},
-    "chi2_per_freedom": {"value": 1.0, "low": 1.0, "high": 1.0},
-}
-
-
-def effect(name, members=None, **parameters):
-    told = [{"name": n, "value": v, "low": low, "high": high} for n, (v, low, high) in parameters.items()]
-    return {"name": name, "members": members or {name: 1.0}, "parameters": told}
-
-
-def verdict(*effects, unknown=False, phase="slide", variable="place"):
-    return {
-        "cannot_tell": None,
-        "hits": 200,
-        "mismatch": {"found": bool(effects) or unknown, "p_value": 0.0005},
-        "effects": list(effects),
-        "unknown": {"flagged": unknown},
-        "location": {"phase": phase, "variable": variable},
-        "fit": dict.fromkeys(("nominal", "refitted", "augmented", "noise_floor"), ERRORS),
-    }
-
-
-def concealed(kind, displacement=0.8, phase="slide", catalogued=True, like="same", **parameters):
-    return {
-        "kind": kind,
-        "displacement": displacement,
-        "phase": phase,
-        "catalogued": catalogued,
-        "parameters_are": like,
-        "parameters": parameters,
-    }
-
-
-@pytest.fixture
-def scored(tmp_path):
-    def run(condition, truths, said):
-        (tmp_path / "truth").mkdir(exist_ok=True)
-        (tmp_path / "truth" / "truth.json").write_text(json.dumps({"concealed": truths}))
-        return score("c1", condition, tmp_path, said)
-
-    return run
+from .conftest import concealed, effect, verdict
 
 
 def test_a_right_name_with_an_interval_that_holds(scored):
@@ -137,22 +89,3 @@ def test_intervals_of_one_case_go_together():
     assert found.value == 0.75
     assert found.n == 8
     assert found.low <= 0.5  # one of four cases is all wrong
-
-
-def test_the_page_tells_aims_and_confusions(scored, tmp_path):
-    rows = [scored("plain", [concealed("tilt")], verdict(effect("curl"))), scored("null", [], verdict())]
-    cases = pd.DataFrame(rows)
-    config = {
-        "list": "small",
-        "pool": {"count": 9, "heading_rad": 1.5, "speed_m_s": [1, 2], "contact_offset_m": 0.06},
-        "lab": {
-            "camera": {"noise_sd_m": 0.003, "rate_hz": 50},
-            "joints": {"noise_sd_rad": 0.001, "rate_hz": 100},
-        },
-    }
-    write_page(tmp_path / "proof.md", cases, pd.DataFrame(measures_of(cases)), config)
-    text = (tmp_path / "proof.md").read_text()
-    assert "A small proof: 2 cases" in text
-    assert "| naming_top1 | plain | at least 92 % | 0 % (0 to 79) | 1 | **no** |" in text
-    assert "| c1 | plain | tilt | 0.80 | curl | curl |" in text
-    assert "stand-in" in text

@@ -141,6 +141,10 @@ def test_the_verdict_is_the_share_of_truths_inside(covered, shift, verdict):
     assert statements[4].interval.value == pytest.approx(0.95)
     assert "40 validation conditions" in statements[4].note
     assert f"middle is {shift:.2f} times the truth" in statements[0].note
+    inside = 4 if verdict == "holds" else 0
+    mass = f"{inside} of 4 rigs and pucks, without 4 whose truth training cannot draw; "
+    assert statements[2].note.startswith(mass)
+    assert statements[0].note.startswith(f"{2 * inside} of 8 rigs and pucks; ")
 
 
 def test_the_figure_shows_ranges_and_truths(covered):
@@ -148,7 +152,12 @@ def test_the_figure_shows_ranges_and_truths(covered):
     drawing.figure.canvas.draw()
     assert drawing.name == "A3-hockey-refinement"
     titles = [axes.get_title(loc="left") for axes in drawing.figure.axes]
-    assert all("truths inside: 0 %; in simulation 95 %" in title for title in titles)
+    simulation = "in simulation: 95 % of 40 conditions"
+    assert titles[0] == f"friction along x\ntruths inside: 0 of 8 (0 %)\n{simulation}"
+    # The blue puck of each of four rigs is heavier than anything that training drew.
+    assert titles[2] == f"mass (kg)\ntruths inside: 0 of 4 (0 %); 4 left out\n{simulation}"
+    assert set(drawing.table["simulated_share"]) == {0.95}
+    assert set(drawing.table["simulated_n"]) == {40}
 
 
 def test_narrowed_ranges_keep_what_was_not_refined(tmp_path):

@@ -36,7 +36,8 @@ def measure(store: Store, cores: int) -> list[Measure]:
     need_sysid()
     rows: list[Measure] = []
     configs = {name: load_config(Path(f"config/{name}.yaml")) for name in SCALES}
-    plan = make_plan(configs["default"])
+    plans = {name: make_plan(configs[name]) for name in SCALES}
+    plan = plans["default"]
     for domain, config in configs["default"]["domains"].items():
         inputs = store.inputs(plan.recipes[f"rollouts/{domain}"])
         folders = {**inputs, **store.inputs(plan.recipes[f"swings/{domain}"])}
@@ -55,7 +56,7 @@ def measure(store: Store, cores: int) -> list[Measure]:
         measured = {row.measure: row.value for row in rows}
         for name in SCALES:
             scale = configs[name]["domains"][domain]
-            rows += hours(domain, name, scale, plan, folders, measured, cores)
+            rows += hours(domain, name, scale, plans, folders, measured, cores)
     rows += diagnosis_measures(configs["default"], store, cores)
     rows += peer_measures(configs["default"], store, cores)
     return rows

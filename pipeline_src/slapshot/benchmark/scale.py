@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pandas as pd
 import torch
 
 from slapshot.benchmark.measures import Measure, seconds
+from slapshot.benchmark.schedule import Job, core_seconds, critical_path, makespan
 from slapshot.command import Run
 from slapshot.plan import Plan
 from slapshot.policy.simulator import Simulator
@@ -20,6 +22,9 @@ from slapshot.trajectories.fit import train
 from slapshot.trajectories.swings import SPLITS
 from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
 
+WIDE = frozenset({"swings", "rollouts", "refined_rollouts"})  # stages that take all cores, as their rules say
+LEAST_CORES = 2  # hours are told for so many, too
+
 _TASKS = 256  # demonstrations that are timed
 _STEPS = 100  # training steps of the trajectory model that are timed
 _POLICY_HITS = 320  # hits that are timed: an iteration's, before one update
@@ -29,7 +34,7 @@ def hours(
     domain: str,
     name: str,
     config: Mapping[str, Any],
-    plan: Plan,
+    plans: Mapping[str, Plan],
     folders: Mapping[str, Path],
     measured: Mapping[str, float],
     cores: int,
@@ -40,44 +45,89 @@ def hours(
         domain: its name in the configuration.
         name: of the configuration.
         config: the domain's block.
-        plan: of a configuration whose recipe of the demonstrations can be run on `folders`.
+        plans: of the configuration, and as `default` of one whose demonstrations can be made from `folders`.
         folders: scene and trajectory_model, to time demonstrations and training on.
         measured: the measures so far, by name.
-        cores: that the rollouts would use.
+        cores: of this machine.
     """
     rollouts, training = config["rollouts"], config["training"]
     conditions = sum(rollouts[split] for split in SPLITS) + len(rollouts["named_conditions"])
     hits = conditions * rollouts["hits"]
-    rate = measured[f"{domain}_hits_per_second_and_core"] * cores
-    swing = 1 / measured[f"{domain}_hits_per_second_and_core_with_own_swing"]
-    parts = {
-        "demonstrations": config["demonstrations"]["count"] * _demonstration(plan, domain, folders),
+    costs = {
+        "demonstrations": config["demonstrations"]["count"]
+        * _demonstration(plans["default"], domain, folders),
         "trajectory_model": config["trajectory_model"]["steps"] * _vae_step(config, folders),
-        "swings": sum(config["swings"].values()) * swing,
-        "rollouts": hits / rate,
+        "swings": sum(config["swings"].values())
+        / measured[f"{domain}_hits_per_second_and_core_with_own_swing"],
+        "rollouts": hits / measured[f"{domain}_hits_per_second_and_core"],
     }
-    trainings = {
-        f"train_{method}": training["steps"] * measured[f"{domain}_{method}_training_step_{name}"]
-        for method in config["methods"]
-    }
+    for method in config["methods"]:
+        costs[f"train_{method}"] = training["steps"] * measured[f"{domain}_{method}_training_step_{name}"]
     if "acting" in config:
-        settings = config["acting"]["policy"]
-        wanted = settings["models"] * rollouts["train"] * rollouts["hits"]
-        parts["policy"] = wanted * _policy_hit(config, folders) / min(cores, settings["models"])
-    if "refinement" in config:
-        refined = hits / rate + trainings[f"train_{config['refinement']['method']}"]
-        parts["refined"] = len(config["refinement"]["retrained"]) * refined
-    # Methods are trained side by side, one a core; the longest one bounds them all.
-    together = max(*trainings.values(), sum(trainings.values()) / cores)
+        costs["policy"] = rollouts["train"] * rollouts["hits"] * _policy_hit(config, folders)
+    jobs = long_jobs(plans[name], domain, costs, config.get("refinement", {}).get("method"))
     return [
         Measure(f"{domain}_{name}_conditions", conditions, "1"),
         Measure(f"{domain}_{name}_hits", hits, "1"),
-        *(
-            Measure(f"{domain}_{name}_{part}_hours", value / 3600, "h")
-            for part, value in (parts | trainings).items()
-        ),
-        Measure(f"{domain}_{name}_long_stages_hours", (sum(parts.values()) + together) / 3600, "h"),
+        *stage_hours(f"{domain}_{name}", jobs, cores),
     ]
+
+
+def long_jobs(plan: Plan, domain: str, costs: Mapping[str, float], refined: str | None) -> dict[str, Job]:
+    """The jobs of a plan that belong to the figures; what is not a long stage of the domain takes no time.
+
+    Args:
+        plan: of the configuration.
+        domain: its name.
+        costs: seconds that one job of a stage takes on one core; of training, train_<method>.
+        refined: method whose models are made again from refined ranges.
+    """
+    costs = dict(costs)
+    if refined is not None:
+        costs |= {"refined_rollouts": costs["rollouts"], "refined_train": costs[f"train_{refined}"]}
+    names: dict[tuple[str, str], str] = {}  # recipes under two labels are one job
+    jobs = {}
+    for label, recipe in plan.of_figures().items():
+        if names.setdefault((recipe.stage, recipe.id), label) == label:
+            # The commands of the proof's cases are demonstrations, but few.
+            long = label.split("/")[1:2] == [domain] and label != f"demonstrations/{domain}/pool"
+            cost = costs.get(_part(label), 0.0) if long else 0.0
+            after = tuple(names[pair] for pair in recipe.upstream.values())
+            jobs[label] = Job(cost, cost > 0 and recipe.stage in WIDE, after)
+    return jobs
+
+
+def _part(label: str) -> str:
+    """Stage of a label, with the method where models are trained."""
+    stage, *rest = label.split("/")
+    return f"{stage}_{rest[1]}" if stage == "train" else stage
+
+
+def stage_hours(prefix: str, jobs: Mapping[str, Job], cores: int) -> list[Measure]:
+    """Hours of each long stage alone on these cores, its jobs side by side; and of all of them.
+
+    Args:
+        prefix: of the measures' names.
+        jobs: of `long_jobs`.
+        cores: of this machine; hours of all stages are told for two cores, too.
+    """
+    parts: dict[str, list[str]] = {}
+    for label, job in jobs.items():
+        if job.core_seconds > 0:
+            part = _part(label)
+            parts.setdefault("refined" if part.startswith("refined_") else part, []).append(label)
+    rows = []
+    for part, labels in parts.items():
+        alone = {k: job if k in labels else replace(job, core_seconds=0.0) for k, job in jobs.items()}
+        rows.append(Measure(f"{prefix}_{part}_hours", makespan(alone, cores) / 3600, "h"))
+    rows.append(Measure(f"{prefix}_long_stages_core_hours", core_seconds(jobs) / 3600, "h"))
+    for count in sorted({LEAST_CORES, cores}):
+        path, span = critical_path(jobs, count), makespan(jobs, count)
+        rows += [
+            Measure(f"{prefix}_long_stages_critical_path_hours_on_{count}_cores", path / 3600, "h"),
+            Measure(f"{prefix}_long_stages_hours_on_{count}_cores", span / 3600, "h"),
+        ]
+    return rows
 
 
 def _demonstration(plan: Plan, domain: str, folders: Mapping[str, Path]) -> float:

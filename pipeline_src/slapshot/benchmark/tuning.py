@@ -1,7 +1,8 @@
 """The same search of the learning rate for every method: short trainings, judged on validation conditions.
 
-`snakemake tuning` runs it and writes figures/tuning.csv; the best rate of each method is what
-config/default.yaml holds. Test conditions and recordings have no part in it.
+`snakemake tuning` runs it and writes figures/tuning.csv. config/default.yaml holds the best rate of each of
+hockey's methods: the largest one tried, so that a better one may lie beyond. FetchSlide was not tuned. Test
+conditions and recordings have no part in it.
 """
 
 import argparse
@@ -42,9 +43,19 @@ def main() -> None:
     with get_context("spawn").Pool(args.cores) as pool:
         table = pd.DataFrame(pool.map(_try, trials, chunksize=1))
     table.to_csv(args.out, index=False, float_format="%.6g")
-    shown = table.pivot(index=["domain", "method"], columns="learning_rate", values="validation_loss")
     print(f"validation loss after {STEPS} steps by learning rate, mean of {MODELS} models")
-    print(shown.assign(**{"in use": _in_use(config)}).to_string(float_format="%.4g"))
+    print(by_rate(table).assign(**{"in use": _in_use(config)}).to_string(float_format="%.4g"))
+
+
+def by_rate(table: pd.DataFrame) -> pd.DataFrame:
+    """Validation loss of each method (rows) by learning rate, and whether the best one is the grid's edge.
+
+    Args:
+        table: of tuning.csv.
+    """
+    shown = table.pivot(index=["domain", "method"], columns="learning_rate", values="validation_loss")
+    edge = shown.idxmin(axis="columns").isin([shown.columns.min(), shown.columns.max()])
+    return shown.assign(**{"best at the edge": edge.map({True: "yes", False: "no"})})
 
 
 def _in_use(config: dict[str, Any]) -> pd.Series:

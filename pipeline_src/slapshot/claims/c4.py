@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.claims.lead import drawn_errors, grows_with_noise, mean_ratio
 from slapshot.claims.statement import Statement, error_array
 from slapshot.statistics import bootstrap
 
@@ -25,11 +26,12 @@ Array = NDArray[np.floating]
 def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the errors of every method (role: method) on the same test conditions."""
     errors = {method: pd.read_parquet(folder / "errors.parquet") for method, folder in inputs.items()}
-    drawn = {m: error_array(table[table["name"] == ""], "condition") for m, table in errors.items()}
+    drawn = {m: drawn_errors(table) for m, table in errors.items()}
     mamls = sorted((m for m in drawn if re.fullmatch(r"maml_\d+", m)), key=batch)
     statements = []
     if {"kalman", "lstm"} <= set(drawn):
         statements.append(_alike(drawn))
+        statements += grows_with_noise(errors, slice(1, LOW_SAMPLES + 1))
     for method in (m for m in ("kalman", "lstm") if m in drawn):
         statements += [_behind(drawn, method, maml) for maml in mamls]
     if len(mamls) > 1 and "kalman" in drawn:
@@ -46,15 +48,11 @@ def batch(method: str) -> int:
     return int(method.rpartition("_")[2])
 
 
-def _mean_ratio(first: Array, second: Array, samples: slice) -> float:
-    return float(first[:, :, samples].mean() / second[:, :, samples].mean())
-
-
 def _alike(errors: Mapping[str, Array]) -> Statement:
     return Statement(
         text="Kalman and LSTM perform alike",
         measure="LSTM's error over Kalman's, mean over all samples from the first on",
-        interval=bootstrap(lambda a, b: _mean_ratio(a, b, slice(1, None)), errors["lstm"], errors["kalman"]),
+        interval=bootstrap(lambda a, b: mean_ratio(a, b, slice(1, None)), errors["lstm"], errors["kalman"]),
         above=1 - ALIKE,
         below=1 + ALIKE,
         paper="no significant change, Kalman slightly better",
@@ -66,7 +64,7 @@ def _behind(errors: Mapping[str, Array], method: str, maml: str) -> Statement:
     return Statement(
         text=f"{_name(method)} beats MAML with {_samples(maml)} an update",
         measure="MAML's error over its, mean over all samples from the first on",
-        interval=bootstrap(lambda a, b: _mean_ratio(a, b, slice(1, None)), errors[maml], errors[method]),
+        interval=bootstrap(lambda a, b: mean_ratio(a, b, slice(1, None)), errors[maml], errors[method]),
         above=1,
         paper="outperform MAML",
     )
@@ -79,7 +77,7 @@ def _by_batch(errors: Mapping[str, Array], small: str, large: str) -> list[State
         Statement(
             text=f"MAML with {_samples(small)} an update starts faster than with {_samples(large)}",
             measure=f"its error over the other's, mean over the first {FEW} samples",
-            interval=bootstrap(lambda a, b: _mean_ratio(a, b, few), first, last),
+            interval=bootstrap(lambda a, b: mean_ratio(a, b, few), first, last),
             below=1,
             paper="comparable performance improvements at first",
         ),
@@ -99,14 +97,14 @@ def _by_batch(errors: Mapping[str, Array], small: str, large: str) -> list[State
         Statement(
             text=f"MAML with {_samples(small)} an update ends at a larger error than with {_samples(large)}",
             measure=f"its error over the other's after {first.shape[2] - 1} samples",
-            interval=bootstrap(lambda a, b: _mean_ratio(a, b, slice(-1, None)), first, last),
+            interval=bootstrap(lambda a, b: mean_ratio(a, b, slice(-1, None)), first, last),
             above=1,
             paper="due to noise converges to a large error",
         ),
         Statement(
             text=f"MAML with {_samples(large)} an update ends near the recurrent methods, but behind",
             measure=f"its error over Kalman's after {first.shape[2] - 1} samples",
-            interval=bootstrap(lambda a, b: _mean_ratio(a, b, slice(-1, None)), last, kalman),
+            interval=bootstrap(lambda a, b: mean_ratio(a, b, slice(-1, None)), last, kalman),
             above=1,
             below=NEAR,
             paper="comparable, but slightly worse",
@@ -118,15 +116,13 @@ def _by_batch(errors: Mapping[str, Array], small: str, large: str) -> list[State
 def _noise_penalty(errors: Mapping[str, pd.DataFrame], small: str, large: str) -> Statement:
     parts = []
     for method in (small, large):
-        table = errors[method][errors[method]["name"] == ""]
+        table = errors[method]
         levels = sorted(table["noise_variance"].unique())
-        parts += [
-            error_array(table[table["noise_variance"] == v], "condition") for v in (levels[-1], levels[0])
-        ]
+        parts += [drawn_errors(table[table["noise_variance"] == v]) for v in (levels[-1], levels[0])]
 
     def difference(noisy_a: Array, clean_a: Array, noisy_b: Array, clean_b: Array) -> float:
         last = slice(-1, None)
-        return _mean_ratio(noisy_a, clean_a, last) - _mean_ratio(noisy_b, clean_b, last)
+        return mean_ratio(noisy_a, clean_a, last) - mean_ratio(noisy_b, clean_b, last)
 
     return Statement(
         text="Noise costs MAML more when its batches are small",

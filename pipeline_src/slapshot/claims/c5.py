@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.claims.lead import larger_on_rigs, mean_ratio
 from slapshot.claims.samples import samples_to_reach
 from slapshot.claims.statement import Statement, error_array
 from slapshot.statistics import bootstrap
@@ -21,12 +22,19 @@ Array = NDArray[np.floating]
 
 
 def judge(inputs: Mapping[str, Path]) -> list[Statement]:
-    """From the errors of every method (role: method/recording), over all rigs and objects."""
+    """From the errors of every method (role: method/recording), over all rigs and objects.
+
+    Held against those in simulation (role: method), where they are given.
+    """
     tables: dict[str, list[pd.DataFrame]] = {}
+    simulated: dict[str, pd.DataFrame] = {}
     for role, folder in inputs.items():
-        method, recording = role.split("/")
-        own = pd.read_parquet(folder / "errors.parquet").assign(recording=recording)
-        tables.setdefault(method, []).append(own)
+        method, _, recording = role.partition("/")
+        own = pd.read_parquet(folder / "errors.parquet")
+        if recording:
+            tables.setdefault(method, []).append(own.assign(recording=recording))
+        else:
+            simulated[method] = own
     errors = {method: pd.concat(parts, ignore_index=True) for method, parts in tables.items()}
     # Recordings can differ in their numbers of samples: as many as all of them have.
     most = min(table.groupby("recording")["samples"].max().min() for table in errors.values())
@@ -37,6 +45,8 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     statements: list[Statement] = []
     if {"kalman", "lstm"} <= set(rigs):
         statements += _few_samples(rigs, note)
+        if {"kalman", "lstm"} <= set(simulated):
+            statements.append(larger_on_rigs(rigs, simulated, slice(1, FEW + 1), note))
         for name in sorted(errors["kalman"]["object"].unique()):
             statements.append(_per_object(errors, name, note))
     mamls = [m for m in rigs if m.startswith("maml_")]
@@ -77,7 +87,7 @@ def _few_samples(rigs: Mapping[str, Array], note: str) -> list[Statement]:
         Statement(
             text="Kalman is ahead of LSTM with few samples",
             measure=f"LSTM's error over Kalman's, mean over the first {FEW} samples",
-            interval=bootstrap(lambda a, b: float(a[:, :, few].mean() / b[:, :, few].mean()), lstm, kalman),
+            interval=bootstrap(lambda a, b: mean_ratio(a, b, few), lstm, kalman),
             above=1,
             paper="outperforms LSTM in the low-sample regime",
             note=note,
@@ -93,7 +103,7 @@ def _per_object(errors: Mapping[str, pd.DataFrame], name: str, note: str) -> Sta
     return Statement(
         text=f"Kalman is ahead of LSTM with few samples on the {name} puck",
         measure=f"LSTM's error over Kalman's, mean over the first {FEW} samples",
-        interval=bootstrap(lambda a, b: float(a[:, :, few].mean() / b[:, :, few].mean()), lstm, kalman),
+        interval=bootstrap(lambda a, b: mean_ratio(a, b, few), lstm, kalman),
         above=1,
         paper="for both pucks",
         note=note,
@@ -106,9 +116,7 @@ def _ahead(rigs: Mapping[str, Array], method: str, maml: str, note: str) -> Stat
     return Statement(
         text=f"With few samples {name} is ahead of MAML with {batch} an update",
         measure=f"MAML's error over its, mean over the first {FEW} samples",
-        interval=bootstrap(
-            lambda a, b: float(a[:, :, few].mean() / b[:, :, few].mean()), rigs[maml], rigs[method]
-        ),
+        interval=bootstrap(lambda a, b: mean_ratio(a, b, few), rigs[maml], rigs[method]),
         above=1,
         paper="both recurrent methods outperform MAML in the low sample area",
         note=note,
@@ -122,7 +130,7 @@ def _maml_4(rigs: Mapping[str, Array], note: str) -> list[Statement]:
         Statement(
             text=f"MAML with 4 an update matches Kalman after about {WITHIN} samples",
             measure=f"its error over Kalman's after {at} samples",
-            interval=bootstrap(lambda a, b: float(a[:, :, at].mean() / b[:, :, at].mean()), maml, kalman),
+            interval=bootstrap(lambda a, b: mean_ratio(a, b, slice(at, at + 1)), maml, kalman),
             below=1 + MATCHES,
             paper="matches after about 20",
             note=f"{note}; matches: at most {100 * MATCHES:.0f} % more, a margin of our own",
@@ -137,7 +145,7 @@ def _maml_1(rigs: Mapping[str, Array], note: str) -> list[Statement]:
         Statement(
             text="MAML with 1 an update is the better one at first",
             measure=f"its error over that of MAML with 8, mean over the first {FEW - 1} samples",
-            interval=bootstrap(lambda a, b: float(a[:, :, few].mean() / b[:, :, few].mean()), one, eight),
+            interval=bootstrap(lambda a, b: mean_ratio(a, b, few), one, eight),
             below=1,
             paper="updating with one sample achieves the best performance at first",
             note=note,
@@ -145,7 +153,7 @@ def _maml_1(rigs: Mapping[str, Array], note: str) -> list[Statement]:
         Statement(
             text="MAML with 1 an update converges to the larger error",
             measure=f"its error over that of MAML with 8 after {one.shape[2] - 1} samples",
-            interval=bootstrap(lambda a, b: float(a[:, :, -1].mean() / b[:, :, -1].mean()), one, eight),
+            interval=bootstrap(lambda a, b: mean_ratio(a, b, slice(-1, None)), one, eight),
             above=1,
             paper="but converges to a fairly large error",
             note=note,

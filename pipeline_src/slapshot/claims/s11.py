@@ -32,9 +32,13 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     table = pd.read_parquet(inputs["coverage"] / "coverage.parquet")
     statements = []
     for parameter, name in _NAMES.items():
-        own = table[(table["parameter"] == parameter) & table["drawable"]]
+        every = table[table["parameter"] == parameter]
+        own = every[every["drawable"]]
         if own.empty:
             continue
+        beyond = len(every) - len(own)
+        counted = f"{int(own['inside'].sum())} of {len(own)} rigs and pucks"
+        counted += f", without {beyond} whose truth training cannot draw" * (beyond > 0)
         by_rig = own.assign(width=(own["high"] - own["low"]) / (own["prior_high"] - own["prior_low"]))
         rigs = by_rig.groupby("rig")[["inside", "width"]].mean().astype(float)
         off = (own["median"] / own["truth"]).median()
@@ -46,8 +50,9 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
                 above=LEAST,
                 paper="a range of randomization parameters that encapsulate the real conditions",
                 note=(
-                    f"ranges are {100 * rigs['width'].median():.0f} % as wide as those of training in the "
-                    f"median, their middle is {off:.2f} times the truth; {len(rigs)} stand-in rigs, whose "
+                    f"{counted}; ranges are {100 * rigs['width'].median():.0f} % as wide as those of "
+                    f"training in the median, their middle is {off:.2f} times the truth; {len(rigs)} "
+                    "stand-in rigs, whose "
                     "blade bends and whose board is uneven: what training lacks is taken for another "
                     "friction or mass"
                 ),

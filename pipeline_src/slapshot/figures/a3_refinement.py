@@ -23,7 +23,18 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """A panel a parameter: 5 to 95 % of every rig and puck, its median, the truth; what was drawn from."""
     (folder,) = inputs.values()
     table = pd.read_parquet(folder / "coverage.parquet")
-    simulated = pd.read_parquet(folder / "simulated.parquet").groupby("parameter")["inside"].mean()
+    simulated = pd.read_parquet(folder / "simulated.parquet").groupby("parameter")["inside"]
+    table = table.join(simulated.agg(simulated_share="mean", simulated_n="size"), on="parameter")
+    return draw_table(table, config["domain"])
+
+
+def draw_table(table: pd.DataFrame, domain: str) -> Drawing:
+    """The same from one table, which is the figure's own: rigs, with the share inside in simulation beside.
+
+    Args:
+        table: of coverage.parquet, with simulated_share and simulated_n (conditions) of each parameter.
+        domain: its name in the configuration.
+    """
     figure, panels = plt.subplots(1, len(_TITLES), figsize=(11, 4.4), sharey=True)
     rigs = sorted(table["rig"].unique())
     objects = list(dict.fromkeys(table["object"]))
@@ -39,15 +50,25 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
             axes.plot(
                 rows["truth"], at, "x", color="black", ms=4, mew=1, label="truth" if not number else None
             )
-        share = own.loc[own["drawable"], "inside"].mean()
-        told = "none could be drawn" if np.isnan(share) else f"{100 * share:.0f} %"
-        inside = f"truths inside: {told}; in simulation {100 * simulated[parameter]:.0f} %"
-        axes.set_title(f"{title}\n{inside}", loc="left", fontsize=8)
+        axes.set_title(f"{title}\n{_inside(own)}", loc="left", fontsize=8)
         if own["prior_high"].iloc[0] > 20 * own["prior_low"].iloc[0]:
             axes.set_xscale("log")
     panels[0].set_yticks(range(len(rigs)), [str(rig) for rig in rigs], fontsize=7)
     panels[0].set_ylabel("rig")
     lines, texts = panels[0].get_legend_handles_labels()
     figure.legend(lines, texts, loc="outside lower center", ncols=len(lines))
-    figure.suptitle(f"grey: what training drew from; {STAND_IN}", fontsize=8)
-    return Drawing(f"A3-{config['domain']}-refinement", figure, table)
+    figure.suptitle(
+        f"grey: what training drew from; truths outside of it are left out; {STAND_IN}", fontsize=8
+    )
+    return Drawing(f"A3-{domain}-refinement", figure, table)
+
+
+def _inside(own: pd.DataFrame) -> str:
+    """How many truths about one parameter lie in their range, of those that training can draw."""
+    drawable = own[own["drawable"].astype(bool)]
+    inside, count = int(drawable["inside"].sum()), len(drawable)
+    told = f"{inside} of {count} ({100 * inside / count:.0f} %)" if count else "none could be drawn"
+    outside = len(own) - count
+    beyond = f"; {outside} left out" if outside and count else ""
+    share, conditions = own["simulated_share"].iloc[0], int(own["simulated_n"].iloc[0])
+    return f"truths inside: {told}{beyond}\nin simulation: {100 * share:.0f} % of {conditions} conditions"

@@ -124,7 +124,8 @@ def _claim_inputs(plan: Plan, name: str, domain: Mapping[str, Any], claim: str) 
             return {m: f"evaluate/{name}/{m}" for m in methods}
         case "C5":
             pairs = [(m, r) for m in methods for r in domain["recordings"]]
-            return {f"{m}/{r}": f"evaluate_recording/{name}/{m}/{r}" for m, r in pairs}
+            recorded = {f"{m}/{r}": f"evaluate_recording/{name}/{m}/{r}" for m, r in pairs}
+            return recorded | {m: f"evaluate/{name}/{m}" for m in methods}
         case "C6":
             return _compared_labels(plan, name, domain, claim)
         case "C7":

@@ -2,16 +2,12 @@
 
 import json
 
-import pandas as pd
-
 from slapshot.command import Run, stage_command
 from slapshot.diagnosis.rig_file import setting_of
 from slapshot.diagnosis.signatures import Signatures
-from slapshot.figures.drawing import save
 from slapshot.progress import progress
-from slapshot.proof import figures
-from slapshot.proof.measures import measures_of
-from slapshot.proof.page import write_page
+from slapshot.proof.case_table import write_cases_table
+from slapshot.proof.draw import draw_proof
 from slapshot.proof.score import score
 from slapshot.proof.true_family import gain_share
 from slapshot.scenes.scene import Scene
@@ -31,13 +27,8 @@ def produce(run: Run) -> None:
         if row.get("named") is not None and row["conceals"]:
             row["gain_share"] = gain_share(row, folder, setting, signatures, run.config["diagnosis_seed"])
         rows.append(row)
-    cases = pd.DataFrame(rows)
-    cases.to_csv(run.out / "cases.csv", index=False, float_format="%.6g")
-    measures = pd.DataFrame(measures_of(cases))
-    measures.to_csv(run.out / "proof.csv", index=False, float_format="%.4g")
-    write_page(run.out / "proof.md", cases, measures, run.config)
-    for drawing in figures.draw_all(cases):
-        save(drawing, run.out)
+    write_cases_table(rows, run.out / "cases.csv")
+    draw_proof(run.out, run.out, run.config)
 
 
 if __name__ == "__main__":

@@ -10,11 +10,16 @@ from scipy.stats import binomtest
 from slapshot.effects.catalogue import catalogue
 from slapshot.figures.drawing import OTHER_COLOURS, STAND_IN, Drawing, use_style
 
+NO_NAME, MISMATCH, UNKNOWN = "no name", "mismatch", "unknown"
 SIZES = (0.0, 0.1, 0.2, 0.35, 0.5, 0.75, 1.1, 2.5)  # edges of displacement over scatter
 
 
 def draw_all(cases: pd.DataFrame) -> Iterator[Drawing]:
-    """Confusion, size and fit."""
+    """Confusion, size and fit.
+
+    Args:
+        cases: of cases.csv.
+    """
     use_style()
     whole = cases[~cases["condition"].str.contains("only")]  # recordings that keep less are another matter
     one = whole[(whole["conceals"] != "") & ~whole["conceals"].str.contains("+", regex=False)]
@@ -24,47 +29,59 @@ def draw_all(cases: pd.DataFrame) -> Iterator[Drawing]:
 
 
 def _confusion(cases: pd.DataFrame) -> Drawing:
-    """Concealed against first named."""
+    """Concealed against first named; beside it, how many were called a mismatch and flagged as unknown.
+
+    The flag says that something is left besides what was named, so that it stands beside the name.
+    """
     effects = list(catalogue())
     others = sorted(set(cases["conceals"]) - {*effects, ""})
     rows = [e for e in effects if e in set(cases["conceals"])] + others + ["nothing"]
-    columns = [*effects, "unknown", "nothing"]
-    table = pd.DataFrame(
-        {
-            "concealed": cases["conceals"].replace("", "nothing"),
-            "named": [_said(r) for _, r in cases.iterrows()],
-        }
+    concealed = cases["conceals"].replace("", "nothing")
+    first = cases["named"].str.split("+").str[0].replace("", NO_NAME)
+    names = pd.crosstab(concealed, first).reindex(index=rows, columns=[*effects, NO_NAME], fill_value=0)
+    flags = pd.DataFrame({MISMATCH: cases["found"], UNKNOWN: cases["unknown"]}).fillna(False).astype(int)
+    called = flags.groupby(concealed).sum().reindex(rows, fill_value=0)
+    of = concealed.value_counts().reindex(rows, fill_value=0)
+
+    figure, panels = plt.subplots(
+        1, 2, figsize=(9.6, 1.2 + 0.24 * len(rows)), sharey=True, width_ratios=[names.shape[1], 2.4]
     )
-    counts = pd.crosstab(table["concealed"], table["named"]).reindex(
-        index=rows, columns=columns, fill_value=0
-    )
-    share = counts.div(counts.sum(axis=1).clip(lower=1), axis=0).to_numpy()
-    figure, axes = plt.subplots(figsize=(9, 0.6 + 0.24 * len(rows)))
-    axes.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
-    for i, j in zip(*np.nonzero(counts.to_numpy()), strict=True):
-        colour = "white" if share[i, j] > 0.6 else "black"
-        axes.text(j, i, str(counts.iloc[i, j]), ha="center", va="center", fontsize=7, color=colour)
-    axes.set_xticks(range(len(columns)), [c.replace("_", " ") for c in columns], rotation=55, ha="right")
-    axes.set_yticks(range(len(rows)), [r.replace("_", " ") for r in rows])
-    axes.set_xlabel("named first")
-    axes.set_ylabel("concealed")
-    axes.set_title(f"{len(cases)} cases by what was concealed and what was said; {STAND_IN}", loc="left")
-    axes.grid(False)
-    long = counts.reset_index().melt("concealed", var_name="named", value_name="cases")
-    return Drawing("P1-confusion", figure, long[long["cases"] > 0])
+    for axes, counts, label in zip(panels, (names, called), ("named first", "called"), strict=True):
+        share = counts.div(of.clip(lower=1), axis=0).to_numpy()
+        axes.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+        for i, j in zip(*np.nonzero(counts.to_numpy()), strict=True):
+            colour = "white" if share[i, j] > 0.6 else "black"
+            axes.text(j, i, str(counts.iloc[i, j]), ha="center", va="center", fontsize=7, color=colour)
+        columns = [c.replace("_", " ") for c in counts.columns]
+        axes.set_xticks(range(len(columns)), columns, rotation=55, ha="right", rotation_mode="anchor")
+        axes.set_xlabel(label)
+        axes.grid(False)
+    panels[0].set_yticks(range(len(rows)), [f"{r.replace('_', ' ')} ({of[r]})" for r in rows])
+    panels[0].set_ylabel("concealed (cases)")
+    panels[1].tick_params(left=False)
+    figure.suptitle(f"{_number(cases)} by what was concealed and what was said; {STAND_IN}", fontsize=9.5)
+    table = pd.concat([_long(names, "named first"), _long(called, "called")], ignore_index=True)
+    return Drawing("P1-confusion", figure, table.assign(of=table["concealed"].map(of)))
 
 
-def _said(row: pd.Series) -> str:
-    named = row.get("named")
-    if isinstance(named, str) and named:
-        first = named.split("+")[0]
-        return "unknown" if row["unknown"] is True and row["phase"] is None else first
-    return "unknown" if row.get("unknown") is True else "nothing"
+def _number(cases: pd.DataFrame) -> str:
+    """How many cases, of how many hits each."""
+    if cases.empty:
+        return "0 cases"
+    low, high = cases["hits"].min(), cases["hits"].max()
+    return f"{len(cases)} cases of {low}{f' to {high}' if high > low else ''} hits"
+
+
+def _long(counts: pd.DataFrame, panel: str) -> pd.DataFrame:
+    """Counts that are not zero: panel, concealed, answer, cases."""
+    long = counts.rename_axis("concealed").reset_index()
+    long = long.melt("concealed", var_name="answer", value_name="cases")
+    return long[long["cases"] > 0].assign(panel=panel)[["panel", "concealed", "answer", "cases"]]
 
 
 def _by_size(cases: pd.DataFrame) -> Drawing:
     """Shares found, named and in the class, against size."""
-    known = cases[cases["top1"].notna()] if "top1" in cases else cases[:0]
+    known = cases[cases["top1"].notna()]
     figure, axes = plt.subplots(figsize=(5.6, 3.4))
     rows = []
     bins = pd.cut(known["displacement"].astype(float), SIZES)
@@ -92,9 +109,10 @@ def _by_size(cases: pd.DataFrame) -> Drawing:
     axes.set_ylim(-0.03, 1.03)
     axes.set_xticks([0.1, 0.2, 0.5, 1, 2], ["0.1", "0.2", "0.5", "1", "2"])
     axes.minorticks_off()
-    axes.legend(loc="lower right")
+    if rows:
+        axes.legend(loc="lower right")
     axes.set_title(
-        f"{len(known)} cases, one catalogued effect concealed; 95 % intervals;\n{STAND_IN}", loc="left"
+        f"{_number(known)}, one catalogued effect concealed;\n95 % intervals; {STAND_IN}", loc="left"
     )
     return Drawing("P2-by-size", figure, pd.DataFrame(rows))
 

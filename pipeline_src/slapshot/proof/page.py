@@ -39,7 +39,14 @@ the recording and the nominal scene; only the step that wrote this page opened t
 
 
 def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, config: Mapping[str, Any]) -> None:
-    """Write the page."""
+    """Write the page.
+
+    Args:
+        file: to write.
+        cases: of cases.csv.
+        measures: of proof.csv.
+        config: list (full or small), pool and lab, as the score was made with.
+    """
     small = config["list"] != "full"
     parts = [INTRODUCTION]
     if small:
@@ -53,26 +60,42 @@ def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, config: 
     ]
     parts += [
         "\n## All measures\n",
-        "Intervals are 95 %: Wilson's for shares, a bootstrap over cases for medians.\n",
+        "Intervals are 95 %: Wilson's for shares, a bootstrap over cases for medians. Hits are those of one "
+        "recording, of both pucks together; n counts cases, or intervals for coverage90.\n",
     ]
-    rows = [(r["measure"], r["condition"], _number(r), str(r["n"])) for r in shown.to_dict("records")]
-    parts += _table(rows, "measure", "condition", "value", "n")
+    hits = cases.groupby("condition")["hits"].agg(lambda column: " or ".join(map(str, column.unique())))
+    rows = [
+        (r["measure"], r["condition"], hits[r["condition"]], _number(r), str(r["n"]))
+        for r in shown.to_dict("records")
+    ]
+    parts += _table(rows, "measure", "condition", "hits", "value", "n")
     parts += ["\n## What was taken for something else\n", *_confusions(cases)]
     parts += ["\n## How hits were made\n", _how(config)]
     file.write_text("\n".join(parts) + "\n")
 
 
 def _aim_row(row: Mapping[Any, Any]) -> tuple[str, ...]:
-    text, low, high = AIMS[row["measure"], row["condition"]]
-    value = row["value"]
-    reached = (low is None or value >= low) and (high is None or value <= high)
-    return row["measure"], row["condition"], text, _number(row), str(row["n"]), "yes" if reached else "**no**"
+    measure, condition = row["measure"], row["condition"]
+    met = "yes" if reached(measure, condition, row["value"]) else "**no**"
+    return measure, condition, AIMS[measure, condition][0], _number(row), str(row["n"]), met
 
 
 def _number(row: Mapping[Any, Any]) -> str:
     if any(part in row["measure"] for part in _RATIO):
         return f"{row['value']:.2f} ({row['low']:.2f} to {row['high']:.2f})"
-    return f"{100 * row['value']:.0f} % ({100 * row['low']:.0f} to {100 * row['high']:.0f})"
+    return f"{percent(row['value'])} % ({percent(row['low'])} to {percent(row['high'])})"
+
+
+def percent(share: float) -> str:
+    """A share in percent: whole, but with one decimal where rounding would make nothing or all of it."""
+    number = 100 * share
+    return f"{number:.{int(0 < number < 1 or 99 < number < 100)}f}".removesuffix(".0")
+
+
+def reached(measure: str, condition: str, value: float) -> bool:
+    """Whether a measure's value lies within its aim."""
+    _, low, high = AIMS[measure, condition]
+    return (low is None or value >= low) and (high is None or value <= high)
 
 
 def _table(rows: Sequence[tuple[str, ...]], *head: str) -> list[str]:
@@ -93,9 +116,9 @@ def _confusions(cases: pd.DataFrame) -> list[str]:
             r["condition"],
             r["conceals"] or "nothing",
             "" if pd.isna(r["displacement"]) else f"{r['displacement']:.2f}",
-            str(r["named"]) if r.get("named") else "nothing",
-            str(r["classes"]).replace(" | ", "; ") if r.get("classes") else "",
-            "yes" if r.get("unknown") is True else "",
+            r["named"] or "nothing",
+            r["classes"].replace(" | ", "; "),
+            "yes" if r["unknown"] is True else "",
         )
         for r in shown.to_dict("records")
     ]

@@ -10,11 +10,11 @@ from typing import Any
 
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
+from slapshot.proof.case_table import FIT
 
 TRUTH = Path("truth") / "truth.json"
 DRAGS = frozenset({"linear_drag", "quadratic_drag", "stribeck_friction"})  # laws of drag, hard to part
 PLAIN, FAINT = 0.5, 0.2  # displacement over the hit-to-hit scatter
-MEASURES = ("track_rmse_m", "rest_rmse_m", "command_rest_rmse_m", "loglik_per_hit", "chi2_per_freedom")
 
 
 def score(case: str, condition: str, case_folder: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:
@@ -45,7 +45,7 @@ def score(case: str, condition: str, case_folder: Path, verdict: Mapping[str, An
         "variable": verdict["location"]["variable"],
     }
     for scene, errors in verdict["fit"].items():
-        row |= {f"{scene}_{m}": errors[m] and errors[m]["value"] for m in MEASURES}
+        row |= {f"{scene}_{m}": errors[m] and errors[m]["value"] for m in FIT}
     if not truth:
         return row
     effects = catalogue()

@@ -1,0 +1,64 @@
+"""cases.csv: a row for each scored case, written and read so that nothing but rounding is lost.
+
+Measures, page and figures of the proof are made from this file alone.
+"""
+
+from pathlib import Path
+
+import pandas as pd
+
+from slapshot.errors import InputError, reading
+
+FIT = ("track_rmse_m", "rest_rmse_m", "command_rest_rmse_m", "loglik_per_hit", "chi2_per_freedom")
+SCENES = ("nominal", "refitted", "augmented", "noise_floor")
+_TEXTS = ("case", "condition", "conceals", "cannot_tell", "named", "classes", "phase", "variable")
+COLUMNS = (
+    *("case", "condition", "conceals", "displacement", "hits", "cannot_tell", "found", "p_value"),
+    *("named", "classes", "class_size", "unknown", "phase", "variable"),
+    *(f"{scene}_{measure}" for scene in SCENES for measure in FIT),
+    *("phase_right", "top1", "top1_merged", "in_class", "both", "both_in_class", "one", "variable_right"),
+    *("intervals", "intervals_held", "gain_share"),
+)
+
+
+def write_cases_table(rows: list[dict[str, object]], file: Path) -> None:
+    """Write scored cases; what does not apply to one is left empty."""
+    pd.DataFrame(rows).reindex(columns=list(COLUMNS)).to_csv(file, index=False, float_format="%.6g")
+
+
+def read_cases_table(file: Path) -> pd.DataFrame:
+    """Scored cases: texts are "" and all else NaN where nothing applies.
+
+    Raises:
+        InputError: it is missing, or lacks a column.
+    """
+    table = _read(file, _TEXTS, "name the cases.csv of a proof")
+    lacking = [column for column in COLUMNS if column not in table]
+    if lacking:
+        raise InputError(
+            f"{file}: lacks the column{'s' * (len(lacking) > 1)} {', '.join(lacking)}, without which "
+            "measures, page and figures cannot be made; run `snakemake proof` for a whole one"
+        )
+    return table
+
+
+def read_measures(file: Path) -> pd.DataFrame:
+    """proof.csv: measure, condition, value, low, high, n.
+
+    Raises:
+        InputError: it is missing, or lacks a column.
+    """
+    table = _read(file, ("measure", "condition"), "name the proof.csv of a proof")
+    lacking = [c for c in ("measure", "condition", "value", "low", "high", "n") if c not in table]
+    if lacking:
+        raise InputError(f"{file}: lacks {', '.join(lacking)}; run `snakemake proof` for a whole one")
+    return table
+
+
+def _read(file: Path, texts: tuple[str, ...], remedy: str) -> pd.DataFrame:
+    """A table whose texts stay texts: a condition is called `null`."""
+    with reading(file, remedy):
+        head = pd.read_csv(file, nrows=0).columns
+        missing = {column: [""] for column in head if column not in texts}
+        kinds = {column: str for column in head if column in texts}
+        return pd.read_csv(file, keep_default_na=False, na_values=missing, dtype=kinds)

@@ -1,0 +1,33 @@
+"""Measures, page and figures of the proof, from its scored cases alone: for the stage and for a redraw."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from slapshot.figures.drawing import save
+from slapshot.proof.case_table import read_cases_table
+from slapshot.proof.figures import draw_all
+from slapshot.proof.measures import measures_of
+from slapshot.proof.page import write_page
+
+
+def draw_proof(folder: Path, pages: Path, config: Mapping[str, Any]) -> None:
+    """Write proof.csv, proof.md and P1 to P3 from cases.csv.
+
+    Args:
+        folder: with cases.csv; gets the figures.
+        pages: gets proof.csv and proof.md.
+        config: list (full or small), pool and lab, as the score was made with.
+
+    Raises:
+        InputError: the table is missing or lacks a column.
+    """
+    cases = read_cases_table(folder / "cases.csv")
+    measures = pd.DataFrame(measures_of(cases))
+    # Six digits: whole percents that are rounded from them are those of the cases.
+    measures.to_csv(pages / "proof.csv", index=False, float_format="%.6g")
+    write_page(pages / "proof.md", cases, measures, config)
+    for drawing in draw_all(cases):
+        save(drawing, folder)
