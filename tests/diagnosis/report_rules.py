@@ -65,8 +65,12 @@ def _untold(
         yield "nothing can be told, but limits or next hits are given"
     if re.search(r"noise floor|at most|\*\*(Yes|No)\.\*\*", text):
         yield "nothing can be told, but the page speaks of a floor, of limits or of a decision"
-    if tables or (folder / "diagnosis.rrd").exists():
-        yield "nothing can be told, but figures are drawn"
+    if set(tables) - {"D1-hits"} or (folder / "diagnosis.rrd").exists():
+        yield "nothing can be told, but figures show fits"
+    if "D1-hits" in tables:
+        states = tables["D1-hits"].groupby("state")["hit"].unique()
+        if set(states.get("to blame", ())) != set(verdict["hits_to_blame"]):
+            yield "D1-hits blames other hits than verdict.json"
     if _plain(verdict["cannot_tell"])[1:40] not in _plain(text):
         yield "why nothing can be told is not on the page"
     if not re.search(r"\b(record|hit|let|mend|vary|look)\b", verdict["cannot_tell"]):

@@ -15,7 +15,14 @@ from matplotlib.quiver import Quiver
 from rerun.chunk import RrdReader
 from slapshot.diagnosis.held_out import FittedScene, predict_held_out
 from slapshot.diagnosis.level import Level
-from slapshot.diagnosis.report import FIGURES, errors_figure, location_map, ranking, tracks_figure
+from slapshot.diagnosis.report import (
+    FIGURES,
+    errors_figure,
+    hits_figure,
+    location_map,
+    ranking,
+    tracks_figure,
+)
 from slapshot.diagnosis.report.by_variable import launch_table
 from slapshot.diagnosis.report.outcome import Launches
 from slapshot.diagnosis.report.rerun_recording import HIT, RECORDING_FILE
@@ -41,7 +48,9 @@ def test_files_are_written_for_all_kinds_of_verdict(reports):
     everything = {VERDICT_FILE, VERDICT_TEXT, RECORDING_FILE} | figures
     assert {p.name for p in reports["tilt"].folder.iterdir()} == everything
     assert {p.name for p in reports["nothing"].folder.iterdir()} == everything
-    assert {p.name for p in reports["cannot tell"].folder.iterdir()} == {VERDICT_FILE, VERDICT_TEXT}
+    hits = {f"{hits_figure.NAME}.{suffix}" for suffix in ("png", "pdf", "csv")}
+    for name in ("cannot tell", "no fit"):
+        assert {p.name for p in reports[name].folder.iterdir()} == {VERDICT_FILE, VERDICT_TEXT} | hits
     for module in FIGURES:
         assert f"]({module.NAME}.png)" in reports["tilt"].text
         assert module.CAPTION in reports["tilt"].text

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,9 +73,10 @@ def diagnose(
         return diagnose_rests(recording, setting, seed, known, threads, signatures)
     findings = odd_things(recording)
     tracks = hit_tracks(recording, dict.fromkeys(_hits_of(findings, "second_push"), PUSHED_AGAIN))
+    shown: dict[str, Any] = {"recording": recording, "left_out": tracks.dropped}
     reason = cannot_tell(recording, tracks)
     if reason is not None:
-        return Diagnosis(untold(recording, tracks, findings, reason, tracks.notes))
+        return Diagnosis(untold(recording, tracks, findings, reason, tracks.notes), **shown)
     known, failed = that_work(known, tracks.start.mean(0), setting.friction, setting.radius)
     # Named in this order whatever the order in which the table lists them.
     split_rng, flip_rng, resample_rng = np.random.default_rng(seed).spawn(3)
@@ -123,7 +125,7 @@ def diagnose(
     notes = (*tracks.notes, *failed, *(note for part in levels for note in part.notes))
     if doubt is not None:
         verdict = untold(recording, tracks, findings, doubt.reason, notes, doubt.hits)
-        return Diagnosis(verdict, signatures=rig.signatures if rig is not None else None)
+        return Diagnosis(verdict, signatures=rig.signatures if rig is not None else None, **shown)
     nominal = FittedScene(*(part.nominal.fit for part in levels))
     test.drop_jumps(_start_of(test, level.nominal.fit))
 
@@ -158,7 +160,7 @@ def diagnose(
         doubt = undecided(levels, tracks.hit[kept], doubtful)
         if doubt is not None:
             verdict = untold(recording, tracks, findings, doubt.reason, notes, doubt.hits)
-            return Diagnosis(verdict, signatures=rig.signatures if rig is not None else None)
+            return Diagnosis(verdict, signatures=rig.signatures if rig is not None else None, **shown)
     mismatch = settled(mismatch, headline)
     verdict = replace(
         untold(recording, tracks, findings, None, notes),

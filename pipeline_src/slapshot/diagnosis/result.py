@@ -1,6 +1,7 @@
 """What a diagnosis is given beside a recording, and what it returns."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from slapshot.diagnosis.search import Candidate, Screen, Search
 from slapshot.diagnosis.signatures import Signatures
 from slapshot.diagnosis.slide_fit import SlideFitter
 from slapshot.diagnosis.verdict import Verdict
+from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene
 
 Array = NDArray[np.float64]
@@ -46,6 +48,8 @@ class Diagnosis:
         launches: the same for launches; None where commands are not known.
         rests: the same for rest points, of a recording that has nothing else; None otherwise.
         signatures: of the commands, given or made; None likewise.
+        recording: where nothing could be told, to show its hits.
+        left_out: numbers of its hits that were not used -> why.
     """
 
     verdict: Verdict
@@ -57,6 +61,8 @@ class Diagnosis:
     launches: Level | None = None
     rests: Level | None = None
     signatures: Signatures | None = None
+    recording: Recording | None = None
+    left_out: Mapping[int, str] = field(default_factory=dict)
 
     def values(self) -> dict[str, dict[str, float]]:
         """Effect -> parameter -> value of all effects that were found."""

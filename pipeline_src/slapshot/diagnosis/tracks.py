@@ -22,13 +22,13 @@ RESTED_S = 6.0  # s after the release
 AFTER_REST = 12  # frames at rest that are kept: more of them only repeat the rest point
 
 # Why hits are not used.
-NO_FRAMES = "they have no frames"
-NO_REST_POINT = "they have no rest point"
-TOO_FEW_FRAMES = "they have too few frames"
+NO_FRAMES = "there are no frames"
+NO_REST_POINT = "there is no rest point"
+TOO_FEW_FRAMES = "there are too few frames"
 TOO_SHORT_A_WAY = f"the object moved by less than {100 * RELEASE_DISTANCE:.0f} cm"
 TOO_SHORT_A_SLIDE = f"the object was seen to slide for less than {FEWEST_FRAMES} frames"
 NEVER_RESTED = "the object was still moving when the camera stopped"
-PUSHED_AGAIN = "the speed rose again after its first peak: pushed or hit a second time, they are no slides"
+PUSHED_AGAIN = "the speed rose again after its first peak, as if the object was pushed or hit a second time"
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,10 @@ class HitTracks:
     def notes(self) -> tuple[str, ...]:
         """Hits that are not used, a line for each reason."""
         reasons = Counter(self.dropped.values())
-        return tuple(f"{count} hits were left out because {why}" for why, count in sorted(reasons.items()))
+        return tuple(
+            f"{'1 hit was' if count == 1 else f'{count} hits were'} left out because {why}"
+            for why, count in sorted(reasons.items())
+        )
 
 
 def hit_tracks(recording: Recording, left_out: Mapping[int, str] | None = None) -> HitTracks:

@@ -9,7 +9,14 @@ from functools import partial
 from pathlib import Path
 from types import ModuleType
 
-from slapshot.diagnosis.report import errors_figure, location_map, ranking, rests_figure, tracks_figure
+from slapshot.diagnosis.report import (
+    errors_figure,
+    hits_figure,
+    location_map,
+    ranking,
+    rests_figure,
+    tracks_figure,
+)
 from slapshot.diagnosis.report.outcome import Outcome, RestOutcome
 from slapshot.diagnosis.report.rerun_recording import RECORDING_FILE, write_recording
 from slapshot.diagnosis.report.sentences import VERDICT_TEXT, markdown
@@ -28,7 +35,7 @@ REST_FIGURES: tuple[ModuleType, ...] = (rests_figure, ranking, errors_figure)
 
 
 def write_report(diagnosis: Diagnosis, versions: Mapping[str, str], folder: Path) -> tuple[str, ...]:
-    """Write all there is to see: of rest points no Rerun recording, and where nothing can be told no figures.
+    """Write all there is to see: of rest points no Rerun recording, where nothing can be told the hits alone.
 
     The verdict is written first. A figure that fails is named in its notes, and costs nothing else.
 
@@ -74,9 +81,11 @@ def _drawings(diagnosis: Diagnosis) -> Iterator[tuple[str, str | None, Callable[
     shown: Outcome | RestOutcome | None = outcome
     if outcome is None and diagnosis.rests is not None:
         shown = RestOutcome(diagnosis.verdict, diagnosis.rests)
+    use_style()
+    if shown is None and hits_figure.can_be_drawn(diagnosis):
+        yield hits_figure.NAME, hits_figure.CAPTION, lambda folder: save(hits_figure.draw(diagnosis), folder)
     if shown is None:
         return
-    use_style()
     for module in FIGURES if outcome is not None else REST_FIGURES:
         yield module.NAME, module.CAPTION, partial(_draw, module, shown)
     if outcome is not None:
