@@ -89,3 +89,13 @@ def test_intervals_of_one_case_go_together():
     assert found.value == 0.75
     assert found.n == 8
     assert found.low <= 0.5  # one of four cases is all wrong
+
+
+def test_what_cannot_be_told_is_a_miss(scored):
+    untold = verdict() | {"cannot_tell": "too few hits", "mismatch": None, "location": None, "unknown": None}
+    row = scored("plain", [concealed("tilt")], untold)
+    assert (row["found"], row["top1"], row["in_class"], row["phase_right"]) == (False, False, False, False)
+    assert row["both"] is None
+    null = scored("null", [], untold)
+    assert null["found"] is False
+    assert "top1" not in null

@@ -31,7 +31,7 @@ def score(case: str, condition: str, case_folder: Path, verdict: Mapping[str, An
         "cannot_tell": verdict["cannot_tell"],
     }
     if verdict["cannot_tell"] is not None:
-        return row | {"found": False}
+        return row | {"found": False} | _missed(truth, kinds)
     named = [effect["name"] for effect in verdict["effects"]]
     classes = [set(effect["members"]) for effect in verdict["effects"]]
     row |= {
@@ -65,6 +65,16 @@ def _condition(drawn: str, sizes: list[float | None]) -> str:
         return drawn
     smaller = "weak" if reached >= FAINT else "faint"
     return smaller if drawn == "plain" else f"{drawn}, {smaller}"
+
+
+def _missed(truth: list[dict[str, Any]], kinds: list[str]) -> dict[str, Any]:
+    """What cannot be told is missed."""
+    if not truth:
+        return {}
+    missed: dict[str, Any] = {"phase_right": False}
+    if all(one["catalogued"] for one in truth):
+        missed |= _naming(kinds, [], []) | {"variable_right": False}
+    return missed
 
 
 def _naming(kinds: list[str], named: list[str], classes: list[set[str]]) -> dict[str, Any]:
