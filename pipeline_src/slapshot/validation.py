@@ -42,6 +42,7 @@ _OF_PYDANTIC = {
     "tuple": "array",
     "dict": "object",
     "model": "object",
+    "dataclass": "object",
     "model_attributes": "object",
     "mapping": "object",
 }
@@ -78,7 +79,8 @@ def validated(model: type[M], values: Any, where: Callable[[Loc], str] | Path | 
     told = where if callable(where) else (lambda loc: str(where))
     check_plain(values, told)
     try:
-        return model.model_validate(values)
+        # As JSON, so that a model may have tuples and dataclasses; nothing else is converted.
+        return model.model_validate_json(json.dumps(values))
     except ValidationError as error:
         loc, problem = _first_problem(error, model, values)
         raise InputError(f"{told(loc)}: {key_of(loc)}: {problem}") from None
@@ -174,7 +176,7 @@ def _described(
     own = list(_schemas_at(schema, loc, schema))
     meaning = next((s["description"] for s in own if "description" in s), None)
     hint = f" ({meaning})" if meaning else ""
-    if kind == "extra_forbidden":
+    if kind in {"extra_forbidden", "unexpected_keyword_argument"}:
         key = str(loc[-1])
         known = sorted({k for s in _schemas_at(schema, loc[:-1], schema) for k in s.get("properties", {})})
         close = difflib.get_close_matches(key, known, n=1)

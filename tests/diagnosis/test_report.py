@@ -1,15 +1,14 @@
 """The verdict as a file and in sentences: what is refused, and that its numbers are told."""
 
 import json
-from dataclasses import fields, is_dataclass, replace
-from typing import get_args, get_origin, get_type_hints
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from slapshot.diagnosis.report import read_verdict, terminal_text, wording, write_verdict
 from slapshot.diagnosis.report.sentences import SCENES, headline, markdown
-from slapshot.diagnosis.verdict import Location, NextHit, ParameterValue, Unknown, Verdict
-from slapshot.diagnosis.verdict_file import VERDICT_FILE, VERDICT_SCHEMA
+from slapshot.diagnosis.verdict import Location, Mismatch, NextHit, ParameterValue, Unknown, Verdict
+from slapshot.diagnosis.verdict_file import VERDICT_FILE, VerdictFile
 from slapshot.effects.catalogue import catalogue
 from slapshot.errors import InputError
 from slapshot.figures.drawing import STAND_IN
@@ -26,48 +25,85 @@ def test_verdicts_are_read_as_they_were_written(reports, name):
     assert versions == VERSIONS
 
 
-def test_the_schema_knows_just_the_fields_of_the_verdict():
-    def check(kind, schema):
-        schema = schema.get("anyOf", [schema])[0]
-        inner = [k for k in get_args(kind) if k is not type(None)]
-        if get_origin(kind) is dict:
-            named = schema.get("properties", {}).values()
-            for value in [*named, *([] if named else [schema["additionalProperties"]])]:
-                check(inner[1], value)
-        elif get_origin(kind) is tuple:
-            check(inner[0], schema.get("items") or schema["prefixItems"][0])
-        elif inner:
-            check(inner[0], schema)
-        elif is_dataclass(kind):
-            assert schema["additionalProperties"] is False
-            hints = get_type_hints(kind)
-            names = {f.name for f in fields(kind)} | ({"versions"} if kind is Verdict else set())
-            assert set(schema["properties"]) == set(schema["required"]) == names
-            for f in fields(kind):
-                check(hints[f.name], schema["properties"][f.name])
+def test_every_key_of_the_verdict_must_be_there_and_no_other():
+    schema = VerdictFile.model_json_schema()
+    assert set(schema["properties"]) == {f.name for f in fields(Verdict)} | {"versions"}
+    for part in [schema, *schema["$defs"].values()]:
+        assert part["additionalProperties"] is False
+        assert set(part["required"]) == set(part["properties"])
 
-    check(Verdict, VERDICT_SCHEMA)
+
+def changed(values, **changes):
+    """Of the one named effect."""
+    return values | {"effects": [values["effects"][0] | changes]}
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "said"),
     [
-        lambda v: v | {"opinion": "it is the wind"},
-        lambda v: {k: x for k, x in v.items() if k != "notes"},
-        lambda v: v | {"mismatch": v["mismatch"] | {"p_value": 1.5}},
-        lambda v: v | {"location": v["location"] | {"phase": "flight"}},
-        lambda v: v | {"effects": [v["effects"][0] | {"members": {}}]},
-        lambda v: v | {"cannot_tell": "too few hits"},
-        lambda v: v | {"mismatch": None},
-        lambda v: v | {"versions": {"code": 3}},
-        lambda v: v | {"noise_sd_m": float("nan")},
+        (
+            lambda v: v | {"opinion": "wind"},
+            "opinion: unknown key 'opinion'; remove it",
+        ),
+        (lambda v: {k: x for k, x in v.items() if k != "notes"}, "top level: key 'notes' is missing; add it"),
+        (
+            lambda v: v | {"mismatch": v["mismatch"] | {"p_value": 1.5}},
+            "mismatch.p_value: 1.5 is out of range; it must be <= 1",
+        ),
+        (
+            lambda v: v | {"location": v["location"] | {"phase": "flight"}},
+            "location.phase: 'flight' is not allowed; use one of: swing, contact, slide, across hits, camera",
+        ),
+        (lambda v: changed(v, members={}), "effects.0.members: is empty; add at least 1"),
+        (
+            lambda v: changed(v, members={"tilt": 2.0}),
+            "effects.0.members.tilt: 2.0 is out of range; it must be <= 1",
+        ),
+        (
+            lambda v: changed(v, shift_m=-1.0),
+            "effects.0.shift_m: -1.0 is out of range; it must be >= 0",
+        ),
+        (lambda v: changed(v, colour="red"), "effects.0.colour: unknown key 'colour'"),
+        (lambda v: changed(v, phase=None), "effects.0.phase: None is not allowed"),
+        (
+            lambda v: v | {"cannot_tell": "too few hits"},
+            "top level: where cannot_tell is a text, mismatch must be null",
+        ),
+        (
+            lambda v: v | {"mismatch": None},
+            "top level: where cannot_tell is null, mismatch must hold what was found",
+        ),
+        (lambda v: v | {"versions": {"code": 3}}, "versions.code: 3 is not a text; write a text"),
+        (lambda v: v | {"hits": 3.0}, "hits: 3.0 is not a whole number"),
+        (lambda v: v | {"hits": True}, "hits: True is not a whole number"),
+        (lambda v: v | {"stand_in": 1}, "stand_in: 1 is not a true or false"),
+        (lambda v: v | {"fit": 3}, "fit: 3 is not a mapping"),
+        (lambda v: v | {"rig": "a\x1b[31mb"}, "rig: 'a\\x1b[31mb' has an unprintable character"),
+        (lambda v: [v], "top level: [{"),
     ],
 )
-def test_what_breaks_the_schema_is_refused(tilt, tmp_path, change):
-    broken = change(json.loads((tilt.folder / VERDICT_FILE).read_text()))
-    (tmp_path / VERDICT_FILE).write_text(json.dumps(broken))
-    with pytest.raises(InputError, match=VERDICT_FILE):
+def test_what_is_no_verdict_is_refused_in_one_line(tilt, tmp_path, change, said):
+    file = tmp_path / VERDICT_FILE
+    file.write_text(json.dumps(change(json.loads((tilt.folder / VERDICT_FILE).read_text()))))
+    with pytest.raises(InputError) as error:
         read_verdict(tmp_path)
+    assert str(error.value).startswith(f"{file}: {said}")
+    assert str(error.value).endswith("; or diagnose the recording again")
+    assert "\n" not in str(error.value)
+
+
+def test_text_that_is_no_json_is_refused(tilt, tmp_path):
+    text = (tilt.folder / VERDICT_FILE).read_text()
+    for broken in (text[:-5], text.replace('"hits": ', '"hits": NaN, "hits": ', 1), ""):
+        (tmp_path / VERDICT_FILE).write_text(broken)
+        with pytest.raises(InputError, match=f"{VERDICT_FILE}: is not valid JSON"):
+            read_verdict(tmp_path)
+
+
+def test_what_could_not_be_read_again_is_not_written(tilt, tmp_path):
+    with pytest.raises(ValueError, match=r"verdict: mismatch\.p_value: 1\.5 is out of range"):
+        write_verdict(replace(tilt.verdict, mismatch=Mismatch(True, 1.5, 3.0, 0.1)), VERSIONS, tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])
@@ -160,7 +196,7 @@ def test_a_class_names_its_members_their_probabilities_and_the_reason(tilt):
         variable="speed",
         members={"linear_drag": 0.61, "quadratic_drag": 0.36, "tilt": 0.03},
     )
-    hits = (NextHit(np.pi / 2, 3.0, ("linear_drag", "quadratic_drag"), 5.6),)
+    hits = (NextHit(np.pi / 2, 3.0, ("linear_drag", "quadratic_drag"), 5.6, None),)
     verdict = replace(tilt.verdict, effects=(drag,), next_hits=hits)
     assert headline(verdict) == (
         "Something is missing: most likely a drag in proportion to speed slows the object (61 %), else "

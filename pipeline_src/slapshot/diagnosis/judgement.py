@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from slapshot.diagnosis.verdict import (
 from slapshot.effects.effect import Effect
 
 Array = NDArray[np.float64]
+Word = TypeVar("Word", bound=str)
 
 Z90, Z95 = 1.645, 1.96
 LEFT = 0.02  # of the evidence for what was named: less is no further effect
@@ -140,7 +141,7 @@ def location_of(named: Sequence[NamedEffect], unknown: Unknown, effects: Mapping
     return Location(phase, variable, _size(named[0].shift_m))
 
 
-def _agreed(members: Mapping[str, float], said: Mapping[str, str]) -> str | None:
+def _agreed(members: Mapping[str, float], said: Mapping[str, Word]) -> Word | None:
     """What members say that hold most of the probability; None if no such thing is said."""
     share = {word: sum(p for n, p in members.items() if said[n] == word) for word in set(said.values())}
     best = max(sorted(share), key=lambda word: share[word])

@@ -1,7 +1,20 @@
-"""What a diagnosis says of a recording, as plain dataclasses; SI units."""
+"""What a diagnosis says of a recording, as plain dataclasses; SI units.
+
+Annotations say what a file may hold (diagnosis.verdict_file).
+"""
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from slapshot.effects.effect import Follows, Phase
+from slapshot.recordings.format import Kind
+
+Text = Annotated[str, Field(min_length=1)]
+Count = Annotated[int, Field(ge=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Probability = Annotated[float, Field(ge=0, le=1)]
 
 
 @dataclass(frozen=True)
@@ -25,9 +38,9 @@ class Mismatch:
     """
 
     found: bool
-    p_value: float
+    p_value: Probability
     log_evidence: float
-    shift_m: float
+    shift_m: NotNegative
 
 
 @dataclass(frozen=True)
@@ -40,21 +53,21 @@ class Location:
         size: in words with numbers.
     """
 
-    phase: str | None
-    variable: str | None
-    size: str
+    phase: Phase | None
+    variable: Follows | None
+    size: Text
 
 
 @dataclass(frozen=True)
 class ParameterValue:
     """A fitted parameter with its 90 % interval."""
 
-    name: str
-    unit: str
+    name: Text
+    unit: Text
     value: float
     low: float
     high: float
-    meaning: str
+    meaning: Text
 
 
 @dataclass(frozen=True)
@@ -71,14 +84,14 @@ class NamedEffect:
         physics: what it is.
     """
 
-    name: str
-    phase: str
-    variable: str
-    members: dict[str, float]
+    name: Text
+    phase: Phase
+    variable: Follows
+    members: Annotated[dict[str, Probability], Field(min_length=1)]
     log_evidence: float
-    shift_m: float
+    shift_m: NotNegative
     parameters: tuple[ParameterValue, ...]
-    physics: str
+    physics: Text
 
 
 @dataclass(frozen=True)
@@ -93,10 +106,10 @@ class Unknown:
     """
 
     flagged: bool
-    phase: str | None
-    variable: str | None
+    phase: Phase | None
+    variable: Follows | None
     log_evidence: float
-    shift_m: float
+    shift_m: NotNegative
 
 
 @dataclass(frozen=True)
@@ -130,20 +143,20 @@ class NextHit:
     """
 
     heading_rad: float
-    speed_m_s: float
-    rivals: tuple[str, str]
+    speed_m_s: NotNegative
+    rivals: tuple[Text, Text]
     nats: float
-    like_hit: int | None = None
+    like_hit: int | None
 
 
 @dataclass(frozen=True)
 class Limit:
     """What an effect that was not found could still be, with 95 % confidence."""
 
-    effect: str
-    parameter: str
-    unit: str
-    at_most: float
+    effect: Text
+    parameter: Text
+    unit: Text
+    at_most: NotNegative
 
 
 @dataclass(frozen=True)
@@ -163,23 +176,23 @@ class Verdict:
         notes: what else one should know, a line each.
     """
 
-    rig: str
-    kind: str
+    rig: Text
+    kind: Kind
     stand_in: bool
-    hits: int
-    used: int
-    cannot_tell: str | None
+    hits: Count
+    used: Count
+    cannot_tell: Text | None
     mismatch: Mismatch | None = None
     location: Location | None = None
     effects: tuple[NamedEffect, ...] = ()
     unknown: Unknown | None = None
     limits: tuple[Limit, ...] = ()
-    noise_sd_m: float | None = None
-    noise_time_s: float | None = None
-    friction_scatter: float | None = None
+    noise_sd_m: NotNegative | None = None
+    noise_time_s: NotNegative | None = None
+    friction_scatter: NotNegative | None = None
     fit: dict[str, Errors] | None = None
     next_hits: tuple[NextHit, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Text, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

@@ -42,7 +42,7 @@ def shown_variable(outcome: Outcome) -> Follows:
         best = outcome.screen.best(list(outcome.screen.log_evidence))[0]
         variable = outcome.effect(best).follows
     instead = _INSTEAD_IN_LAUNCH if in_launch(outcome) else _INSTEAD
-    return instead.get(variable, variable)  # type: ignore[arg-type]
+    return instead.get(variable, variable)
 
 
 def in_launch(outcome: Outcome) -> bool:

@@ -28,7 +28,7 @@ def what(verdict: Verdict) -> list[str]:
 def _members(effect: NamedEffect) -> list[str]:
     known = catalogue()
     follows = {name: known[name].follows for name in effect.members if name in known}
-    follows.setdefault(effect.name, effect.variable)  # type: ignore[arg-type]
+    follows.setdefault(effect.name, effect.variable)
     if len(effect.members) == 1:
         return [f"No other effect that was tried in its place comes within a factor of {np.exp(CLASS):.0f}."]
     same = len(set(follows.values())) == 1
