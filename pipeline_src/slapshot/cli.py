@@ -12,6 +12,7 @@ from rich.table import Table
 
 from slapshot.config import load_config
 from slapshot.errors import InputError, writing
+from slapshot.own_code import own_code_may_run
 from slapshot.plan import Plan, make_plan
 from slapshot.recordings.commands import run_check, run_import
 from slapshot.store.folder import Store
@@ -105,7 +106,8 @@ def _browse(args: argparse.Namespace) -> int:
 def _diagnose(args: argparse.Namespace) -> int:
     from slapshot.diagnosis.command import run_diagnose  # MuJoCo, figures: the other commands start faster
 
-    return run_diagnose(args)
+    with own_code_may_run():  # effects that a rig file names
+        return run_diagnose(args)
 
 
 def _table(*columns: str) -> Table:

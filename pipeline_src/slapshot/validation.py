@@ -182,6 +182,9 @@ def _described(
         close = difflib.get_close_matches(key, known, n=1)
         meant = f"write {close[0]!r}" if close else "remove it"
         return loc, f"unknown key {short(key)}; {meant}, or use one of: {', '.join(known)}"
+    if kind == "missing" and isinstance(detail["loc"][-1], int):  # of a tuple
+        wanted_length = next(s["minItems"] for s in own if "minItems" in s)
+        return loc, f"{shown} has {len(value)} values; write {wanted_length}{hint}"
     if kind == "missing":
         return loc[:-1], f"key {str(loc[-1])!r} is missing; add it{hint}"
     if kind.endswith("_type") or kind == "none_required":

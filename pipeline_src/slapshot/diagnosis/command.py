@@ -32,7 +32,8 @@ def run_diagnose(args: argparse.Namespace) -> int:
     if args.out.exists():
         raise InputError(f"{args.out}: exists already; name a folder that does not, or remove it")
     rig = _rig(args)
-    import_effects(*rig.effects)
+    for module, where in rig.effects.items():
+        import_effects(module, where=where)
     recording = read_recording(args.recording)
     signatures = None
     if args.signatures is not None and args.signatures.is_file():

@@ -4,7 +4,18 @@ MJCF and meshes are those of the gymnasium-robotics package; the robot is comman
 of its gripper, so this folder has its own parts: safety, execution and collector.
 """
 
-from slapshot.scenes.fetchslide.demonstrations import demonstrate, draw_task
-from slapshot.scenes.fetchslide.model import build_scene
+from typing import Any
 
-__all__ = ["build_scene", "demonstrate", "draw_task"]
+from slapshot.scenes.fetchslide.settings import FetchSlideScene as SceneSettings
+
+__all__ = ["SceneSettings", "build_scene", "demonstrate", "draw_task"]
+
+
+def __getattr__(name: str) -> Any:
+    """The functions, imported when they are asked for: who only checks settings must not need MuJoCo."""
+    if name not in __all__:
+        raise AttributeError(name)
+    from slapshot.scenes.fetchslide.demonstrations import demonstrate, draw_task
+    from slapshot.scenes.fetchslide.model import build_scene
+
+    return {"build_scene": build_scene, "demonstrate": demonstrate, "draw_task": draw_task}[name]
