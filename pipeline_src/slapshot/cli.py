@@ -99,7 +99,7 @@ def _browse(args: argparse.Namespace) -> int:
     try:  # here, because everything else works without Rerun
         from slapshot.viewer.browse import browse
     except ModuleNotFoundError as error:
-        raise InputError(f"browse needs {error.name}: `pip install -c constraints.txt -e .`") from None
+        raise InputError(f"browse needs {error.name}, which is not installed: run `make setup`") from None
     return browse(args.config, args.store, args.hit, args.port)
 
 

@@ -238,4 +238,4 @@ def test_the_viewer_is_not_needed_for_anything_else():
     done = run("browse")
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
-    assert "pip install" in done.stderr
+    assert "run `make setup`" in done.stderr
