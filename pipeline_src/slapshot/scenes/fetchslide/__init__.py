@@ -2,20 +2,42 @@
 
 MJCF and meshes are those of the gymnasium-robotics package; the robot is commanded as there, by the velocity
 of its gripper, so this folder has its own parts: safety, execution and collector.
+
+What needs MuJoCo is imported when it is called: a check of `SceneSettings` alone must not need it.
 """
 
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from slapshot.scenes.fetchslide.settings import FetchSlideScene as SceneSettings
+
+if TYPE_CHECKING:
+    from slapshot.scenes.scene import Scene
 
 __all__ = ["SceneSettings", "build_scene", "demonstrate", "draw_task"]
 
 
-def __getattr__(name: str) -> Any:
-    """The functions, imported when they are asked for: who only checks settings must not need MuJoCo."""
-    if name not in __all__:
-        raise AttributeError(name)
-    from slapshot.scenes.fetchslide.demonstrations import demonstrate, draw_task
-    from slapshot.scenes.fetchslide.model import build_scene
+def build_scene(settings: Mapping[str, Any]) -> "Scene":
+    """See model.build_scene."""
+    from slapshot.scenes.fetchslide import model
 
-    return {"build_scene": build_scene, "demonstrate": demonstrate, "draw_task": draw_task}[name]
+    return model.build_scene(settings)
+
+
+def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
+    """See demonstrations.draw_task."""
+    from slapshot.scenes.fetchslide import demonstrations
+
+    return demonstrations.draw_task(settings, rng)
+
+
+def demonstrate(
+    scene: "Scene", settings: Mapping[str, Any], tasks: list[dict[str, float]]
+) -> list[NDArray[np.float64] | None]:
+    """See demonstrations.demonstrate."""
+    from slapshot.scenes.fetchslide import demonstrations
+
+    return demonstrations.demonstrate(scene, settings, tasks)
