@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 CONFIG ?= config/default.yaml
+INSTALL := $(VENV)/bin/python -m pip install --quiet --no-build-isolation
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
 .PHONY: figures test lint setup
@@ -25,9 +26,13 @@ lint: setup
 setup: $(VENV)/.complete
 
 # The mark is written last, so that an interrupted installation starts again.
-$(VENV)/.complete: pyproject.toml constraints.txt
-	$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and 'slapshot needs Python 3.11 or newer: make PYTHON=python3.11')"
+# One package is built here, with the tools of build.txt. Where pip is offered PyTorch's build for CPUs alone
+# (by PIP_FIND_LINKS or PIP_EXTRA_INDEX_URL), that is taken; elsewhere on Linux torch brings CUDA along.
+$(VENV)/.complete: pyproject.toml $(wildcard requirements/*.txt)
+	$(PYTHON) -c "import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13) and 'slapshot needs Python 3.11 or 3.12: make PYTHON=python3.11')"
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/python -m pip install --quiet --upgrade pip
-	$(VENV)/bin/python -m pip install --quiet --constraint constraints.txt --editable ".[dev]"
+	$(INSTALL) --require-hashes --requirement requirements/build.txt
+	$(INSTALL) --no-deps --require-hashes --requirement requirements/torch-cpu.txt 2>/dev/null || true
+	$(INSTALL) --require-hashes --requirement requirements/lock.txt --constraint requirements/cuda.txt
+	$(INSTALL) --no-deps --editable .
 	touch $@

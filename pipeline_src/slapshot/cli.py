@@ -13,6 +13,7 @@ from rich.table import Table
 
 from slapshot.config import load_config
 from slapshot.errors import InputError, writing
+from slapshot.own_code import own_code_may_run
 from slapshot.plan import Plan, make_plan
 from slapshot.recordings.commands import run_check, run_import
 from slapshot.store.folder import Store
@@ -104,14 +105,15 @@ def _browse(args: argparse.Namespace) -> int:
     try:  # here, because everything else works without Rerun
         from slapshot.viewer.browse import browse
     except ModuleNotFoundError as error:
-        raise InputError(f"browse needs {error.name}: `pip install -c constraints.txt -e .`") from None
+        raise InputError(f"browse needs {error.name}, which is not installed: run `make setup`") from None
     return browse(args.config, args.store, args.hit, args.port)
 
 
 def _diagnose(args: argparse.Namespace) -> int:
     from slapshot.diagnosis.command import run_diagnose  # MuJoCo, figures: the other commands start faster
 
-    return run_diagnose(args)
+    with own_code_may_run():  # effects that a rig file names
+        return run_diagnose(args)
 
 
 def _table(*columns: str) -> Table:

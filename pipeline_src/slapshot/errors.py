@@ -16,6 +16,7 @@ class InputError(Exception):
     """
 
 
+_LONGEST_REASON = 300  # characters
 _FREE_SPACE = "free some space there, for example with `slapshot versions gc`"
 _PERMIT = "make it writable for you (ls -ld shows whose it is)"
 # What the system refuses for want of something that a person can give -> what to do.
@@ -105,6 +106,17 @@ def reading(path: Path, remedy: str, longest: int | None = None) -> Iterator[Non
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path}: cannot be read ({reason}); {remedy}") from None
+
+
+def reason_of(error: BaseException) -> str:
+    """Why something failed, in one printable line; the error may be anybody's."""
+    if isinstance(error, SystemExit):
+        return "it calls sys.exit"
+    try:
+        said = " ".join(str(error).split())
+    except Exception:  # its __str__ is anybody's, too
+        said = ""
+    return printable(said[:_LONGEST_REASON]) or type(error).__name__
 
 
 def printable(text: str) -> str:

@@ -182,6 +182,12 @@ def _described(
         close = difflib.get_close_matches(key, known, n=1)
         meant = f"write {close[0]!r}" if close else "remove it"
         return loc, f"unknown key {short(key)}; {meant}, or use one of: {', '.join(known)}"
+    if kind == "missing" and isinstance(detail["loc"][-1], int):  # of a tuple
+        loc = loc[:-1] if loc[-1:] == detail["loc"][-1:] else loc
+        parts = list(_schemas_at(schema, loc, schema))
+        length = next(s["minItems"] for s in parts if "minItems" in s)
+        meaning = next((s["description"] for s in parts if "description" in s), None)
+        return loc, f"{shown} has {len(value)} values; write {length}{f' ({meaning})' if meaning else ''}"
     if kind == "missing":
         return loc[:-1], f"key {str(loc[-1])!r} is missing; add it{hint}"
     if kind.endswith("_type") or kind == "none_required":

@@ -13,7 +13,6 @@ from slapshot import cli
 from slapshot.diagnosis import command
 from slapshot.diagnosis.report import location_map
 from slapshot.diagnosis.rig_file import camera_foot, read_rig, rig_of_domain
-from slapshot.errors import InputError
 from slapshot.recordings.write import write_recording
 
 from .synthetic import recording
@@ -148,24 +147,6 @@ def test_a_folder_that_exists_is_left_alone(slapshot, recorded, tmp_path):
     assert code == 1
     assert errors.count("\n") == 1
     assert "exists already" in errors
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("friction: [0.2, 0.2, 0.02]\ncamera_m: [0, 0]\n", "'scene' is a required property"),
-        ("scene: {domain: table}\nfriction: [0.2]\ncamera_m: [0, 0]\n", "nominal mu_x, mu_y"),
-        ("scene: {domain: nowhere}\nfriction: [1, 1, 1]\ncamera_m: [0, 0]\n", "no domain 'nowhere'"),
-        ("colour: red\n", "colour"),
-    ],
-)
-def test_a_bad_rig_file_is_refused_in_one_line(tmp_path, text, words):
-    file = tmp_path / "rig.yaml"
-    file.write_text(text)
-    with pytest.raises(InputError) as caught:
-        read_rig(file)
-    assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_the_rig_of_a_domain_has_its_scene_its_friction_and_its_camera(hockey_config):

@@ -1,11 +1,18 @@
 """What every domain with a robot must do, whatever the robot: one contract for all of them."""
 
+import subprocess
+import sys
+from typing import get_args
+
 import mujoco
 import numpy as np
 import pytest
-from slapshot.scenes.domain import PARTS, load_domain, load_part, part_module
+from slapshot.scenes.domain import PARTS, load_domain, load_part, part_module, scene_settings
+from slapshot.scenes.hockey.model import PUCKS
+from slapshot.scenes.hockey.settings import PuckName
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.swings import SPLITS
+from slapshot.validation import validated
 
 
 def test_a_scene_survives_being_saved(bench):
@@ -105,3 +112,25 @@ def test_less_friction_lets_it_slide_farther(bench):
 def test_a_domain_without_a_part_of_its_own_has_the_common_one(part):
     assert part_module("hockey", part) == PARTS[part]
     assert part_module("fetchslide", part) == f"slapshot.scenes.fetchslide.{part}"
+
+
+def test_settings_are_checked_without_mujoco():
+    """Planning and a configuration's check import them, on machines where MuJoCo may be broken."""
+    code = (
+        "import sys\n"
+        "from slapshot.scenes.fetchslide.settings import FetchSlideScene\n"
+        "from slapshot.scenes.hockey.settings import HockeyScene\n"
+        "from slapshot.scenes.table.settings import TableScene\n"
+        "print(*sorted({'torch', 'mujoco', 'dm_control', 'scipy'} & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
+def test_the_configurations_scenes_fit_the_models_of_their_domains(bench):
+    model = scene_settings(load_domain(bench.name))
+    validated(model, bench.config["scene"], "scene")
+
+
+def test_every_puck_that_may_be_named_is_there():
+    assert set(get_args(PuckName)) == set(PUCKS)

@@ -6,12 +6,14 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.errors import InputError
-from slapshot.scenes.domain import load_domain
+from slapshot.scenes.domain import load_domain, scene_settings
 from slapshot.scenes.scene import Scene, set_condition
 from slapshot.scenes.table.model import disc_radius
+from slapshot.validation import validated
 
 G = 9.81
 SETTINGS: dict[str, Any] = {
+    "domain": "table",
     "size_m": [0.26, 0.20, 0.15],
     "mass_kg": 0.4,
     "timestep_s": 0.001,
@@ -102,11 +104,17 @@ def test_a_domain_without_an_arm_says_so_when_asked_to_demonstrate(table: Scene)
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"size_m": [0.2, 0.1]}, "three edges"),
-        ({"size_m": [0.2, 0.0, 0.1]}, "greater than 0"),
-        ({"mass_kg": float("nan")}, "mass_kg"),
+        ({"size_m": [0.2, 0.1]}, r"size_m: \[0.2, 0.1\] has 2 values; write 3"),
+        ({"size_m": [0.2, 0.0, 0.1]}, "size_m.1: 0.0 is out of range; it must be >= 0.001"),
+        ({"mass_kg": float("nan")}, "mass_kg: nan is not a finite number"),
+        ({"mass_kg": 0.001}, "lighter than air"),
+        ({"mass_kg": 400.0}, "denser than any metal"),
+        ({"table_m": [-2.0, 1.5]}, "table_m.0: -2.0 is out of range"),
+        ({"timestep_s": 0.0003}, "timestep_s: 0.0003 does not divide"),
     ],
 )
 def test_a_box_that_cannot_be_is_refused(change: dict[str, Any], words: str) -> None:
+    model = scene_settings(load_domain("table"))
+    validated(model, SETTINGS, "scene")
     with pytest.raises(InputError, match=words):
-        load_domain("table").build_scene(SETTINGS | change)
+        validated(model, SETTINGS | change, "scene")

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -24,6 +25,7 @@ from slapshot.viewer.names import INDEX_FILE, SCENE_FILE
 from .conftest import Made
 
 ROOT = Path(__file__).parents[2]
+ENTRIES = "/rerun.cloud.v1alpha1.RerunCloudService/FindEntries"  # that a viewer asks for first
 HITS, LONGEST = 300, 10.0  # a gallery of that many must be open after so many seconds
 
 
@@ -109,6 +111,25 @@ def test_nobody_else_on_the_network_can_connect(made):
     with serve({"hockey": made.folder}, 0) as address:
         assert urlsplit(address).hostname == "127.0.0.1"
         assert addresses_of(urlsplit(address).port) == {"0100007F"}
+
+
+def answer(port: int, host: str, origin: str) -> HTTPResponse:
+    """Of the gallery to the question for its entries, as a browser asks for a page of that address."""
+    connection = HTTPConnection("127.0.0.1", port)
+    head = {"Host": host, "Origin": origin, "Content-Type": "application/grpc-web+proto"}
+    connection.request("POST", ENTRIES, body=bytes(5), headers=head)
+    return connection.getresponse()
+
+
+def test_other_sites_may_not_read_the_gallery_whose_server_does_not_ask_by_what_name_it_is_called(made):
+    """Rerun's server, which the README says: it has no check of Host that could be turned on."""
+    with serve({"hockey": made.folder}, 0) as address:
+        port = urlsplit(address).port
+        foreign = answer(port, f"127.0.0.1:{port}", "http://other.example")
+        assert foreign.getheader("access-control-allow-origin") is None
+        local = answer(port, f"127.0.0.1:{port}", "http://127.0.0.1:9090")
+        assert local.getheader("access-control-allow-origin") == "http://127.0.0.1:9090"
+        assert answer(port, f"other.example:{port}", f"http://other.example:{port}").status == 200
 
 
 def test_a_port_that_is_taken(made):
@@ -217,4 +238,4 @@ def test_the_viewer_is_not_needed_for_anything_else():
     done = run("browse")
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
-    assert "pip install" in done.stderr
+    assert "run `make setup`" in done.stderr

@@ -166,8 +166,8 @@ def need_sysid() -> Any:
     """
     sysid = import_module("mujoco.sysid")
     if not hasattr(sysid, "optimize"):
-        install = "pip install --constraint constraints.txt --editable '.[benchmark]'"
-        raise InputError(f"benchmark: mujoco.sysid is not installed; {install}")
+        install = "pip install --require-hashes --requirement requirements/benchmark.txt"
+        raise InputError(f"benchmark: mujoco.sysid is not installed; run: {install}")
     return sysid
 
 

@@ -33,7 +33,8 @@ def run_diagnose(args: argparse.Namespace) -> int:
         raise InputError(f"{args.out}: exists already; name a folder that does not, or remove it")
     check_writable(args.out)
     rig = _rig(args)
-    import_effects(*rig.effects)
+    for module, where in rig.effects.items():
+        import_effects(module, where=where)
     recording = read_recording(args.recording)
     signatures = _signatures(args.signatures, rig.scene)
     print(f"diagnosing {args.recording}: {len(recording.hits)} hits, {recording.kind}", file=sys.stderr)

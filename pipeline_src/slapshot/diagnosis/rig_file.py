@@ -7,49 +7,52 @@ effects: [my_package.my_effect]    # modules with effects of one's own (optional
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-import jsonschema
 import mujoco
 import numpy as np
+from pydantic import ConfigDict, Field, create_model
 
 from slapshot.diagnosis.result import Setting
-from slapshot.errors import InputError
-from slapshot.scenes.domain import load_domain
+from slapshot.errors import InputError, reason_of
+from slapshot.own_code import MODULE
+from slapshot.scenes.domain import load_domain, scene_settings
 from slapshot.scenes.randomisation import middle_condition
 from slapshot.scenes.scene import Scene
-from slapshot.yaml_file import read_yaml
+from slapshot.scenes.settings import Coordinate, SceneSettings
+from slapshot.validation import Model, key_of, validated
+from slapshot.yaml_file import read_document
 
-_POSITIVE = {"type": "number", "exclusiveMinimum": 0, "maximum": 10}
-SCHEMA: dict[str, Any] = {
-    "type": "object",
-    "additionalProperties": False,
-    "required": ["scene", "friction", "camera_m"],
-    "properties": {
-        "scene": {"type": "object", "required": ["domain"], "description": "block `scene` of a domain"},
-        "friction": {
-            "type": "array",
-            "minItems": 3,
-            "maxItems": 3,
-            "items": _POSITIVE,
-            "description": "nominal mu_x, mu_y, and torsional friction in m",
-        },
-        "camera_m": {
-            "type": "array",
-            "minItems": 2,
-            "maxItems": 2,
-            "items": {"type": "number", "minimum": -100, "maximum": 100},
-            "description": "x, y in m of the point that the camera looks at",
-        },
-        "effects": {
-            "type": "array",
-            "items": {"type": "string", "minLength": 1},
-            "description": "modules that define effects of one's own",
-        },
-    },
-}
+# Of dry solids: from sliding on ice or an air cushion to clean metal on itself.
+Friction = Annotated[float, Field(ge=1e-3, le=10, description="coefficient of friction")]
+# In m; less than that is none, and more no rig has.
+Torsional = Annotated[float, Field(ge=1e-6, le=10)]
+# Torsional friction over the coefficient is the lever at which friction holds a turn: two thirds of a disc's
+# radius under even pressure. Much more than the object's size is a slip of the unit.
+LONGEST_LEVER = 5  # radii of the object
+
+
+class SceneBlock(SceneSettings):
+    """Block `scene` of any domain, whose other keys are the domain's."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+class RigSettings(Model):
+    """What a rig file may say."""
+
+    scene: SceneBlock = Field(description="block `scene` of a domain")
+    friction: tuple[Friction, Friction, Torsional] = Field(
+        description="nominal mu_x, mu_y, and torsional friction in m"
+    )
+    camera_m: tuple[Coordinate, Coordinate] = Field(
+        description="x, y in m of the point that the camera looks at"
+    )
+    effects: tuple[Annotated[str, Field(pattern=MODULE, max_length=200)], ...] = Field(
+        default=(), description="dotted names of modules that define effects of one's own"
+    )
 
 
 @dataclass(frozen=True)
@@ -59,12 +62,12 @@ class RigFile:
     Attributes:
         scene: nominal.
         setting: for `diagnose`.
-        effects: modules with effects of one's own.
+        effects: module with effects of one's own -> file and key that name it.
     """
 
     scene: Scene
     setting: Setting
-    effects: tuple[str, ...]
+    effects: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_rig(file: Path) -> RigFile:
@@ -73,13 +76,34 @@ def read_rig(file: Path) -> RigFile:
     Raises:
         InputError: it is missing, or something in it is not allowed; one line for a person.
     """
-    raw = read_yaml(file)
-    error = jsonschema.exceptions.best_match(jsonschema.Draft202012Validator(SCHEMA).iter_errors(raw))
-    if error is not None:
-        key = ".".join(str(part) for part in error.absolute_path) or "top level"
-        hint = error.schema.get("description", f"keys are {', '.join(SCHEMA['properties'])}")
-        raise InputError(f"{file}: {key}: {error.message}; write {hint}")
-    return _rig(raw["scene"], raw["friction"], raw["camera_m"], tuple(raw.get("effects", ())))
+    document = read_document(file)
+    settings = validated(RigSettings, document.values, document.where)
+
+    def where(*loc: str | int) -> str:
+        return f"{document.where(loc)}: {key_of(loc)}"
+
+    domain = load_domain(settings.scene.domain, where("scene", "domain"))
+    model = scene_settings(domain)
+    if model is not None:
+        # Of the whole file, so that what is wrong in the block has its place in it.
+        with_scene = create_model("RigOfDomain", __base__=RigSettings, scene=(model, ...))
+        validated(with_scene, document.values, document.where)
+    try:
+        scene = domain.build_scene(document.values["scene"])
+        setting = setting_of(scene, settings.friction, settings.camera_m)
+        scene.compile()
+    except (Exception, SystemExit) as error:  # a domain may be anybody's code, and MuJoCo refuses much
+        problem = f"cannot be built ({reason_of(error)}); correct it"
+        raise InputError(f"{where('scene')}: {problem}") from None
+    torsional, mu = settings.friction[2], max(settings.friction[:2])
+    largest = LONGEST_LEVER * setting.radius * mu
+    if torsional > largest:
+        raise InputError(
+            f"{where('friction', 2)}: {torsional:g} m is out of range; it must be <= {largest:.3g} m for "
+            f"this object of radius {setting.radius:.3g} m"
+        )
+    effects = {module: where("effects", i) for i, module in enumerate(settings.effects)}
+    return RigFile(scene, setting, effects)
 
 
 def rig_of_domain(domain: Mapping[str, Any]) -> RigFile:
@@ -87,7 +111,7 @@ def rig_of_domain(domain: Mapping[str, Any]) -> RigFile:
     condition = middle_condition(domain["randomisation"])
     scene = load_domain(domain["scene"]["domain"]).build_scene(domain["scene"])
     friction = [condition[f"friction_{axis}"] for axis in ("x", "y", "torsional")]
-    return RigFile(scene, setting_of(scene, friction), ())
+    return RigFile(scene, setting_of(scene, friction))
 
 
 def camera_foot(scene: Scene) -> tuple[float, float]:
@@ -102,11 +126,6 @@ def camera_foot(scene: Scene) -> tuple[float, float]:
             place = model.cam_pos[i]
             best, foot = down, (float(place[0]), float(place[1]))
     return foot
-
-
-def _rig(settings: Mapping[str, Any], friction: Any, camera: Any, effects: tuple[str, ...]) -> RigFile:
-    scene = load_domain(settings["domain"]).build_scene(settings)
-    return RigFile(scene, setting_of(scene, friction, camera), effects)
 
 
 def setting_of(scene: Scene, friction: Sequence[float], camera: Sequence[float] | None = None) -> Setting:

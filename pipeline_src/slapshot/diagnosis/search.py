@@ -17,8 +17,8 @@ from slapshot.diagnosis.evidence import LARGEST, SIZES, LinearEvidence, project
 from slapshot.diagnosis.fitter import Fitter
 from slapshot.diagnosis.gauss_newton import Fit
 from slapshot.diagnosis.slide_model import Column
-from slapshot.diagnosis.trial import reason_of
 from slapshot.effects.effect import Effect, Parameter
+from slapshot.errors import reason_of
 
 Array = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value

@@ -19,9 +19,8 @@ from safetensors.numpy import save_file
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from slapshot.diagnosis.strikes import Commands, Striker
-from slapshot.diagnosis.trial import reason_of
 from slapshot.effects.effect import Effect, Parameter
-from slapshot.errors import InputError, reading
+from slapshot.errors import InputError, reading, reason_of
 from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
 
@@ -218,7 +217,7 @@ def make_signatures(
             continue
         try:
             struck = simulate.strike(start, [(effect, {**effect.neutral(), parameter.name: value})])
-        except Exception as error:  # an effect may be anybody's code
+        except (Exception, SystemExit) as error:  # an effect may be anybody's code
             dropped[effect.name] = reason_of(error)
             continue
         if not (np.isfinite(struck.released).all() and np.isfinite(struck.joints).all()):

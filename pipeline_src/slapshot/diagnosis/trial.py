@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from slapshot.effects.effect import Effect
 from slapshot.effects.slide_law import Acting, slide
+from slapshot.errors import reason_of
 
 Array = NDArray[np.float64]
 
@@ -42,11 +43,6 @@ def dropped_note(name: str, problem: str) -> str:
     return f"the hypothesis {name} was dropped: its simulation failed ({problem})"
 
 
-def reason_of(error: Exception) -> str:
-    """In one line."""
-    return " ".join(str(error).split()) or type(error).__name__
-
-
 def _problem(effect: Effect, start: Array, friction: tuple[float, float, float], radius: float) -> str | None:
     count = len(HEADINGS)
     zero = np.zeros(count)
@@ -57,6 +53,6 @@ def _problem(effect: Effect, start: Array, friction: tuple[float, float, float],
         acting = [Acting(effect, np.arange(count), values)] if effect.acts_on_slide else []
         tracks = slide(launches, np.tile(friction, (count, 1)), radius, SECONDS, acting)
         seen = effect.see(values, tracks.places, start)
-    except Exception as error:  # an effect may be anybody's code
+    except (Exception, SystemExit) as error:  # an effect may be anybody's code
         return reason_of(error)
     return None if np.isfinite(seen).all() and np.isfinite(tracks.rests).all() else "it is not finite"

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.errors import InputError
+from slapshot.own_code import import_own
+from slapshot.scenes.settings import SceneSettings
 from slapshot.store.closure import find_source
 
 if TYPE_CHECKING:  # planning reads this module and must not need MuJoCo
@@ -29,7 +31,10 @@ PARTS = {
 
 
 class Domain(Protocol):
-    """A module with these functions, for example slapshot.scenes.hockey."""
+    """A module with these functions, for example slapshot.scenes.hockey.
+
+    It may hold a class `SceneSettings` as well, the model of its block `scene`, which is then checked.
+    """
 
     def build_scene(self, settings: Mapping[str, Any]) -> "Scene":
         """The scene that the `scene` block of a domain's configuration describes."""
@@ -48,19 +53,32 @@ def domain_module(name: str) -> str:
     return name if "." in name else f"slapshot.scenes.{name}"
 
 
-def load_domain(name: str) -> Domain:
-    """Import a domain.
+def load_domain(name: str, where: str = "scene.domain") -> Domain:
+    """Import a domain; one of a user's own is announced first, because its code runs.
+
+    Args:
+        name: of a folder of slapshot.scenes, or dotted name of a module.
+        where: file and key that name it.
 
     Raises:
-        InputError: there is no such module.
+        InputError: there is no such module, it cannot be imported, or it is no domain.
     """
-    module = domain_module(name)
-    if find_source(module) is None:
+    source = find_source(domain_module(name))
+    if source is None or ("." not in name and source.name != "__init__.py"):
         raise InputError(
-            f"scene.domain: no domain {name!r}; use a folder of slapshot.scenes, or the dotted name "
+            f"{where}: no domain {name!r}; use a folder of slapshot.scenes, or the dotted name "
             "of a module of your own that can be imported"
         )
-    return import_module(module)
+    module = import_own(name, where) if "." in name else import_module(domain_module(name))
+    if not callable(getattr(module, "build_scene", None)):
+        raise InputError(f"{where}: module {name} has no function build_scene; see slapshot.scenes.domain")
+    return module
+
+
+def scene_settings(domain: Domain) -> type[SceneSettings] | None:
+    """The model of a domain's block `scene`; None if the domain has none."""
+    found = getattr(domain, "SceneSettings", None)
+    return found if isinstance(found, type) and issubclass(found, SceneSettings) else None
 
 
 def part_module(name: str, part: str) -> str:

@@ -49,6 +49,11 @@ def save_cards(path: Path, application: str, view: rrb.View) -> None:
 def serve(folders: Mapping[str, Path], port: int) -> Iterator[str]:
     """Serve versions of the stage `viewer`, on this machine only, for as long as the block lasts.
 
+    Rerun's server asks for no password and has no check of the Host header, nor an option for one: other
+    users of this machine can connect, and pages whose address is pointed at this machine (DNS rebinding).
+    A relay with such a check would leave the server behind it open at another port. Pages of other sites
+    may not read its answers, because it allows no origins but this machine and rerun.io.
+
     Args:
         folders: name of a gallery -> folder of a version.
         port: to listen on; 0 for any that is free.

@@ -22,9 +22,9 @@ from slapshot.diagnosis.report.rerun_recording import RECORDING_FILE, write_reco
 from slapshot.diagnosis.report.sentences import VERDICT_TEXT, markdown
 from slapshot.diagnosis.report.terminal import terminal_text
 from slapshot.diagnosis.result import Diagnosis
-from slapshot.diagnosis.trial import reason_of
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.diagnosis.verdict_file import read_verdict, write_verdict
+from slapshot.errors import reason_of
 from slapshot.figures.drawing import save, use_style
 from slapshot.whole_file import write_whole
 

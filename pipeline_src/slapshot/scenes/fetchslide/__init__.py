@@ -2,9 +2,42 @@
 
 MJCF and meshes are those of the gymnasium-robotics package; the robot is commanded as there, by the velocity
 of its gripper, so this folder has its own parts: safety, execution and collector.
+
+What needs MuJoCo is imported when it is called: a check of `SceneSettings` alone must not need it.
 """
 
-from slapshot.scenes.fetchslide.demonstrations import demonstrate, draw_task
-from slapshot.scenes.fetchslide.model import build_scene
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["build_scene", "demonstrate", "draw_task"]
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.scenes.fetchslide.settings import FetchSlideScene as SceneSettings
+
+if TYPE_CHECKING:
+    from slapshot.scenes.scene import Scene
+
+__all__ = ["SceneSettings", "build_scene", "demonstrate", "draw_task"]
+
+
+def build_scene(settings: Mapping[str, Any]) -> "Scene":
+    """See model.build_scene."""
+    from slapshot.scenes.fetchslide import model
+
+    return model.build_scene(settings)
+
+
+def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
+    """See demonstrations.draw_task."""
+    from slapshot.scenes.fetchslide import demonstrations
+
+    return demonstrations.draw_task(settings, rng)
+
+
+def demonstrate(
+    scene: "Scene", settings: Mapping[str, Any], tasks: list[dict[str, float]]
+) -> list[NDArray[np.float64] | None]:
+    """See demonstrations.demonstrate."""
+    from slapshot.scenes.fetchslide import demonstrations
+
+    return demonstrations.demonstrate(scene, settings, tasks)

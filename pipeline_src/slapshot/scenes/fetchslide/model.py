@@ -81,8 +81,8 @@ def build_scene(settings: Mapping[str, Any]) -> Scene:
     for file in (scene, *files):
         if not file.is_file():
             raise InputError(
-                f"scene.domain: {PACKAGE} has no {file.relative_to(folder)}; install the version that "
-                "constraints.txt pins"
+                f"scene.domain: {PACKAGE} has no {file.relative_to(folder)}; run `make setup`, "
+                "which installs the right version"
             )
     return Scene(scene.read_text(), info, {file.name: file.read_bytes() for file in files})
 
@@ -93,6 +93,6 @@ def _asset_folder() -> Path:
     if spec is None or spec.origin is None:
         raise InputError(
             "scene.domain: 'fetchslide' needs the scene of gymnasium-robotics, which is not installed; "
-            "run: pip install gymnasium-robotics --constraint constraints.txt"
+            "run: make setup"
         )
     return Path(spec.origin).parent / "envs" / "assets"

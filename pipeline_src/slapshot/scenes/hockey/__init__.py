@@ -1,6 +1,40 @@
-"""Hockey: a KUKA LBR 4+ hits a puck on a whiteboard with a floorball stick (paper, section IV-C)."""
+"""Hockey: a KUKA LBR 4+ hits a puck on a whiteboard with a floorball stick (paper, section IV-C).
 
-from slapshot.scenes.hockey.demonstrations import demonstrate, draw_task
-from slapshot.scenes.hockey.model import build_scene
+What needs MuJoCo is imported when it is called: a check of `SceneSettings` alone must not need it.
+"""
 
-__all__ = ["build_scene", "demonstrate", "draw_task"]
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.scenes.hockey.settings import HockeyScene as SceneSettings
+
+if TYPE_CHECKING:
+    from slapshot.scenes.scene import Scene
+
+__all__ = ["SceneSettings", "build_scene", "demonstrate", "draw_task"]
+
+
+def build_scene(settings: Mapping[str, Any]) -> "Scene":
+    """See model.build_scene."""
+    from slapshot.scenes.hockey import model
+
+    return model.build_scene(settings)
+
+
+def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
+    """See demonstrations.draw_task."""
+    from slapshot.scenes.hockey import demonstrations
+
+    return demonstrations.draw_task(settings, rng)
+
+
+def demonstrate(
+    scene: "Scene", settings: Mapping[str, Any], tasks: list[dict[str, float]]
+) -> list[NDArray[np.float64] | None]:
+    """See demonstrations.demonstrate."""
+    from slapshot.scenes.hockey import demonstrations
+
+    return demonstrations.demonstrate(scene, settings, tasks)

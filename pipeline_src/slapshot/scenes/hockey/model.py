@@ -11,7 +11,7 @@ from typing import Any
 
 from dm_control import mjcf
 
-from slapshot.errors import InputError
+from slapshot.scenes.hockey.settings import PuckName
 from slapshot.scenes.scene import Scene, SceneInfo
 
 ARM_XML = Path(__file__).with_name("kuka_lbr4plus.xml")
@@ -57,7 +57,7 @@ class Puck:
     source: str
 
 
-PUCKS = {
+PUCKS: dict[PuckName, Puck] = {
     "inline": Puck(
         0.0381,
         0.0254,
@@ -79,14 +79,9 @@ def build_scene(settings: Mapping[str, Any]) -> Scene:
     """The hockey scene for the `scene` block of a configuration.
 
     Args:
-        settings: puck (name in PUCKS), timestep_s, start_m (x, y where the puck is meant to lie),
-            board_m (x, y of the whiteboard that one sees: the contact plane has no edge).
+        settings: as HockeyScene has them; the contact plane has no edge.
 
-    Raises:
-        InputError: unknown puck.
     """
-    if settings["puck"] not in PUCKS:
-        raise InputError(f"scene.puck: no puck {settings['puck']!r}; use one of: {', '.join(PUCKS)}")
     puck = PUCKS[settings["puck"]]
     info = SceneInfo(
         joints=tuple(f"q{i}" for i in range(7)),

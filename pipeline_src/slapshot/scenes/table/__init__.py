@@ -1,6 +1,40 @@
-"""Table: a box slides on a table; nothing in the scene strikes it. For recordings with tracks only."""
+"""Table: a box slides on a table; nothing in the scene strikes it. For recordings with tracks only.
 
-from slapshot.scenes.table.demonstrations import demonstrate, draw_task
-from slapshot.scenes.table.model import build_scene
+What needs MuJoCo is imported when it is called: a check of `SceneSettings` alone must not need it.
+"""
 
-__all__ = ["build_scene", "demonstrate", "draw_task"]
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.scenes.table.settings import TableScene as SceneSettings
+
+if TYPE_CHECKING:
+    from slapshot.scenes.scene import Scene
+
+__all__ = ["SceneSettings", "build_scene", "demonstrate", "draw_task"]
+
+
+def build_scene(settings: Mapping[str, Any]) -> "Scene":
+    """See model.build_scene."""
+    from slapshot.scenes.table import model
+
+    return model.build_scene(settings)
+
+
+def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
+    """See demonstrations.draw_task."""
+    from slapshot.scenes.table import demonstrations
+
+    return demonstrations.draw_task(settings, rng)
+
+
+def demonstrate(
+    scene: "Scene", settings: Mapping[str, Any], tasks: list[dict[str, float]]
+) -> list[NDArray[np.float64] | None]:
+    """See demonstrations.demonstrate."""
+    from slapshot.scenes.table import demonstrations
+
+    return demonstrations.demonstrate(scene, settings, tasks)

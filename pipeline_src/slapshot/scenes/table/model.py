@@ -12,7 +12,6 @@ from typing import Any
 
 from dm_control import mjcf
 
-from slapshot.errors import InputError
 from slapshot.scenes.scene import Scene, SceneInfo
 
 GRAVITY = 9.81
@@ -30,18 +29,10 @@ def build_scene(settings: Mapping[str, Any]) -> Scene:
     slide without spin is the same. Nor can a disc say which way the edges lie.
 
     Args:
-        settings: size_m (edges along x and y before the hit, and the height), mass_kg (a condition draws
-            its own), timestep_s, start_m (x, y where the box lies before a hit), table_m (x, y of the table
-            that one sees: the contact plane has no edge).
-
-    Raises:
-        InputError: the box has no such size or mass.
+        settings: as TableScene has them; a condition draws a mass of its own, and the contact plane has no
+            edge.
     """
-    size, mass = settings["size_m"], settings["mass_kg"]
-    if len(size) != 3 or not all(0 < edge < math.inf for edge in size):
-        raise InputError(f"scene.size_m: {list(size)} is no size; give three edges in m, all greater than 0")
-    if not 0 < mass < math.inf:
-        raise InputError(f"scene.mass_kg: {mass} is no mass; give one in kg, greater than 0")
+    size = settings["size_m"]
     info = SceneInfo(
         joints=(),
         commands=0,
