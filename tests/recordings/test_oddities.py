@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.recordings.commands import run_check, say_findings
-from slapshot.recordings.finding import Finding
+from slapshot.recordings.finding import Finding, FindingKind
 from slapshot.recordings.format import Recording
 from slapshot.recordings.oddities import odd_things
 from slapshot.recordings.slides import hit_tracks, rest_noise, slide_table
@@ -166,31 +166,33 @@ def drag(tracks: Tracks) -> Tracks:
     return clocked(dragged)
 
 
-CASES: dict[str, tuple[Callable[[Tracks], Tracks], str, int]] = {
-    "no clock": (break_clock, "no clock: all", 0),
-    "frozen": (freeze, "repeat the place before them while the object moves", 4),
-    "repeated at rest": (repeat_at_rest, "of the frames at rest repeat", 0),
-    "mistracks": (mistrack, "lie elsewhere than their neighbours", 5),
-    "put back": (put_back, "changes between two frames and stays changed", 2),
-    "drift at rest": (drift_at_rest, "in 3 of 40 hits more than 4 times the median", 3),
-    "coloured noise": (colour, "noise at rest is correlated", 0),
-    "coarse": (round_to_millimetres, "come in steps of 1 mm", 0),
-    "gaps": (lose_frames, "3 of 40 hits have gaps", 3),
-    "still": (hold_still, "2 of 40 hits never move", 2),
-    "moving at the start": (cut_beginnings, "2 of 40 hits move in their first frame", 2),
-    "moving at the end": (cut_ends, "2 of 40 hits still move", 2),
-    "second push": (push_again, "in 3 of 40 hits the speed rises again", 3),
-    "nudge": (nudge, "2 of 40 hits move more than once", 2),
-    "sampled tracker": (shake_clock, "long and short steps alternate", 0),
-    "friction by heading": (vary_friction, "heading (rank correlation +1.00)", 0),
-    "drag": (drag, "in the slower half of the slide", 0),
-    "few": (lambda tracks: tracks[:10], "only 10 hits", 0),
+CASES: dict[str, tuple[FindingKind, Callable[[Tracks], Tracks], str, int]] = {
+    "no clock": ("no_clock", break_clock, "no clock: all", 0),
+    "frozen": ("frozen_frames", freeze, "repeat the place before them while the object moves", 4),
+    "repeated at rest": ("repeated_frames", repeat_at_rest, "of the frames at rest repeat", 0),
+    "mistracks": ("mistracks", mistrack, "lie elsewhere than their neighbours", 5),
+    "put back": ("place_changes", put_back, "changes between two frames and stays changed", 2),
+    "drift at rest": ("uneven_noise", drift_at_rest, "in 3 of 40 hits more than 4 times the median", 3),
+    "coloured noise": ("correlated_noise", colour, "noise at rest is correlated", 0),
+    "coarse": ("coarse_numbers", round_to_millimetres, "come in steps of 1 mm", 0),
+    "gaps": ("gaps", lose_frames, "3 of 40 hits have gaps", 3),
+    "still": ("never_moves", hold_still, "2 of 40 hits never move", 2),
+    "moving at the start": ("moving_at_start", cut_beginnings, "2 of 40 hits move in their first frame", 2),
+    "moving at the end": ("moving_at_end", cut_ends, "2 of 40 hits still move", 2),
+    "second push": ("second_push", push_again, "in 3 of 40 hits the speed rises again", 3),
+    "nudge": ("moves_again", nudge, "2 of 40 hits move more than once", 2),
+    "sampled tracker": ("moving_noise", shake_clock, "long and short steps alternate", 0),
+    "friction by heading": ("scatter", vary_friction, "heading (rank correlation +1.00)", 0),
+    "drag": ("friction_changes", drag, "in the slower half of the slide", 0),
+    "few": ("few_hits", lambda tracks: tracks[:10], "only 10 hits", 0),
     "alike headings": (
+        "alike_headings",
         lambda tracks: clocked([slide(0.8 + i / 40, seed=i) for i in range(40)]),
         "headings span 0",
         0,
     ),
     "alike speeds": (
+        "alike_speeds",
         lambda tracks: clocked([slide(1.2, i / 20, seed=i) for i in range(40)]),
         "all alike: 1.1 m/s",
         0,
@@ -198,14 +200,15 @@ CASES: dict[str, tuple[Callable[[Tracks], Tracks], str, int]] = {
 }
 
 
-@pytest.mark.parametrize(("breaker", "words", "hits"), CASES.values(), ids=CASES.keys())
+@pytest.mark.parametrize(("kind", "breaker", "words", "hits"), CASES.values(), ids=CASES.keys())
 def test_each_oddity_is_told_with_its_hits(
-    good: Tracks, breaker: Callable[[Tracks], Tracks], words: str, hits: int
+    good: Tracks, kind: FindingKind, breaker: Callable[[Tracks], Tracks], words: str, hits: int
 ) -> None:
     recording = recording_of(breaker(good))
     found = [finding for finding in odd_things(recording) if words in finding.what]
     assert len(found) == 1, texts(recording)
-    assert len(found[0].where) == hits
+    assert len(found[0].hits) == hits
+    assert found[0].kind == kind
     assert found[0].why
 
 
@@ -219,10 +222,8 @@ def test_start_and_rest_points_of_other_places_are_told(good: Tracks) -> None:
     hits = recording.hits.copy()
     hits.loc[3, "start_x"] += 0.03
     hits.loc[[5, 6], "rest_y"] -= 0.05
-    found = {f.what: f.where for f in odd_things(dataclasses.replace(recording, hits=hits))}
-    starts = next(where for what, where in found.items() if "start point" in what)
-    rests = next(where for what, where in found.items() if "rest point" in what)
-    assert (starts, rests) == ((3,), (5, 6))
+    found = {f.kind: f.hits for f in odd_things(dataclasses.replace(recording, hits=hits))}
+    assert (found["start_point"], found["rest_point"]) == ((3,), (5, 6))
 
 
 def test_friction_that_jumps_from_session_to_session_is_told_by_session() -> None:
@@ -270,7 +271,7 @@ def test_a_mistrack_in_the_slide_does_not_bend_its_friction() -> None:
 
 
 def test_a_finding_reads_as_one_line() -> None:
-    finding = Finding("something is odd", tuple(range(9)), "it matters")
+    finding = Finding("scatter", "something is odd", tuple(range(9)), "it matters")
     assert str(finding) == "something is odd (hits 0, 1, 2, 3, 4, 5 and 3 more) - it matters"
     assert say_findings([]).endswith("nothing was found")
     assert say_findings([finding]).splitlines()[1].strip() == str(finding)

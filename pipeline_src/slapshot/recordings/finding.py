@@ -2,31 +2,65 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
 
 _NAMED = 6  # hits that a text names one by one
 
 
+# Programs go by these, people by the texts: a kind keeps its name when its text changes.
+FindingKind = Literal[
+    "few_hits",
+    # how the object moves
+    "never_moves",
+    "moving_at_start",
+    "moving_at_end",
+    "second_push",
+    "moves_again",
+    "start_point",
+    "rest_point",
+    "alike_headings",
+    "alike_speeds",
+    "not_slowing",
+    "scatter",
+    "friction_changes",
+    # frames
+    "no_clock",
+    "frame_rate",
+    "moving_noise",
+    "gaps",
+    "frozen_frames",
+    "repeated_frames",
+    "mistracks",
+    "place_changes",
+    "uneven_noise",
+    "correlated_noise",
+    "coarse_numbers",
+]
+
+
 @dataclass(frozen=True)
 class Finding:
-    """What is odd, where, and why a diagnosis should know.
+    """What is odd, in which hits, and why a diagnosis should know.
 
     Attributes:
+        kind: slug that says what sort of oddity it is.
         what: one sentence with numbers.
-        where: numbers of the hits; empty where the whole recording is meant.
+        hits: numbers of the hits; empty where the whole recording is meant.
         why: what a diagnosis may take it for, or cannot tell because of it.
     """
 
+    kind: FindingKind
     what: str
-    where: tuple[int, ...]
+    hits: tuple[int, ...]
     why: str
 
     def __str__(self) -> str:
         """What, which hits, and why, in one line."""
-        return f"{self.what}{_hits(self.where)} - {self.why}"
+        return f"{self.what}{_named(self.hits)} - {self.why}"
 
 
-def _hits(where: Iterable[int]) -> str:
-    numbers = list(where)
+def _named(hits: Iterable[int]) -> str:
+    numbers = list(hits)
     if not numbers:
         return ""
     named = ", ".join(map(str, numbers[:_NAMED]))

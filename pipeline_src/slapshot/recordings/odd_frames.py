@@ -48,6 +48,7 @@ def odd_clock(tracks: list[HitTrack], camera_rate_hz: float) -> Iterator[Finding
     typical = float(np.median(intervals))
     if np.abs(intervals - typical).max() <= _EXACT * typical + 1e-9:
         yield Finding(
+            "no_clock",
             f"no clock: all {len(intervals)} intervals are {1000 * typical:.4g} ms to the last digit and no "
             "frame is missing, as if frames were counted",
             (),
@@ -55,6 +56,7 @@ def odd_clock(tracks: list[HitTrack], camera_rate_hz: float) -> Iterator[Finding
         )
     if abs(typical * camera_rate_hz - 1) > _OTHER_RATE:
         yield Finding(
+            "frame_rate",
             f"frames are {1000 * typical:.4g} ms apart (median), but {1000 / camera_rate_hz:.4g} ms at the "
             f"header's {camera_rate_hz:g} Hz",
             (),
@@ -71,6 +73,7 @@ def odd_sampling(tracks: list[HitTrack], slides: pd.DataFrame, camera_rate_hz: f
     interval = 1 / camera_rate_hz
     if moving > _MANY_JITTER * noise and jitter > _LEAST_JITTER * interval:
         yield Finding(
+            "moving_noise",
             f"frames scatter {1000 * moving:.2g} mm about a smooth slide and {1000 * noise:.2g} mm at rest "
             f"(medians over hits), as if their times erred by {1000 * jitter:.2g} ms, "
             f"{jitter / interval:.0%} of the interval{_zigzag(tracks)}",
@@ -112,6 +115,7 @@ def gaps(tracks: list[HitTrack], camera_rate_hz: float) -> Iterator[Finding]:
             longest = max(longest, gap)
     if where:
         yield Finding(
+            "gaps",
             f"{len(where)} of {len(tracks)} hits have gaps: up to {max(missing):.0%} of a hit's frames are "
             f"missing, up to {longest:.2g} s on end",
             tuple(where),
@@ -131,12 +135,14 @@ def repeated_frames(tracks: list[HitTrack]) -> Iterator[Finding]:
             frozen[track.hit] = int((same & moving).sum())
     if frozen:
         yield Finding(
+            "frozen_frames",
             f"{sum(frozen.values())} of {moves} frames repeat the place before them while the object moves",
             tuple(frozen),
             "the tracker had lost the object or the file repeats rows; taken as seen, they bend the track",
         )
     if rests and still / rests > _MANY_SAME:
         yield Finding(
+            "repeated_frames",
             f"{still / rests:.0%} of the frames at rest repeat the place before them to the last digit",
             (),
             "rows are written more often than the tracker sees, or it rounds: noise looks too small",
@@ -164,12 +170,14 @@ def jumps(tracks: list[HitTrack]) -> Iterator[Finding]:
     if wrong:
         total = sum(wrong.values())
         yield Finding(
+            "mistracks",
             f"{total} of {count} frames ({total / count:.2%}) lie elsewhere than their neighbours: mistracks",
             tuple(wrong),
             "a likelihood without heavy tails follows them; 1 % of such frames raise false alarms",
         )
     if changes:
         yield Finding(
+            "place_changes",
             f"in {len(changes)} of {len(tracks)} hits the place changes between two frames and stays changed",
             tuple(changes),
             "somebody moved the object, or another one was tracked from there on: it is no slide",
@@ -185,6 +193,7 @@ def odd_noise(tracks: list[HitTrack]) -> Iterator[Finding]:
     loud = noise[noise > max(_UNEVEN_NOISE * typical, 1e-9)]
     if len(loud):
         yield Finding(
+            "uneven_noise",
             f"noise at rest is {1000 * typical:.2g} mm (median, standard deviation along each axis), from "
             f"{1000 * noise.min():.2g} to {1000 * noise.max():.2g} mm, in {len(loud)} of {len(noise)} hits "
             f"more than {_UNEVEN_NOISE:g} times the median",
@@ -194,6 +203,7 @@ def odd_noise(tracks: list[HitTrack]) -> Iterator[Finding]:
     correlations = [c for track in tracks if not np.isnan(c := _correlation(track))]
     if correlations and np.median(correlations) > _COLOURED:
         yield Finding(
+            "correlated_noise",
             f"noise at rest is correlated from frame to frame ({np.median(correlations):.2f}, median over "
             "hits)",
             (),
@@ -202,6 +212,7 @@ def odd_noise(tracks: list[HitTrack]) -> Iterator[Finding]:
     step = _step_of_numbers(tracks)
     if step > max(_COARSE * typical, 1e-5):
         yield Finding(
+            "coarse_numbers",
             f"places come in steps of {1000 * step:.3g} mm, noise at rest is {1000 * typical:.2g} mm",
             (),
             "rounding is no noise: its error stays the same from frame to frame while the object creeps",

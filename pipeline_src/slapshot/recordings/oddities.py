@@ -51,6 +51,7 @@ def few_hits(hits: pd.DataFrame) -> Iterator[Finding]:
     """Too few hits to name anything."""
     if len(hits) < _FEW_HITS:
         yield Finding(
+            "few_hits",
             f"only {len(hits)} hits",
             (),
             "what small effects do cannot be told from hit-to-hit scatter with so few; aim for 50 and more",
@@ -62,6 +63,7 @@ def odd_motion(tracks: list[HitTrack]) -> Iterator[Finding]:
     still = tuple(track.hit for track in tracks if track.slide is None)
     if still:
         yield Finding(
+            "never_moves",
             f"{len(still)} of {len(tracks)} hits never move",
             still,
             "a miss is no slide: leave it out, or friction and noise are estimated from nothing",
@@ -70,6 +72,7 @@ def odd_motion(tracks: list[HitTrack]) -> Iterator[Finding]:
     begun = tuple(track.hit for track in moving if track.slide is not None and track.slide.begin == 0)
     if begun:
         yield Finding(
+            "moving_at_start",
             f"{len(begun)} of {len(tracks)} hits move in their first frame",
             begun,
             "the launch was not seen, and neither noise at rest nor the start error can be told",
@@ -77,6 +80,7 @@ def odd_motion(tracks: list[HitTrack]) -> Iterator[Finding]:
     ends = tuple(t.hit for t in moving if t.slide is not None and t.slide.end >= len(t.t))
     if ends:
         yield Finding(
+            "moving_at_end",
             f"{len(ends)} of {len(tracks)} hits still move in their last frame",
             ends,
             "where they came to rest is not known: the slow end, which tells friction best, is missing",
@@ -84,6 +88,7 @@ def odd_motion(tracks: list[HitTrack]) -> Iterator[Finding]:
     pushed = tuple(track.hit for track in moving if len(track.pushes) > 1)
     if pushed:
         yield Finding(
+            "second_push",
             f"in {len(pushed)} of {len(tracks)} hits the speed rises again after its first peak",
             pushed,
             "the arm pushed or hit a second time: only what follows the last push is a slide",
@@ -91,6 +96,7 @@ def odd_motion(tracks: list[HitTrack]) -> Iterator[Finding]:
     again = tuple(track.hit for track in moving if sum(not e.jump for e in track.episodes) > 1)
     if again:
         yield Finding(
+            "moves_again",
             f"{len(again)} of {len(tracks)} hits move more than once",
             again,
             "a nudge before the hit or a hand after it; crop the tracks to the slide",
@@ -125,6 +131,7 @@ def odd_ends(tracks: list[HitTrack], hits: pd.DataFrame) -> Iterator[Finding]:
                 off[track.hit] = apart
         if off:
             yield Finding(
+                "start_point" if point == "start" else "rest_point",
                 f"in {len(off)} of {len(tracks)} hits the {point} point is not the track's {word}: "
                 f"{1000 * np.median(list(off.values())):.0f} mm off (median), up to "
                 f"{1000 * max(off.values()):.0f} mm",
@@ -141,6 +148,7 @@ def odd_variety(slides: pd.DataFrame) -> Iterator[Finding]:
     low, high = np.quantile(_centred(heading), [0.05, 0.95])
     if high - low < _NARROW_HEADINGS:
         yield Finding(
+            "alike_headings",
             f"headings span {np.rad2deg(high - low):.0f} degrees (90 % of hits)",
             (),
             "tilt along the heading looks like friction, and place like distance: diverse headings are worth "
@@ -149,6 +157,7 @@ def odd_variety(slides: pd.DataFrame) -> Iterator[Finding]:
     speed = slides["launch_speed"]
     if speed.std() < _ALIKE_SPEEDS * speed.mean():
         yield Finding(
+            "alike_speeds",
             f"launch speeds are all alike: {speed.mean():.2g} m/s +- {speed.std() / speed.mean():.0%}",
             (),
             "drag and friction that changes with speed cannot be told from plain friction",
@@ -165,6 +174,7 @@ def odd_friction(slides: pd.DataFrame, hits: pd.DataFrame) -> Iterator[Finding]:
     negative = slides.loc[friction <= 0, "hit"]
     if len(negative):
         yield Finding(
+            "not_slowing",
             f"{len(negative)} of {len(slides)} hits do not slow down after their last push",
             tuple(negative.astype(int)),
             "something drives them, or the track is too short or noisy to tell",
@@ -172,6 +182,7 @@ def odd_friction(slides: pd.DataFrame, hits: pd.DataFrame) -> Iterator[Finding]:
     if spread > max(_FRICTION_SPREAD * error, _LEAST_SPREAD * abs(float(friction.median()))):
         low, high = friction.quantile([0.05, 0.95])
         yield Finding(
+            "scatter",
             f"friction differs from hit to hit: {friction.median():.3f} (median), {low:.3f} to {high:.3f} "
             f"(90 % of hits), {spread / error:.0f} times the fits' own error{_by_group(slides, hits)}; it "
             f"goes with {_goes_with(slides, hits)}",
@@ -185,6 +196,7 @@ def odd_friction(slides: pd.DataFrame, hits: pd.DataFrame) -> Iterator[Finding]:
     error = 1.25 * 1.4826 * float((change - middle).abs().median()) / np.sqrt(max(len(change), 1))
     if abs(middle) > max(_CHANGES * error, _LEAST_SPREAD):
         yield Finding(
+            "friction_changes",
             f"friction is {middle:+.0%} in the slower half of the slide (median over hits, +- {error:.0%})",
             (),
             "friction that follows speed, drag, or a place that differs: plain friction leaves this behind",
