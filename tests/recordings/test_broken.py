@@ -14,12 +14,13 @@ from slapshot.errors import InputError
 from slapshot.recordings.read import read_recording
 from slapshot.recordings.write import write_recording
 
+from .attacks import ATTACKS
 from .breakers import Breaker
 from .broken_cases import CASES
 from .builder import TABLES, assert_same_tables, make_recording
 
 
-@pytest.mark.parametrize(("breaker", "words"), CASES.values(), ids=CASES.keys())
+@pytest.mark.parametrize(("breaker", "words"), (CASES | ATTACKS).values(), ids=CASES | ATTACKS)
 def test_broken(folder: Path, breaker: Breaker, words: list[str]) -> None:
     breaker(folder)
     with pytest.raises(InputError) as caught:

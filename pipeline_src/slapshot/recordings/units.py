@@ -47,7 +47,7 @@ def check_possible(table: pd.DataFrame, columns: Sequence[str], limit: float, wh
         )
 
 
-def check_metres(table: pd.DataFrame, x: str, y: str, file: Path) -> None:
+def check_metres(table: pd.DataFrame, x: str, y: str, file: Path | str) -> None:
     """Refuse positions that lie too far from the origin to be in metres."""
     distance = np.hypot(table[x].to_numpy(), table[y].to_numpy())
     typical = _median(distance)

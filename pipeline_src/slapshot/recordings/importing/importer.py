@@ -17,7 +17,7 @@ from slapshot.recordings.importing.csv_files import RawHit, read_hits
 from slapshot.recordings.importing.cut import Cut, cut_hit
 from slapshot.recordings.importing.files import natural_key
 from slapshot.recordings.importing.mapping import TrackMapping, fill, load_mapping
-from slapshot.recordings.units import FRAME_INTERVAL_FACTOR
+from slapshot.recordings.units import FRAME_INTERVAL_FACTOR, check_metres
 from slapshot.recordings.write import check_new, write_recording
 from slapshot.validation import short
 
@@ -62,6 +62,7 @@ def import_tracks(mapping: Path, source: Path, out: Path) -> ImportSummary:
     rules = load_mapping(mapping)
     raw = _in_order(read_hits(rules, source), rules)
     _check_rate(raw, rules)
+    _check_places(raw, rules)
     cuts = [cut_hit(hit.t, hit.xy, rules) for hit in raw]
     kept = [(hit, cut) for hit, cut in zip(raw, cuts, strict=True) if cut.dropped is None]
     if not kept:
@@ -105,6 +106,12 @@ def _check_rate(hits: list[RawHit], rules: TrackMapping) -> None:
             f"camera_rate_hz is {rules.camera_rate_hz:g}; correct the factor of t (0.001 if it is in ms), or "
             "the rate"
         )
+
+
+def _check_places(hits: list[RawHit], rules: TrackMapping) -> None:
+    """Refuse places in another unit before everything seems to move."""
+    places = np.concatenate([hit.xy for hit in hits])
+    check_metres(pd.DataFrame(places, columns=["x", "y"]), "x", "y", rules.where("columns"))
 
 
 def _facts(rules: TrackMapping) -> list[str]:
