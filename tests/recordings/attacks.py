@@ -264,7 +264,16 @@ def epoch(name: str) -> Breaker:
     return table(name, late(7200.0))
 
 
+def one_hit_in(seconds: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Tracks of which one hit's times are in another unit."""
+    return lambda frame: frame.assign(t=frame["t"].where(frame["hit"] != 13, frame["t"] / seconds))
+
+
 CLOCKS: dict[str, Attack] = {
+    "times of one hit in hours": (
+        table("tracks", one_hit_in(3600.0)),
+        ["tracks.parquet: hit 13: frames are 5.556e-06 s apart (median), but camera_rate_hz"],
+    ),
     "joints 10 s late": (
         table("joints", late(10.0)),
         [
@@ -311,6 +320,11 @@ CLOCKS: dict[str, Attack] = {
         for name in TABLES[1:]
     },
 }
+
+
+def many_hits(frame: pd.DataFrame) -> pd.DataFrame:
+    rows = np.arange(100_001)
+    return frame.iloc[rows % len(frame)].assign(hit=rows, command_id=None, latent=None)
 
 
 def other_dates() -> Iterator[tuple[str, Attack]]:
@@ -400,6 +414,7 @@ def hits_told_wrongly() -> Iterator[tuple[str, Attack]]:
         (column_of("hits", "hit", lambda n: pa.array([2**63 + i for i in range(n)], pa.uint64())), ["'hit'"]),
     )
     yield "hit without a number", (cell("hits", 0, "hit", np.nan), ["row 0 ", "'hit' is empty"])
+    yield "100,001 hits", (table("hits", many_hits), ["has 100,001 hits, and 100,000 are allowed"])
     yield "half a rest point", (cell("hits", 0, "rest_x", np.nan), ["rest_y is given but rest_x is null"])
 
 

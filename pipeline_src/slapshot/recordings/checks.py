@@ -27,6 +27,7 @@ from slapshot.recordings.units import (
     IMPOSSIBLE_YAW_RAD,
     check_begin,
     check_dates,
+    check_dense_hits,
     check_frame_interval,
     check_metres,
     check_possible,
@@ -38,6 +39,7 @@ from slapshot.validation import short
 
 # Repeats of one command are the same numbers; this leaves room for a text file in between.
 COMMAND_TOLERANCE = 1e-9
+_MOST_HITS = 100_000
 _LONGEST_LATENT, _LARGEST_LATENT = 1000, 1e3
 
 
@@ -72,6 +74,7 @@ def check_recording(recording: Recording, folder: Path) -> None:
         check_metres(recording.tracks, "x", "y", file)
         check_radians(recording.tracks, ["yaw"], file)
         check_frame_interval(recording.tracks, recording.camera_rate_hz, file)
+        check_dense_hits(recording.tracks, recording.camera_rate_hz, file)
     for table, name in ((recording.commands, COMMANDS_FILE), (recording.joints, JOINTS_FILE)):
         if table is not None:
             check_timed_rows(table, hits, folder / name)
@@ -92,6 +95,10 @@ def check_hit_numbers(hits: pd.DataFrame, file: Path) -> None:
     """Refuse a table without hits, and hit numbers that stand twice."""
     if hits.empty:
         raise InputError(f"{file}: has no hits: record some")
+    if len(hits) > _MOST_HITS:
+        raise InputError(
+            f"{file}: has {len(hits):,} hits, and {_MOST_HITS:,} are allowed: split it into several"
+        )
     numbers = hits["hit"].to_numpy()
     second = hits["hit"].duplicated().to_numpy()
     if second.any():

@@ -237,7 +237,7 @@ def _by_group(slides: pd.DataFrame, hits: pd.DataFrame) -> str:
         groups["session"] = ((when.diff() > _SESSION_PAUSE).cumsum() + 1).reindex(table.index)
     heading = np.rad2deg(_centred(table["heading"].to_numpy()) + _middle(table["heading"].to_numpy()))
     if np.ptp(heading) > np.rad2deg(_NARROW_HEADINGS) and len(table) >= _THIRDS_HITS:
-        thirds = pd.qcut(pd.Series(heading), 3, precision=0)
+        thirds = pd.qcut(pd.Series(heading), 3, precision=0, duplicates="drop")
         names = [f"{third.left:.0f} to {third.right:.0f} degrees" for third in thirds.cat.categories]
         groups["heading"] = thirds.cat.rename_categories(names)
     texts = []

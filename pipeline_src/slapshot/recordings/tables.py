@@ -24,7 +24,7 @@ _ROWS_PER_GROUP = 128 * 1024
 _INT64_LIMIT = 2.0**63
 _LONGEST_FILE, _LONGEST_FOOTER = 8_000_000_000, 16_000_000  # bytes
 # A damaged or hostile file of some kilobytes can unfold to more than any memory holds.
-_MOST_COLUMNS, _MOST_VALUES, _MOST_BYTES = 1000, 300_000_000, 4_000_000_000
+_MOST_COLUMNS, _MOST_VALUES, _MOST_BYTES = 1000, 100_000_000, 2_000_000_000
 _MOST_JOINTS = 100
 _TEXTS = {field.name for field in HITS_SCHEMA if pa.types.is_string(field.type)}
 

@@ -101,6 +101,18 @@ def check_frame_interval(tracks: pd.DataFrame, camera_rate_hz: float, file: Path
     )
 
 
+def check_dense_hits(tracks: pd.DataFrame, camera_rate_hz: float, file: Path) -> None:
+    """Refuse single hits whose frames follow each other ten times as fast as the camera takes them."""
+    interval = tracks.groupby("hit")["t"].diff().groupby(tracks["hit"]).median()
+    dense = interval * camera_rate_hz < 1 / FRAME_INTERVAL_FACTOR
+    if dense.any():
+        hit = dense.index[dense][0]
+        raise InputError(
+            f"{file}: hit {hit}: frames are {interval[hit]:.4g} s apart (median), but camera_rate_hz in "
+            f"{HEADER_FILE} is {camera_rate_hz:g}: give its t in seconds, or leave the hit out"
+        )
+
+
 def check_swing_length(table: pd.DataFrame, file: Path) -> None:
     """Refuse swings that last so long that their times can only be in milliseconds."""
     typical = _median(table.groupby("hit")["t"].max().to_numpy())
