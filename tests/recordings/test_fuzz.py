@@ -31,7 +31,7 @@ CHANGES: dict[str, Change] = {
     "scale a little": lambda v, rng: v * rng.uniform(-2, 2),
     "shift": lambda v, rng: v + rng.choice([-1e6, -10, -1, 1e-9, 1, 10, 1e6]),
     "one value": lambda v, rng: v * 0 + rng.choice([0.0, 1.0, -3.0]),
-    "shuffle": lambda v, rng: pd.Series(rng.permutation(v.to_numpy()), v.index),
+    "shuffle": lambda v, rng: pd.Series(rng.permutation(list(v)), v.index),
     "reverse": lambda v, rng: pd.Series(v.to_numpy()[::-1], v.index),
     "round": lambda v, rng: v.round(rng.integers(0, 4)),
     "noise": lambda v, rng: v + rng.normal(0, 10.0 ** rng.integers(-6, 2), len(v)),

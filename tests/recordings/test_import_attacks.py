@@ -35,6 +35,37 @@ def test_an_import_that_cannot_be_is_refused_in_one_line(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("a" * 5000, "File name too long"),
+        ("a\0b", "a\\x00b: "),
+        ("a\nb", "a\\nb: no such file"),
+        ("/dev/zero", "/dev/zero: is no regular file"),
+        ("csv/gone.csv", "gone.csv: no such file"),
+        ("csv/*.txt", "no file matches *.txt"),
+        ("csv/**/../*.csv", "no file matches **/../*.csv"),
+        ("gone/*.csv", "gone: cannot be read (No such file or directory)"),
+        ("*/a.csv/*.csv", "no file matches */a.csv/*.csv"),
+    ],
+)
+def test_a_source_that_is_none_is_told_in_one_line(tmp_path: Path, source: str, words: str) -> None:
+    make_good(tmp_path)
+    with pytest.raises(InputError) as caught:
+        import_tracks(tmp_path / "mapping.yaml", tmp_path / source, tmp_path / "out")
+    assert str(caught.value).isprintable()
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("out", ["a" * 300, "csv", "lost", "mapping.yaml/out", "a\0b"])
+def test_a_place_for_the_recording_that_is_none_is_told_in_one_line(tmp_path: Path, out: str) -> None:
+    make_good(tmp_path)
+    (tmp_path / "lost").symlink_to("gone")
+    with pytest.raises(InputError, match=r"exists already|cannot be written") as caught:
+        import_tracks(tmp_path / "mapping.yaml", tmp_path / "csv", tmp_path / out)
+    assert str(caught.value).isprintable()
+
+
 def test_what_they_spoil_is_good(tmp_path: Path) -> None:
     make_good(tmp_path)
     assert import_tracks(tmp_path / "mapping.yaml", tmp_path / "csv", tmp_path / "out").hits == 1

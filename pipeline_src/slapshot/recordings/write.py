@@ -72,11 +72,13 @@ def check_new(folder: Path) -> None:
         InputError: It is there, or its name is none.
     """
     try:
-        there = folder.is_symlink() or folder.exists()
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror}): choose another folder") from None
-    if there:
-        raise InputError(f"{folder}: exists already: choose another folder or remove it")
+        folder.lstat()
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{folder}: cannot be written ({reason}): choose another folder") from None
+    raise InputError(f"{folder}: exists already: choose another folder or remove it")
 
 
 def _checked_tables(recording: Recording, folder: Path) -> dict[str, pa.Table]:
