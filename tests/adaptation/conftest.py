@@ -154,7 +154,7 @@ def draw_recording(seed: int) -> Recording:
          "latent": list(latent)}
     )  # fmt: skip
     hits.loc[4, ["rest_x", "rest_y"]] = np.nan  # one that the camera lost
-    info = ObjectInfo("cylinder", (0.076, 0.025), 0.1, 0.001)
+    info = ObjectInfo(shape="cylinder", size_m=(0.076, 0.025), mass_kg=0.1, mass_sd_kg=0.001)
     return Recording(
         rig=f"made-up {seed}", objects={"red": info, "blue": copy.copy(info)}, camera_rate_hz=30.0,
         frame_note="made up", stand_in=True, trajectory_model=MODEL_ID, note="", sealed_truth_sha256=None,

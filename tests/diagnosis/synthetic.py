@@ -80,7 +80,7 @@ def recording(
             "latent": None,
         }
     )
-    info = ObjectInfo("cylinder", (2 * RADIUS, 0.0254), 0.1, 0.001)
+    info = ObjectInfo(shape="cylinder", size_m=(2 * RADIUS, 0.0254), mass_kg=0.1, mass_sd_kg=0.001)
     return Recording(
         "synthetic", dict.fromkeys(names, info), rate, "", True, None, "", None, table, frames, None, None
     )

@@ -93,7 +93,7 @@ def record(scene, commands):
             [pd.DataFrame(c, columns=columns).assign(hit=i) for i, c in enumerate(commands)],
             ignore_index=True,
         )
-        objects = {"puck": ObjectInfo("cylinder", (0.07, 0.0254), 0.1, 0.001)}
+        objects = {"puck": ObjectInfo(shape="cylinder", size_m=(0.07, 0.0254), mass_kg=0.1, mass_sd_kg=0.001)}
         table = pd.concat(frames, ignore_index=True)
         return Recording(
             "rig", objects, RATE, "here", True, None, "", None, hits, table, told[["hit", *columns]], None

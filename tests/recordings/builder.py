@@ -37,8 +37,8 @@ def make_recording(seed: int = 0, n_hits: int = 6, n_joints: int = 7) -> Recordi
     return Recording(
         rig="test-rig",
         objects={
-            "ice": ObjectInfo("cylinder", (0.076, 0.025), 0.16, 0.001),
-            "inline": ObjectInfo("cylinder", (0.076, 0.025), 0.08, 0.001),
+            "ice": ObjectInfo(shape="cylinder", size_m=(0.076, 0.025), mass_kg=0.16, mass_sd_kg=0.001),
+            "inline": ObjectInfo(shape="cylinder", size_m=(0.076, 0.025), mass_kg=0.08, mass_sd_kg=0.001),
         },
         camera_rate_hz=RATE_HZ,
         frame_note="origin at the robot's base",

@@ -70,7 +70,7 @@ def recording_of(tracks: Sequence[tuple[np.ndarray, np.ndarray]], rate_hz: float
     ]
     return Recording(
         rig="test-rig",
-        objects={"box": ObjectInfo("box", (0.2, 0.2, 0.1), 0.4, 0.01)},
+        objects={"box": ObjectInfo(shape="box", size_m=(0.2, 0.2, 0.1), mass_kg=0.4, mass_sd_kg=0.01)},
         camera_rate_hz=rate_hz,
         frame_note="made for tests",
         stand_in=True,

@@ -14,12 +14,13 @@ from slapshot.errors import InputError
 from slapshot.recordings.read import read_recording
 from slapshot.recordings.write import write_recording
 
+from .attacks import ATTACKS
 from .breakers import Breaker
 from .broken_cases import CASES
 from .builder import TABLES, assert_same_tables, make_recording
 
 
-@pytest.mark.parametrize(("breaker", "words"), CASES.values(), ids=CASES.keys())
+@pytest.mark.parametrize(("breaker", "words"), (CASES | ATTACKS).values(), ids=CASES | ATTACKS)
 def test_broken(folder: Path, breaker: Breaker, words: list[str]) -> None:
     breaker(folder)
     with pytest.raises(InputError) as caught:
@@ -30,6 +31,31 @@ def test_broken(folder: Path, breaker: Breaker, words: list[str]) -> None:
     for word in words:
         assert word in message
     assert ": " in message.removeprefix(str(folder))
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("a" * 5000, "File name too long"),
+        ("a\0b", "a\\x00b: folder is missing"),
+        ("a\nerror: none", "a\\nerror: none: folder is missing"),
+        ("\x1b[2J\u202e", "\\x1b[2J\\u202e: folder is missing"),
+        ("/dev/null", "/dev/null: is not a folder"),
+        ("whole/recording.json", "recording.json: is not a folder"),
+        ("whole/recording.json/x", "folder is missing"),
+    ],
+)
+def test_a_path_that_is_none_is_told_in_one_line(tmp_path: Path, whole: Path, path: str, words: str) -> None:
+    (tmp_path / "whole").symlink_to(whole)
+    with pytest.raises(InputError) as caught:
+        read_recording(tmp_path / path)
+    assert str(caught.value).isprintable()
+    assert words in str(caught.value)
+
+
+def test_a_folder_of_any_name_is_read(tmp_path: Path, whole: Path) -> None:
+    (tmp_path / "a\n\x1b[2J").symlink_to(whole)
+    assert read_recording(tmp_path / "a\n\x1b[2J").rig == "test-rig"
 
 
 @pytest.mark.parametrize("name", TABLES)

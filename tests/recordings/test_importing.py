@@ -319,14 +319,14 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, content: bytes, wor
         ({"rig": None}, ["key 'rig' is missing", "name of the set-up"]),
         ({"colums": {}}, ["unknown key 'colums'", "write 'columns'"]),
         ({"columns": {"x": "x"}}, ["columns: key 'y' is missing"]),
-        ({"columns": {"x": -1, "y": 2}}, ["columns.x", "at least 0"]),
+        ({"columns": {"x": -1, "y": 2}}, ["mapping.yaml:3: columns.x: -1 is out of range; it must be >= 0"]),
         ({"columns": {"x": {"column": "x", "factor": "1e-3"}, "y": "y"}}, ["columns.x.factor", "a number"]),
         ({"columns": {"x": {"column": "x", "factor": 0}, "y": "y"}}, ["columns.x.factor", "0 would"]),
         ({"columns": {"x": "x", "y": "y", "start_x": "x"}}, ["both start_x and start_y"]),
-        ({"csv": {"header": False}}, ["columns.t", "'t' is a name", "csv.header is false"]),
+        ({"csv": {"header": False}}, ["columns.x: 'x' is a name", "csv.header is false"]),
         ({"csv": {"delimiter": "ab"}}, ["csv.delimiter", "'ab'"]),
         ({"csv": {"decimal": ","}}, ["csv.decimal"]),
-        ({"csv": {"skip_rows": -1}}, ["csv.skip_rows", "at least 0"]),
+        ({"csv": {"skip_rows": -1}}, ["csv.skip_rows: -1 is out of range; it must be >= 0"]),
         ({"files": {"name_pattern": "("}}, ["files.name_pattern", "no regular expression"]),
         ({"files": {"name_pattern": "(?P<n>b)"}}, ["a.csv", "does not match"]),
         ({"files": {"pattern": "*.txt"}}, ["no file matches *.txt"]),
@@ -349,7 +349,7 @@ def test_a_mapping_that_cannot_be_is_refused_with_its_key(
 
 
 def test_an_empty_order_and_a_source_that_is_not_there_are_refused(tmp_path: Path) -> None:
-    refused(tmp_path, "no such folder or file", source=tmp_path / "nothing")
+    refused(tmp_path, "nothing: no such file; give a CSV file, or the folder", source=tmp_path / "nothing")
     rows = [[*row, ""] for row in rows_of(*slide())]
     write_csv(tmp_path / "csv/a.csv", rows, ["t", "x", "y", "n"])
     refused(tmp_path, "order is empty", columns={"t": "t", "x": "x", "y": "y", "order": "n"})
@@ -438,7 +438,7 @@ def test_motion_is_found_under_noise_and_mistracks(
 
 def test_the_mapping_of_the_real_box_names_columns_and_no_place_of_this_machine() -> None:
     mapping = load_mapping(LASA_MAPPING)
-    assert mapping.numbers["x"].place == 8
+    assert mapping.numbers["x"].column == 8
     assert not any(str(value).startswith("/") for value in yaml.safe_load(LASA_MAPPING.read_text()).values())
 
 

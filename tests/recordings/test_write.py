@@ -76,7 +76,9 @@ def test_bad_recording_leaves_nothing(tmp_path: Path) -> None:
     tracks.loc[3, "x"] = np.inf
     with pytest.raises(InputError, match=r"tracks\.parquet: row 3 .* 'x' is infinite"):
         write_recording(dataclasses.replace(recording, tracks=tracks), tmp_path / "r")
-    with pytest.raises(InputError, match=r"recording\.json: key 'camera_rate_hz' must be greater"):
+    with pytest.raises(
+        InputError, match=r"recording\.json: camera_rate_hz: 0\.0 is out of range; it must be > 0"
+    ):
         write_recording(dataclasses.replace(recording, camera_rate_hz=0.0), tmp_path / "r")
     assert list(tmp_path.iterdir()) == []
 

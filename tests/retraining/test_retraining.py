@@ -166,7 +166,7 @@ def recording(ends, commands):
             "latent": None,
         }
     )
-    info = {"red": ObjectInfo("cylinder", (0.07, 0.02), 0.1, 0.001)}
+    info = {"red": ObjectInfo(shape="cylinder", size_m=(0.07, 0.02), mass_kg=0.1, mass_sd_kg=0.001)}
     joints = pd.DataFrame({"hit": np.repeat(np.arange(count), 2), "t": [0.0, 0.1] * count, "q0": 0.0})
     return Recording("rig", info, 50.0, "here", True, None, "", None, hits, None, joints, None)
 

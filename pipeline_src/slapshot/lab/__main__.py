@@ -157,7 +157,12 @@ def _weigh(scene: Scene, rig: Rig, scale_sd: float, rng: np.random.Generator) ->
     """Objects as measured: all have the shape of the scene's own, their mass is off by the scale's error."""
     size = (2 * scene.info.object_radius, scene.info.object_height)
     return {
-        name: ObjectInfo("cylinder", size, float(truth.mass + rng.normal(0, scale_sd)), scale_sd)
+        name: ObjectInfo(
+            shape="cylinder",
+            size_m=size,
+            mass_kg=float(truth.mass + rng.normal(0, scale_sd)),
+            mass_sd_kg=scale_sd,
+        )
         for name, truth in rig.objects.items()
     }
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from slapshot.errors import InputError
+from slapshot.errors import InputError, printable
 from slapshot.recordings.format import Recording
 from slapshot.recordings.read import read_recording
 
@@ -26,7 +26,7 @@ def describe(recording: Recording) -> str:
     lines.append(f"repeats        {_describe_repeats(recording.hits)}")
     lines.append(f"camera         {_describe_camera(recording)}")
     lines.append(f"duration       {_describe_duration(recording)}")
-    return "\n".join(lines)
+    return "\n".join(printable(line) for line in lines)  # names of rigs and objects are anybody's
 
 
 def rest_point_scatter(hits: pd.DataFrame) -> float:

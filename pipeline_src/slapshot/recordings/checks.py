@@ -21,17 +21,26 @@ from slapshot.recordings.format import (
     joint_columns,
 )
 from slapshot.recordings.units import (
+    IMPOSSIBLE_JOINT_RAD,
+    IMPOSSIBLE_M,
+    IMPOSSIBLE_S,
+    IMPOSSIBLE_YAW_RAD,
+    check_begin,
     check_dates,
+    check_dense_hits,
     check_frame_interval,
     check_metres,
-    check_object_units,
+    check_possible,
     check_radians,
     check_swing_length,
     check_travel,
 )
+from slapshot.validation import short
 
 # Repeats of one command are the same numbers; this leaves room for a text file in between.
 COMMAND_TOLERANCE = 1e-9
+_MOST_HITS = 100_000
+_LONGEST_LATENT, _LARGEST_LATENT = 1000, 1e3
 
 
 def check_recording(recording: Recording, folder: Path) -> None:
@@ -46,10 +55,10 @@ def check_recording(recording: Recording, folder: Path) -> None:
     """
     hits_file = folder / HITS_FILE
     hits = recording.hits
-    check_object_units(recording.objects, folder / HEADER_FILE)
     check_hit_numbers(hits, hits_file)
     check_objects_known(hits, recording.objects, hits_file)
     check_rest_pairs(hits, hits_file)
+    check_possible(hits, ["start_x", "start_y", "rest_x", "rest_y"], IMPOSSIBLE_M, "a place in m", hits_file)
     check_metres(hits, "start_x", "start_y", hits_file)
     check_metres(hits, "rest_x", "rest_y", hits_file)
     check_travel(hits, hits_file)
@@ -59,15 +68,25 @@ def check_recording(recording: Recording, folder: Path) -> None:
     if recording.tracks is not None:
         file = folder / TRACKS_FILE
         check_timed_rows(recording.tracks, hits, file)
+        check_possible(recording.tracks, ["x", "y"], IMPOSSIBLE_M, "a place in m", file)
+        check_possible(recording.tracks, ["yaw"], IMPOSSIBLE_YAW_RAD, "an angle in rad", file)
+        check_begin(recording.tracks, file)
         check_metres(recording.tracks, "x", "y", file)
         check_radians(recording.tracks, ["yaw"], file)
         check_frame_interval(recording.tracks, recording.camera_rate_hz, file)
+        check_dense_hits(recording.tracks, recording.camera_rate_hz, file)
     for table, name in ((recording.commands, COMMANDS_FILE), (recording.joints, JOINTS_FILE)):
         if table is not None:
             check_timed_rows(table, hits, folder / name)
-            check_radians(table, joint_columns(table), folder / name)
+            joint_names = joint_columns(table)
+            check_possible(
+                table, joint_names, IMPOSSIBLE_JOINT_RAD, "the angle of a joint in rad", folder / name
+            )
+            check_begin(table, folder / name)
+            check_radians(table, joint_names, folder / name)
             check_swing_length(table, folder / name)
     check_joint_counts(recording.commands, recording.joints, folder / JOINTS_FILE)
+    check_joint_times(recording.commands, recording.joints, folder / JOINTS_FILE)
     if recording.commands is not None:
         check_repeats(hits, recording.commands, folder / COMMANDS_FILE)
 
@@ -76,6 +95,10 @@ def check_hit_numbers(hits: pd.DataFrame, file: Path) -> None:
     """Refuse a table without hits, and hit numbers that stand twice."""
     if hits.empty:
         raise InputError(f"{file}: has no hits: record some")
+    if len(hits) > _MOST_HITS:
+        raise InputError(
+            f"{file}: has {len(hits):,} hits, and {_MOST_HITS:,} are allowed: split it into several"
+        )
     numbers = hits["hit"].to_numpy()
     second = hits["hit"].duplicated().to_numpy()
     if second.any():
@@ -95,7 +118,7 @@ def check_objects_known(hits: pd.DataFrame, objects: dict[str, ObjectInfo], file
         raise InputError(
             f"{file}: row {row} (the first is 0), hit {hits['hit'].iloc[row]}: object_id "
             f"{hits['object_id'].iloc[row]!r} is not among the objects of {HEADER_FILE} "
-            f"({', '.join(map(repr, objects))}): describe it there or correct it"
+            f"({short(list(objects))}): describe it there or correct it"
         )
 
 
@@ -124,6 +147,11 @@ def check_latents(hits: pd.DataFrame, trajectory_model: str | None, file: Path) 
             "name there the model that decodes the latents"
         )
     first = given.index(True)
+    if len(latents[first]) > _LONGEST_LATENT:
+        raise InputError(
+            f"{file}: row {first} (the first is 0): the latent has {len(latents[first]):,} numbers, and "
+            f"{_LONGEST_LATENT} are allowed: give the latent, not what is decoded from it"
+        )
     for row, (hit, latent) in enumerate(zip(hits["hit"], latents, strict=True)):
         where = f"{file}: row {row} (the first is 0), hit {hit}: the latent"
         if latent is None:
@@ -135,6 +163,10 @@ def check_latents(hits: pd.DataFrame, trajectory_model: str | None, file: Path) 
             )
         if not np.isfinite(latent).all():
             raise InputError(f"{where} holds NaN, null or an infinite value: correct it")
+        if np.abs(latent).max() > _LARGEST_LATENT:
+            raise InputError(
+                f"{where} holds {np.abs(latent).max():.6g}, which no model decodes: latents are about -3 to 3"
+            )
 
 
 def check_usable(recording: Recording, folder: Path) -> None:
@@ -165,6 +197,10 @@ def check_timed_rows(table: pd.DataFrame, hits: pd.DataFrame, file: Path) -> Non
             f"{file}: row {row} (the first is 0): hit {number[row]} is not in {HITS_FILE}: add it "
             "there or remove its rows here"
         )
+    if not table["hit"].duplicated().any():
+        raise InputError(
+            f"{file}: has one row a hit at most, which shows no motion: export all rows, or remove the file"
+        )
     t = table["t"].to_numpy()
     negative = t < 0
     if negative.any():
@@ -173,6 +209,7 @@ def check_timed_rows(table: pd.DataFrame, hits: pd.DataFrame, file: Path) -> Non
             f"{file}: row {row} (the first is 0), hit {number[row]}: t is {t[row]:g} s, before the "
             "hit's start: shift the times so that the hit starts at 0"
         )
+    check_possible(table, ["t"], IMPOSSIBLE_S, "a time from the hit's start in s", file)
     rows = np.argsort(number, kind="stable")  # rows of a hit side by side, in the file's order
     same_hit = np.diff(number[rows]) == 0
     wrong = np.flatnonzero(same_hit & (np.diff(t[rows]) <= 0))
@@ -196,6 +233,23 @@ def check_joint_counts(commands: pd.DataFrame | None, joints: pd.DataFrame | Non
         raise InputError(
             f"{file}: has {measured} joint columns, {COMMANDS_FILE} has {commanded}: give the "
             "same joints in both"
+        )
+
+
+def check_joint_times(commands: pd.DataFrame | None, joints: pd.DataFrame | None, file: Path) -> None:
+    """Refuse joints that were measured before or after their commands: the clocks differ."""
+    if commands is None or joints is None:
+        return
+    given = {"commands": commands, "joints": joints}
+    first = pd.DataFrame({name: table.groupby("hit")["t"].min() for name, table in given.items()})
+    last = pd.DataFrame({name: table.groupby("hit")["t"].max() for name, table in given.items()})
+    apart = first.max(axis=1, skipna=False) > last.min(axis=1, skipna=False)
+    if apart.any():
+        hit = apart.index[apart][0]
+        (a, c), (b, d) = first.loc[hit], last.loc[hit]
+        raise InputError(
+            f"{file}: hit {hit}: joints are measured from {c:g} to {d:g} s, but {COMMANDS_FILE} has them "
+            f"from {a:g} to {b:g} s: give both on one clock, from the hit's start"
         )
 
 

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from slapshot.errors import printable
 from slapshot.recordings.__main__ import describe
 from slapshot.recordings.finding import Finding
 from slapshot.recordings.importing.importer import ImportSummary, import_tracks
@@ -43,7 +44,7 @@ def say_imported(summary: ImportSummary) -> str:
     lines = [f"{summary.out}: {summary.hits} hits, {summary.frames} frames"]
     if summary.dropped:
         lines[0] += f"; {len(summary.dropped)} dropped"
-    return "\n".join([*lines, *(f"  {line}" for line in summary.lines)])
+    return "\n".join(printable(line) for line in [*lines, *(f"  {line}" for line in summary.lines)])
 
 
 def say_findings(findings: list[Finding]) -> str:
@@ -53,6 +54,6 @@ def say_findings(findings: list[Finding]) -> str:
     return "\n".join(
         [
             f"odd            {len(findings)} finding{'s' * (len(findings) > 1)}",
-            *(f"  {finding}" for finding in findings),
+            *(printable(f"  {finding}") for finding in findings),
         ]
     )

@@ -23,6 +23,20 @@ FindingKind = Literal[
     "not_slowing",
     "scatter",
     "friction_changes",
+    # hits
+    "far_places",
+    "implausible_slides",
+    "order_repeats",
+    "order_dates",
+    # commands and joints
+    "few_rows",
+    "joint_units",
+    "joint_jumps",
+    "no_joints",
+    "no_commands",
+    "joints_reversed",
+    "joints_late",
+    "joints_astray",
     # frames
     "no_clock",
     "frame_rate",

@@ -2,7 +2,7 @@
 
 | file             | one row is                 | columns                                      |
 |------------------|----------------------------|----------------------------------------------|
-| recording.json   |                            | see RECORDING_SCHEMA                         |
+| recording.json   |                            | see header.Header                            |
 | hits.parquet     | one hit                    | see HITS_SCHEMA                              |
 | tracks.parquet   | one camera frame of a hit  | see TRACKS_SCHEMA; a missing frame is no row |
 | commands.parquet | one joint command of a hit | see joint_schema                             |
@@ -12,10 +12,13 @@ Only recording.json and hits.parquet are always there. The world frame is right-
 """
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Literal, Self
 
 import pandas as pd
 import pyarrow as pa
+from pydantic import Field, model_validator
+
+from slapshot.validation import Model
 
 FORMAT_VERSION = 1
 
@@ -28,21 +31,66 @@ JOINTS_FILE = "joints.parquet"
 Kind = Literal["full", "tracks only", "rest points only"]
 
 
-@dataclass(frozen=True)
-class ObjectInfo:
+# Bounds beyond any rig: what lies outside is another unit, or memory that nobody wrote to.
+SMALLEST_OBJECT_M, LARGEST_OBJECT_M = 1e-4, 2.0
+LONGEST_ID = 64  # characters of an object_id
+LIGHTEST_OBJECT_KG, HEAVIEST_OBJECT_KG = 1e-4, 20.0
+
+_EXTENTS = {  # how many numbers size_m has, and what they are
+    "box": (3, "three edges"),
+    "cylinder": (2, "diameter and height"),
+    "sphere": (1, "the diameter"),
+}
+
+Extent = Annotated[
+    float,
+    Field(
+        ge=SMALLEST_OBJECT_M,
+        le=LARGEST_OBJECT_M,
+        description="a full extent in m; if it is in millimetres, divide by 1000",
+    ),
+]
+
+
+class ObjectInfo(Model):
     """An object that was hit.
 
     Attributes:
-        shape: Word for the shape, such as "cylinder" or "box".
-        size_m: Full extents in m: diameter and height of a cylinder, three edges of a box.
+        shape: Word for the shape.
+        size_m: Full extents in m: diameter and height of a cylinder, three edges of a box, or a sphere's
+            diameter.
         mass_kg: Measured mass in kg.
         mass_sd_kg: Standard deviation of that measurement in kg; 0 where nobody knows it.
     """
 
-    shape: str
-    size_m: tuple[float, ...]
-    mass_kg: float
-    mass_sd_kg: float
+    shape: Literal["box", "cylinder", "sphere"] = Field(description="the one that comes nearest")
+    # A file has a list there, which strict reading would refuse.
+    size_m: Annotated[tuple[Extent, ...], Field(strict=False)] = Field(
+        min_length=1, max_length=3, description="list of full extents in m, such as diameter and height"
+    )
+    mass_kg: float = Field(
+        ge=LIGHTEST_OBJECT_KG,
+        le=HEAVIEST_OBJECT_KG,
+        description="measured mass in kg; if it is in grams, divide by 1000",
+    )
+    mass_sd_kg: float = Field(
+        ge=0, description="standard deviation of the measured mass in kg, 0 if not known"
+    )
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        count, meaning = _EXTENTS[self.shape]
+        if len(self.size_m) != count:
+            raise ValueError(
+                f"a {self.shape} has {count} in size_m ({meaning}, in m), not {len(self.size_m)}; correct "
+                "shape or size_m"
+            )
+        if self.mass_sd_kg > self.mass_kg:
+            raise ValueError(
+                f"mass_sd_kg is {self.mass_sd_kg:g}, more than mass_kg itself ({self.mass_kg:g}); correct "
+                "it, or write 0 if nobody knows"
+            )
+        return self
 
 
 # No generated equality: comparing two DataFrames with == gives a table, not an answer.
@@ -140,80 +188,3 @@ def joint_schema(n_joints: int) -> pa.Schema:
 def joint_columns(table: pd.DataFrame) -> list[str]:
     """Names q0, q1, ... of the joint columns of a table that has been checked, in order."""
     return [f"q{j}" for j in range(len(table.columns) - 2)]
-
-
-# A bound far beyond any rig: it keeps infinity (1e999 is valid JSON) and typing accidents out.
-_HUGE = 1e6
-
-_OBJECT_SCHEMA: dict[str, Any] = {
-    "type": "object",
-    "additionalProperties": False,
-    "required": ["shape", "size_m", "mass_kg", "mass_sd_kg"],
-    "properties": {
-        "shape": {"type": "string", "minLength": 1, "description": "such as cylinder or box"},
-        "size_m": {
-            "type": "array",
-            "minItems": 1,
-            "items": {"type": "number", "exclusiveMinimum": 0, "maximum": _HUGE},
-            "description": "list of full extents in m, such as diameter and height",
-        },
-        "mass_kg": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "maximum": _HUGE,
-            "description": "measured mass in kg",
-        },
-        "mass_sd_kg": {
-            "type": "number",
-            "minimum": 0,
-            "maximum": _HUGE,
-            "description": "standard deviation of the measured mass in kg, 0 if not known",
-        },
-    },
-}
-
-RECORDING_SCHEMA: dict[str, Any] = {
-    "$schema": "https://json-schema.org/draft/2020-12/schema",
-    "type": "object",
-    "additionalProperties": False,
-    "required": [
-        "format_version",
-        "rig",
-        "objects",
-        "camera_rate_hz",
-        "frame_note",
-        "stand_in",
-    ],
-    "properties": {
-        "format_version": {"type": "integer", "description": f"now {FORMAT_VERSION}"},
-        "rig": {"type": "string", "minLength": 1, "description": "name of the set-up"},
-        "objects": {
-            "type": "object",
-            "minProperties": 1,
-            "additionalProperties": _OBJECT_SCHEMA,
-            "description": "object_id -> shape, size_m, mass_kg, mass_sd_kg",
-        },
-        "camera_rate_hz": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "maximum": _HUGE,
-            "description": "frames a second",
-        },
-        "frame_note": {"type": "string", "description": "where the world frame lies on the rig"},
-        "stand_in": {
-            "type": "boolean",
-            "description": "true for a simulated stand-in, false for a real robot",
-        },
-        "trajectory_model": {
-            "type": ["string", "null"],
-            "minLength": 1,
-            "description": "version of the trajectory model, if latents are given",
-        },
-        "note": {"type": "string", "description": "free text"},
-        "sealed_truth_sha256": {
-            "type": ["string", "null"],
-            "pattern": "^[0-9a-f]{64}$",
-            "description": "SHA-256 of the sealed truth, 64 hex digits",
-        },
-    },
-}

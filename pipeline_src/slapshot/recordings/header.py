@@ -1,176 +1,119 @@
-"""recording.json: to and from its dictionary, with messages for a person."""
+"""recording.json: what it may say, and to and from it."""
 
 import json
-import reprlib
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from jsonschema import Draft202012Validator, ValidationError
+from pydantic import AfterValidator, Field
 
 from slapshot.errors import InputError
-from slapshot.recordings.format import (
-    FORMAT_VERSION,
-    RECORDING_SCHEMA,
-    ObjectInfo,
-    Recording,
-)
+from slapshot.recordings.format import FORMAT_VERSION, LONGEST_ID, ObjectInfo, Recording
+from slapshot.validation import Model, read_json, short, validated
 
-_TYPE_WORDS = {
-    "object": "an object in braces",
-    "array": "a list",
-    "string": "a text",
-    "number": "a number",
-    "integer": "a whole number",
-    "boolean": "true or false",
-    "null": "null",
-}
-
-_LIMIT_WORDS = {
-    "minimum": "at least {}",
-    "exclusiveMinimum": "greater than {}",
-    "maximum": "at most {:g}",
-    "minLength": "a text of at least {} character",
-    "minItems": "a list of at least {} entry",
-    "minProperties": "an object with at least {} entry",
-    "pattern": "a text that matches {}",
-}
+_LONGEST_LINE, _LONGEST_NOTE = 200, 20_000  # characters
+_LONGEST_FILE = 4_000_000  # bytes
+_MOST_OBJECTS = 1000
 
 
-def read_header(file: Path) -> dict[str, Any]:
+def one_line(text: str) -> str:
+    """The text, if it is a line that one can see.
+
+    Raises:
+        ValueError: it is blank, or has a line break or tab.
+    """
+    if not text.strip() or not text.isprintable():
+        raise ValueError(f"{short(text)} is no line of text; write letters, without line break or tab")
+    return text
+
+
+# People's names for things have blanks, dots and letters of any language.
+ObjectId = Annotated[
+    str,
+    Field(min_length=1, max_length=LONGEST_ID, description="object_id, as in the table of hits"),
+    AfterValidator(one_line),
+]
+Line = Annotated[str, Field(min_length=1, max_length=_LONGEST_LINE), AfterValidator(one_line)]
+Note = Annotated[str, Field(max_length=_LONGEST_NOTE)]
+FreeText = Annotated[Note, Field(description="free text")]
+
+
+class Described(Model):
+    """What a recording says of a rig, whoever made it."""
+
+    rig: Line = Field(description="name of the set-up")
+    objects: dict[ObjectId, ObjectInfo] = Field(
+        min_length=1,
+        max_length=_MOST_OBJECTS,
+        description="object_id -> shape, size_m, mass_kg, mass_sd_kg",
+    )
+    camera_rate_hz: float = Field(gt=0, le=1e6, description="frames a second")
+    frame_note: Note = Field(description="where the world frame lies on the rig")
+
+
+class Header(Described):
+    """recording.json: all of a recording but its tables."""
+
+    format_version: Literal[1] = Field(description=f"now {FORMAT_VERSION}")
+    stand_in: bool = Field(description="true for a simulated stand-in, false for a real robot")
+    note: FreeText = ""
+    trajectory_model: Line | None = Field(
+        default=None, description="version of the trajectory model, if latents are given"
+    )
+    sealed_truth_sha256: str | None = Field(
+        default=None, pattern="^[0-9a-f]{64}$", description="SHA-256 of the sealed truth, 64 hex digits"
+    )
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """Attributes of a `Recording`."""
+        return {name: value for name, value in self if name != "format_version"}
+
+    def to_json(self) -> str:
+        """Text of the file; optional keys without a value are absent."""
+        values = self.model_dump(mode="json", exclude_none=True)
+        first = {"format_version": values.pop("format_version")}
+        return json.dumps(first | values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+_OF_VERSION: dict[int, type[Header]] = {FORMAT_VERSION: Header}
+
+
+def read_header(file: Path) -> Header:
     """Read and check recording.json.
 
+    Raises:
+        InputError: The file cannot be read, is not JSON, or says what cannot be.
+    """
+    remedy = f"put the recording's {file.name} there, or name the folder that holds it"
+    return check_header(read_json(file, remedy, _LONGEST_FILE), file)
+
+
+def check_header(values: Any, file: Path) -> Header:
+    """What recording.json says, checked.
+
     Args:
-        file: Path of recording.json.
-
-    Returns:
-        The keys and values, checked against RECORDING_SCHEMA.
+        values: As JSON has them.
+        file: Named in errors.
 
     Raises:
-        InputError: If the file cannot be read, is not JSON, or breaks the schema.
+        InputError: A key is unknown, missing, of the wrong type or out of range.
     """
-    try:
-        text = file.read_text(encoding="utf-8-sig")  # some editors put a byte-order mark
-        header = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_refuse_duplicates)
-        # Half of a surrogate pair ("\ud800") is valid JSON, but nobody can print or save it.
-        json.dumps(header, ensure_ascii=False).encode("utf-8")
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror}): check the file") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(
-            f"{file}: is not valid JSON ({_first_line(error)}): mend it in a text editor"
-        ) from error
-    check_header(header, file)
-    return header
-
-
-def check_header(header: Any, file: Path) -> None:
-    """Check what recording.json holds.
-
-    Raises:
-        InputError: On the first key that is unknown, missing, of the wrong type or out of range.
-    """
-    if not isinstance(header, dict):
-        raise InputError(
-            f"{file}: must hold an object in braces, not {reprlib.repr(header)}: write its keys so"
-        )
     # The version comes first: another version may have other keys, which are then no mistakes.
-    version = header.get("format_version")
-    if version is not None and (isinstance(version, bool) or version != FORMAT_VERSION):
+    version = values.get("format_version", FORMAT_VERSION) if isinstance(values, dict) else FORMAT_VERSION
+    if type(version) is not int or version not in _OF_VERSION:
         raise InputError(
-            f"{file}: format_version is {reprlib.repr(version)}, but this slapshot reads version "
-            f"{FORMAT_VERSION}: write the recording in that version, or use a newer slapshot"
+            f"{file}: format_version is {short(version)}, but this slapshot reads version "
+            f"{', '.join(map(str, _OF_VERSION))}; write the recording in that one, or use a newer slapshot"
         )
-    errors = Draft202012Validator(RECORDING_SCHEMA).iter_errors(header)
-    first = min(errors, key=lambda error: [str(part) for part in error.absolute_path], default=None)
-    if first is not None:
-        raise InputError(f"{file}: {_explain(first)}")
+    return validated(_OF_VERSION[version], values, file)
 
 
-def header_of(recording: Recording) -> dict[str, Any]:
-    """The contents of recording.json for a recording; optional keys without a value are absent."""
-    header: dict[str, Any] = {
-        "format_version": FORMAT_VERSION,
-        "rig": recording.rig,
-        "objects": {
-            object_id: {
-                "shape": info.shape,
-                "size_m": list(info.size_m),
-                "mass_kg": info.mass_kg,
-                "mass_sd_kg": info.mass_sd_kg,
-            }
-            for object_id, info in recording.objects.items()
-        },
-        "camera_rate_hz": recording.camera_rate_hz,
-        "frame_note": recording.frame_note,
-        "stand_in": recording.stand_in,
-        "note": recording.note,
-    }
-    if recording.trajectory_model is not None:
-        header["trajectory_model"] = recording.trajectory_model
-    if recording.sealed_truth_sha256 is not None:
-        header["sealed_truth_sha256"] = recording.sealed_truth_sha256
-    return header
+def header_of(recording: Recording, file: Path) -> Header:
+    """The header of a recording.
 
-
-def objects_of(header: dict[str, Any]) -> dict[str, ObjectInfo]:
-    """The objects of a checked header, by object_id."""
-    return {
-        object_id: ObjectInfo(
-            shape=info["shape"],
-            size_m=tuple(float(extent) for extent in info["size_m"]),
-            mass_kg=float(info["mass_kg"]),
-            mass_sd_kg=float(info["mass_sd_kg"]),
-        )
-        for object_id, info in header["objects"].items()
-    }
-
-
-def _explain(error: ValidationError) -> str:
-    """One line that names the key and what to do, for the first thing the schema refuses."""
-    path = [part if isinstance(part, str) else f"[{part}]" for part in error.absolute_path]
-    key = ".".join(path).replace(".[", "[")
-    # Typed as Any, for the stubs allow each of them to be unset until the error is complete.
-    instance: Any = error.instance
-    schema: Any = error.schema
-    limit: Any = error.validator_value
-    if error.validator == "additionalProperties":
-        known = schema["properties"]
-        unknown = sorted(set(instance) - set(known))[0]
-        return (
-            f"unknown key {_dotted(key, unknown)!r}: remove it or correct its spelling "
-            f"(known: {', '.join(known)})"
-        )
-    if error.validator == "required":
-        missing = next(name for name in limit if name not in instance)
-        meaning = schema["properties"][missing]["description"]
-        return f"key {_dotted(key, missing)!r} is missing: add it ({meaning})"
-    if error.validator == "type":
-        types = [limit] if isinstance(limit, str) else limit
-        wanted = " or ".join(_TYPE_WORDS[name] for name in types)
-    else:
-        wanted = _LIMIT_WORDS[str(error.validator)].format(limit)
-    meaning = f" ({schema['description']})" if "description" in schema else ""
-    return f"key {key!r} must be {wanted}, not {reprlib.repr(instance)}: correct it{meaning}"
-
-
-def _dotted(parent: str, key: str) -> str:
-    return f"{parent}.{key}" if parent else key
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
-
-
-def _refuse_constant(word: str) -> float:
-    """Refuse NaN and Infinity, which Python's reader takes although JSON has no such numbers."""
-    raise ValueError(f"{word} is not a JSON number")
-
-
-def _refuse_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Refuse a key that stands twice, of which Python's reader would silently keep the last."""
-    result: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in result:
-            raise ValueError(f"key {key!r} stands there twice")
-        result[key] = value
-    return result
+    Raises:
+        InputError: It says what cannot be; `file` is named.
+    """
+    values = {name: getattr(recording, name) for name in Header.model_fields if name != "format_version"}
+    values["objects"] = {name: info.model_dump() for name, info in recording.objects.items()}
+    return check_header({"format_version": FORMAT_VERSION, **values}, file)

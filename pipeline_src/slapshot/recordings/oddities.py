@@ -14,6 +14,8 @@ from scipy.stats import spearmanr
 from slapshot.recordings.finding import Finding
 from slapshot.recordings.format import Recording
 from slapshot.recordings.odd_frames import odd_frames
+from slapshot.recordings.odd_hits import odd_order, odd_places, odd_scale
+from slapshot.recordings.odd_swings import odd_swings
 from slapshot.recordings.slides import HitTrack, hit_tracks, rest_noise, slide_table
 
 Array = NDArray[np.float64]
@@ -36,9 +38,11 @@ def odd_things(recording: Recording) -> list[Finding]:
         recording: that has passed its checks.
     """
     tracks = hit_tracks(recording)
-    found = list(few_hits(recording.hits))
+    found = [*few_hits(recording.hits), *odd_order(recording.hits), *odd_places(recording)]
+    found += odd_swings(recording)
     if tracks:
         slides = slide_table(tracks)
+        found += odd_scale(slides)
         found += odd_frames(tracks, slides, recording.camera_rate_hz)
         found += odd_motion(tracks)
         found += odd_ends(tracks, recording.hits)
@@ -233,7 +237,7 @@ def _by_group(slides: pd.DataFrame, hits: pd.DataFrame) -> str:
         groups["session"] = ((when.diff() > _SESSION_PAUSE).cumsum() + 1).reindex(table.index)
     heading = np.rad2deg(_centred(table["heading"].to_numpy()) + _middle(table["heading"].to_numpy()))
     if np.ptp(heading) > np.rad2deg(_NARROW_HEADINGS) and len(table) >= _THIRDS_HITS:
-        thirds = pd.qcut(pd.Series(heading), 3, precision=0)
+        thirds = pd.qcut(pd.Series(heading), 3, precision=0, duplicates="drop")
         names = [f"{third.left:.0f} to {third.right:.0f} degrees" for third in thirds.cat.categories]
         groups["heading"] = thirds.cat.rename_categories(names)
     texts = []

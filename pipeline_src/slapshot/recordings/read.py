@@ -17,7 +17,7 @@ from slapshot.recordings.format import (
     TRACKS_SCHEMA,
     Recording,
 )
-from slapshot.recordings.header import objects_of, read_header
+from slapshot.recordings.header import read_header
 from slapshot.recordings.tables import conform, frame_from_table, joint_schema_for, read_parquet
 
 
@@ -45,14 +45,7 @@ def read_recording(folder: Path) -> Recording:
     if hits is None:
         raise InputError(f"{folder / HITS_FILE}: is missing: add the table of hits")
     recording = Recording(
-        rig=header["rig"],
-        objects=objects_of(header),
-        camera_rate_hz=float(header["camera_rate_hz"]),
-        frame_note=header["frame_note"],
-        stand_in=header["stand_in"],
-        trajectory_model=header.get("trajectory_model"),
-        note=header.get("note", ""),
-        sealed_truth_sha256=header.get("sealed_truth_sha256"),
+        **header.fields,
         hits=hits,
         tracks=_read_table(folder / TRACKS_FILE, TRACKS_SCHEMA),
         commands=_read_table(folder / COMMANDS_FILE, None),
@@ -69,8 +62,6 @@ def _check_folder(folder: Path) -> None:
         raise InputError(f"{folder}: is not a folder: name the folder that holds {HEADER_FILE}")
     if not any(folder.iterdir()):
         raise InputError(f"{folder}: folder is empty: put a recording there, {HEADER_FILE} first")
-    if not (folder / HEADER_FILE).exists():
-        raise InputError(f"{folder / HEADER_FILE}: is missing: add it, or name the folder that holds it")
 
 
 def _read_table(file: Path, schema: pa.Schema | None) -> pd.DataFrame | None:

@@ -88,8 +88,9 @@ def hit_track(hit: int, frames: pd.DataFrame) -> HitTrack:
 
 def _find_pushes(t: Array, speed: Array, slide: Episode) -> tuple[int, ...]:
     """Frames at which the speed peaks, two wrong frames in a row left out by a running median."""
-    frames = max(5, 2 * round(_PUSH_S / 2 / float(np.median(np.diff(t)))) + 1)
-    inside = median_filter(speed[slide.begin : slide.end], size=frames, mode="nearest")
+    moving = speed[slide.begin : slide.end]
+    half = min(_PUSH_S / 2 / float(np.median(np.diff(t))), len(moving))  # a clock may err as it likes
+    inside = median_filter(moving, size=max(5, 2 * round(half) + 1), mode="nearest")
     # Padded, for the peak of a track that begins with the launch is its first frame.
     peaks, _ = find_peaks(np.r_[0.0, inside, 0.0], prominence=_SECOND_PUSH * inside.max())
     return tuple(int(slide.begin + peak - 1) for peak in peaks)

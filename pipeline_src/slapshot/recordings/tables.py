@@ -6,6 +6,7 @@ categories, NaN for null where null is allowed. Everything else is refused with 
 """
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,33 +16,80 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from slapshot.errors import InputError
-from slapshot.recordings.format import OPTIONAL_COLUMNS, joint_schema
+from slapshot.errors import InputError, printable, reading
+from slapshot.recordings.format import HITS_SCHEMA, LONGEST_ID, OPTIONAL_COLUMNS, joint_schema
+from slapshot.validation import short
 
 _ROWS_PER_GROUP = 128 * 1024
 _INT64_LIMIT = 2.0**63
+_LONGEST_FILE, _LONGEST_FOOTER = 8_000_000_000, 16_000_000  # bytes
+# A damaged or hostile file of some kilobytes can unfold to more than any memory holds.
+_MOST_COLUMNS, _MOST_VALUES, _MOST_BYTES = 1000, 100_000_000, 2_000_000_000
+_MOST_JOINTS = 100
+_TEXTS = {field.name for field in HITS_SCHEMA if pa.types.is_string(field.type)}
 
 
 def read_parquet(file: Path) -> pa.Table:
     """Read a whole Parquet file as it is.
 
     Raises:
-        InputError: If the file is truncated, damaged or no Parquet at all.
+        InputError: If the file is no regular file, truncated, damaged, no Parquet at all, or too large.
     """
-    try:
-        with pq.ParquetFile(file, page_checksum_verification=True) as parquet:
-            table = parquet.read()
-        table.validate(full=True)
-        for field in table.schema:  # names and time zones that are not UTF-8 raise only when read
-            _ = field.name, getattr(field.type, "tz", None)
-    # A damaged file makes pyarrow raise nearly anything, from OSError to MemoryError.
-    except Exception as error:
-        reason = _reason(error)
-        raise InputError(
-            f"{file}: cannot be read as Parquet, it is damaged, cut short or of another kind "
-            f"({reason}): copy or export it again"
-        ) from error
+    with reading(file, "put a Parquet file there, or remove it", _LONGEST_FILE):
+        _check_footer(file)
+        try:
+            metadata = pq.read_metadata(file)
+            _check_extent(metadata, file)
+            # A long text may stand in every row, and only once in the file.
+            texts = [name for name in metadata.schema.names if name in _TEXTS]
+            with pq.ParquetFile(file, page_checksum_verification=True, read_dictionary=texts) as parquet:
+                table = parquet.read()
+            table.validate(full=True)
+            for field in table.schema:  # names and time zones that are not UTF-8 raise only when read
+                _ = field.name, getattr(field.type, "tz", None)
+        except InputError:
+            raise
+        # A damaged file makes pyarrow raise nearly anything, from OSError to MemoryError.
+        except Exception as error:
+            reason = _reason(error)
+            raise InputError(
+                f"{file}: cannot be read as Parquet, it is damaged, cut short or of another kind "
+                f"({reason}): copy or export it again"
+            ) from error
     return table
+
+
+def _check_footer(file: Path) -> None:
+    """Refuse a footer so long that it would take minutes to parse: it lists every row group."""
+    size = file.stat().st_size
+    with file.open("rb") as stream:
+        stream.seek(max(0, size - 8))
+        footer, magic = int.from_bytes(stream.read(4), "little"), stream.read(4)
+    if magic == b"PAR1" and _LONGEST_FOOTER < footer < size:
+        raise InputError(
+            f"{file}: its list of row groups has {footer:,} bytes, and {_LONGEST_FOOTER:,} are allowed: "
+            "write it again with fewer, larger row groups"
+        )
+
+
+def _check_extent(metadata: pq.FileMetaData, file: Path) -> None:
+    """Refuse what would not fit into memory."""
+    if metadata.num_columns > _MOST_COLUMNS:
+        raise InputError(
+            f"{file}: has {metadata.num_columns:,} columns, and {_MOST_COLUMNS:,} are allowed: remove those "
+            "that are not in the format"
+        )
+    groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
+    columns = [group.column(i) for group in groups for i in range(metadata.num_columns)]
+    for count, most, what in (
+        (sum(column.num_values for column in columns), _MOST_VALUES, "values"),
+        (sum(column.total_uncompressed_size for column in columns), _MOST_BYTES, "bytes when unpacked"),
+    ):
+        if count > most:
+            raise InputError(
+                f"{file}: has {count:,} {what}, and {most:,} are allowed: record fewer hits in one "
+                "recording, or fewer rows a second"
+            )
 
 
 def write_parquet(table: pa.Table, file: Path) -> None:
@@ -64,7 +112,7 @@ def table_from_frame(frame: pd.DataFrame, file: Path) -> pa.Table:
         except (pa.ArrowException, TypeError, ValueError, OverflowError) as error:
             reason = _reason(error)
             raise InputError(
-                f"{file}: column {name!r} mixes types ({reason}): give it values of one type"
+                f"{file}: column {short(name)} mixes types ({reason}): give it values of one type"
             ) from error
     return pa.table(arrays, names=names)
 
@@ -88,6 +136,8 @@ def joint_schema_for(names: Sequence[str], file: Path) -> pa.Schema:
     numbers = sorted({int(name[1:]) for name in names if re.fullmatch(r"q(0|[1-9]\d{0,3})", name)})
     if not numbers:
         raise InputError(f"{file}: column 'q0' is missing: add one column a joint, q0, q1, ...")
+    if len(numbers) > _MOST_JOINTS:
+        raise InputError(f"{file}: has {len(numbers)} joints, and {_MOST_JOINTS} are allowed: remove some")
     for expected, number in enumerate(numbers):
         if number != expected:
             raise InputError(
@@ -122,9 +172,9 @@ def conform(table: pa.Table, schema: pa.Schema, file: Path) -> pa.Table:
 
 
 def _check_names_unique(names: Sequence[str], file: Path) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"{file}: column {name!r} stands there twice: remove one of them")
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise InputError(f"{file}: column {short(name)} stands there twice: remove one of them")
 
 
 def _check_column_names(names: Sequence[str], schema: pa.Schema, file: Path) -> None:
@@ -139,7 +189,8 @@ def _check_column_names(names: Sequence[str], schema: pa.Schema, file: Path) -> 
         if name not in schema.names:
             hint = "write with index=False" if name.startswith("__index") else "remove it"
             raise InputError(
-                f"{file}: column {name!r} is not in the format: {hint} (known: {', '.join(schema.names)})"
+                f"{file}: column {short(name)} is not in the format: {hint} "
+                f"(known: {', '.join(schema.names)})"
             )
 
 
@@ -151,9 +202,12 @@ def _conform_column(column: pa.ChunkedArray, field: pa.Field, file: Path) -> pa.
     if not _same_kind(array.type, field.type):
         zone = pa.types.is_timestamp(array.type) and pa.types.is_timestamp(field.type)
         raise InputError(
-            f"{file}: column {field.name!r} has type {array.type}, not {_type_word(field.type)}: "
+            f"{file}: column {field.name!r} has type {_shown(str(array.type))}, not "
+            f"{_type_word(field.type)}: "
             + ("give its times a time zone, such as UTC" if zone else "convert it")
         )
+    if pa.types.is_string(field.type):
+        _check_lengths(array, field, file)
     if pa.types.is_floating(array.type):
         array = _check_floats(array.cast(pa.float64()), field, file)
         if pa.types.is_integer(field.type):
@@ -188,6 +242,17 @@ def _check_floats(array: pa.Array, field: pa.Field, file: Path) -> pa.Array:
         remedy = "leave the row out or correct it" + (", or use null" if field.nullable else "")
         raise InputError(f"{file}: row {row} (the first is 0), column {field.name!r} is {word}: {remedy}")
     return pa.array(values, mask=empty)
+
+
+def _check_lengths(array: pa.Array, field: pa.Field, file: Path) -> None:
+    """Refuse long texts, before each row gets its own copy."""
+    texts = array.dictionary if pa.types.is_dictionary(array.type) else array
+    longest = pc.max(pc.utf8_length(texts)).as_py() or 0
+    if longest > LONGEST_ID:
+        raise InputError(
+            f"{file}: column {field.name!r} has a text of {longest:,} characters, and {LONGEST_ID} are "
+            "allowed: shorten it"
+        )
 
 
 def _check_whole(array: pa.Array, field: pa.Field, file: Path) -> None:
@@ -225,8 +290,11 @@ def _type_word(type_: pa.DataType) -> str:
 
 def _reason(error: Exception) -> str:
     """First line of what a library says, without the damaged bytes that it repeats."""
-    line = (str(error).splitlines() or [type(error).__name__])[0][:200]
-    return "".join(c if c.isprintable() else "?" for c in line)
+    return _shown((str(error).splitlines() or [type(error).__name__])[0])
+
+
+def _shown(text: str) -> str:
+    return printable(text[:200])
 
 
 def _first(mask: np.ndarray) -> int:

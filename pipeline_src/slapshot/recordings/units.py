@@ -1,45 +1,53 @@
 """Units that cannot be: values far beyond any rig are millimetres, degrees, milliseconds, grams.
 
-Every check takes the median, since a camera that loses the object may well report a few absurd
-places, and raises InputError with one line that says how to convert.
+Checks of units take the median, since a camera that loses the object may well report a few absurd
+places, and raise InputError with one line that says how to convert. `check_possible` looks at each value.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from slapshot.errors import InputError
-from slapshot.recordings.format import HEADER_FILE, ObjectInfo
+from slapshot.recordings.format import HEADER_FILE
 
 # No arm hits an object farther than a hall is long, and no revolute joint rests two turns from 0.
 FARTHEST_M = 20.0
-LARGEST_OBJECT_M = 2.0
-HEAVIEST_OBJECT_KG = 20.0
 LARGEST_ANGLE_RAD = 4 * np.pi
 LONGEST_SWING_S = 100.0
+LATEST_BEGIN_S = 100.0
+# What not even a tracker that lost its object, a clock that jumped or an encoder that slipped reports.
+IMPOSSIBLE_M, IMPOSSIBLE_S = 1e6, 1e4
+IMPOSSIBLE_YAW_RAD, IMPOSSIBLE_JOINT_RAD = 1e4, 100.0
 FRAME_INTERVAL_FACTOR = 10.0
 EARLIEST, LATEST = pd.Timestamp("1990-01-01", tz="UTC"), pd.Timestamp("2100-01-01", tz="UTC")
 
 _MILLIMETRES = "if these are millimetres, divide by 1000 (centimetres: by 100)"
 
 
-def check_object_units(objects: dict[str, ObjectInfo], file: Path) -> None:
-    """Refuse objects whose size or mass can only be in millimetres or grams."""
-    for object_id, info in objects.items():
-        size, mass = f"objects.{object_id}.size_m", f"objects.{object_id}.mass_kg"
-        if max(info.size_m) > LARGEST_OBJECT_M:
-            raise InputError(
-                f"{file}: key {size!r} has {max(info.size_m):g}, too large for metres: {_MILLIMETRES}"
-            )
-        if info.mass_kg > HEAVIEST_OBJECT_KG:
-            raise InputError(
-                f"{file}: key {mass!r} is {info.mass_kg:g}, too heavy for "
-                "kilograms: if it is in grams, divide by 1000"
-            )
+def check_possible(table: pd.DataFrame, columns: Sequence[str], limit: float, what: str, file: Path) -> None:
+    """Refuse single values that nothing can have, such as memory that nobody wrote to.
+
+    Args:
+        table: With column hit.
+        columns: To check; NaN passes.
+        limit: Largest size that a value may have.
+        what: They are, with the unit, for the message.
+        file: Named in errors.
+    """
+    values = table[list(columns)].to_numpy(np.float64)  # (n_rows, n_columns)
+    wrong = np.argwhere(np.abs(values) > limit)
+    if len(wrong):
+        row, column = wrong[0]
+        raise InputError(
+            f"{file}: row {row} (the first is 0), hit {table['hit'].iloc[row]}: {columns[column]} is "
+            f"{values[row, column]:.6g}, beyond what {what} can be ({limit:g}): correct it or remove the row"
+        )
 
 
-def check_metres(table: pd.DataFrame, x: str, y: str, file: Path) -> None:
+def check_metres(table: pd.DataFrame, x: str, y: str, file: Path | str) -> None:
     """Refuse positions that lie too far from the origin to be in metres."""
     distance = np.hypot(table[x].to_numpy(), table[y].to_numpy())
     typical = _median(distance)
@@ -93,6 +101,18 @@ def check_frame_interval(tracks: pd.DataFrame, camera_rate_hz: float, file: Path
     )
 
 
+def check_dense_hits(tracks: pd.DataFrame, camera_rate_hz: float, file: Path) -> None:
+    """Refuse single hits whose frames follow each other ten times as fast as the camera takes them."""
+    interval = tracks.groupby("hit")["t"].diff().groupby(tracks["hit"]).median()
+    dense = interval * camera_rate_hz < 1 / FRAME_INTERVAL_FACTOR
+    if dense.any():
+        hit = dense.index[dense][0]
+        raise InputError(
+            f"{file}: hit {hit}: frames are {interval[hit]:.4g} s apart (median), but camera_rate_hz in "
+            f"{HEADER_FILE} is {camera_rate_hz:g}: give its t in seconds, or leave the hit out"
+        )
+
+
 def check_swing_length(table: pd.DataFrame, file: Path) -> None:
     """Refuse swings that last so long that their times can only be in milliseconds."""
     typical = _median(table.groupby("hit")["t"].max().to_numpy())
@@ -100,6 +120,16 @@ def check_swing_length(table: pd.DataFrame, file: Path) -> None:
         raise InputError(
             f"{file}: column 't': a hit lasts {typical:.4g} (median), too long for seconds: if t "
             "is in milliseconds, divide by 1000"
+        )
+
+
+def check_begin(table: pd.DataFrame, file: Path) -> None:
+    """Refuse times that do not count from the hits' starts."""
+    typical = _median(table.groupby("hit")["t"].min().to_numpy())
+    if typical > LATEST_BEGIN_S:
+        raise InputError(
+            f"{file}: column 't': hits begin at {typical:.6g} s (median), not near 0: subtract from the "
+            "times of each hit the moment at which it starts, in all tables the same"
         )
 
 

@@ -1,7 +1,6 @@
 """Write a recording to a folder, whole or not at all."""
 
 import dataclasses
-import json
 import shutil
 import uuid
 from pathlib import Path
@@ -21,7 +20,7 @@ from slapshot.recordings.format import (
     TRACKS_SCHEMA,
     Recording,
 )
-from slapshot.recordings.header import check_header, header_of
+from slapshot.recordings.header import header_of
 from slapshot.recordings.tables import (
     conform,
     frame_from_table,
@@ -45,17 +44,14 @@ def write_recording(recording: Recording, folder: Path) -> None:
         InputError: If a check fails, the folder exists or cannot be written.
     """
     folder = Path(folder)
-    if folder.exists():
-        raise InputError(f"{folder}: exists already: choose another folder or remove it")
-    header = header_of(recording)
-    check_header(header, folder / HEADER_FILE)
+    check_new(folder)
+    header = header_of(recording, folder / HEADER_FILE)
     tables = _checked_tables(recording, folder)
 
     partial = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}.partial")
     try:
         partial.mkdir(parents=True)
-        text = json.dumps(header, indent=2, ensure_ascii=False, allow_nan=False)
-        (partial / HEADER_FILE).write_text(text + "\n", encoding="utf-8")
+        (partial / HEADER_FILE).write_text(header.to_json(), encoding="utf-8")
         for name, table in tables.items():
             write_parquet(table, partial / name)
         partial.rename(folder)
@@ -67,6 +63,22 @@ def write_recording(recording: Recording, folder: Path) -> None:
                 "and the space on the disk"
             ) from error
         raise
+
+
+def check_new(folder: Path) -> None:
+    """Refuse a folder for a recording that is there already, even as a link to nowhere.
+
+    Raises:
+        InputError: It is there, or its name is none.
+    """
+    try:
+        folder.lstat()
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{folder}: cannot be written ({reason}): choose another folder") from None
+    raise InputError(f"{folder}: exists already: choose another folder or remove it")
 
 
 def _checked_tables(recording: Recording, folder: Path) -> dict[str, pa.Table]:

@@ -1,7 +1,5 @@
 """The hits in a folder, a glob or one long table of CSV files."""
 
-import glob
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.errors import InputError
+from slapshot.recordings.importing.files import fields_of_names, find_sources, natural_key
 from slapshot.recordings.importing.mapping import TrackMapping
 from slapshot.recordings.importing.rows import Rows, read_rows
 
@@ -54,8 +53,7 @@ def read_hits(mapping: TrackMapping, source: Path) -> list[RawHit]:
     """
     root, files = find_sources(mapping, source)
     hits: list[RawHit] = []
-    for file in files:
-        fields = _fields_of_name(mapping, file)
+    for file, fields in zip(files, fields_of_names(mapping, files), strict=True):
         rows = read_rows(mapping, file)
         name = file.relative_to(root).as_posix()
         parts = _parts(rows)
@@ -63,40 +61,6 @@ def read_hits(mapping: TrackMapping, source: Path) -> list[RawHit]:
             label = name if len(parts) == 1 else f"{name}, hit {key}"
             hits.append(_raw_hit(mapping, rows, which, label, fields))
     return hits
-
-
-def find_sources(mapping: TrackMapping, source: Path) -> tuple[Path, list[Path]]:
-    """The folder that names are told from, and the files in natural order."""
-    if source.is_file():
-        return source.parent, [source]
-    pattern = str(source)
-    if source.is_dir():
-        root, wanted = source, mapping.pattern
-    elif glob.has_magic(pattern):
-        parts = Path(pattern).parts
-        depth = next(i for i, part in enumerate(parts) if glob.has_magic(part))
-        root, wanted = Path(*parts[:depth]), str(Path(*parts[depth:]))
-    else:
-        raise InputError(f"{source}: no such folder or file; give the folder of the CSV files")
-    try:
-        # Names with a dot are what editors and file managers leave behind.
-        files = [file for file in root.glob(wanted) if file.is_file() and not file.name.startswith(".")]
-    except (ValueError, NotImplementedError) as error:
-        raise InputError(
-            f"{mapping.file}: files.pattern: {wanted!r} is no pattern ({error}); write one such as *.csv"
-        ) from None
-    if not files:
-        raise InputError(
-            f"{source}: no file matches {mapping.pattern if source.is_dir() else source.name}; check the "
-            "path, or files.pattern in the mapping"
-        )
-    return root, sorted(files, key=lambda file: natural_key(file.relative_to(root).as_posix()))
-
-
-def natural_key(text: str) -> list[tuple[int, str]]:
-    """Key that sorts numbers in a text as numbers."""
-    parts = re.split(r"([0-9]{1,18})", text)
-    return [(int(part), "") if part.isdecimal() and part.isascii() else (-1, part) for part in parts if part]
 
 
 def _parts(rows: Rows) -> dict[str, NDArray[np.int64]]:
@@ -113,19 +77,6 @@ def _parts(rows: Rows) -> dict[str, NDArray[np.int64]]:
     return {key: np.array(found[key]) for key in sorted(found, key=natural_key)}
 
 
-def _fields_of_name(mapping: TrackMapping, file: Path) -> dict[str, str]:
-    fields = {"file": file.stem, "folder": file.absolute().parent.name}
-    if mapping.name_pattern is None:
-        return fields
-    match = mapping.name_pattern.search(file.stem)
-    if match is None:
-        raise InputError(
-            f"{file}: the name does not match files.name_pattern ({mapping.name_pattern.pattern}); mend the "
-            "pattern, or narrow files.pattern so that it leaves this file out"
-        )
-    return fields | {name: text or "" for name, text in match.groupdict().items()}
-
-
 def _raw_hit(
     mapping: TrackMapping, rows: Rows, which: NDArray[np.int64], name: str, fields: dict[str, str]
 ) -> RawHit:
@@ -133,6 +84,8 @@ def _raw_hit(
     lines, remarks = rows.lines[which], []
     if rows.cut_short and which[-1] == len(rows.lines) - 1:
         remarks.append("its last line is cut short and was left out")
+    if rows.longest_row > 1:
+        remarks.append(f"one of the file's rows goes over {rows.longest_row} lines, between quotes")
     # Without a clock every row is one frame later, whether the tracker saw the object or not.
     t = numbers.get("t", np.arange(len(which)) / mapping.camera_rate_hz)
     xy = np.stack([numbers["x"], numbers["y"]], axis=1)

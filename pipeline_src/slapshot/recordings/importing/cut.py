@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.recordings.importing.mapping import Cutting
+from slapshot.recordings.importing.mapping import Crop, TrackMapping
 from slapshot.recordings.motion import Episode, find_episodes, find_slide
 
 Array = NDArray[np.float64]
@@ -35,13 +35,13 @@ class Cut:
     dropped: str | None
 
 
-def cut_hit(t: Array, xy: Array, cutting: Cutting) -> Cut:
+def cut_hit(t: Array, xy: Array, mapping: TrackMapping) -> Cut:
     """Find the hit in a track.
 
     Args:
         t: (n,) s, increasing.
         xy: (n, 2) m.
-        cutting: what to keep.
+        mapping: says what to keep.
     """
     if len(t) < _FEWEST_FRAMES:
         return _dropped(f"has only {len(t)} frames")
@@ -53,21 +53,21 @@ def cut_hit(t: Array, xy: Array, cutting: Cutting) -> Cut:
         return _dropped(f"never moves{jumps} (at most {farthest:.0f} mm from its median place)")
     remarks = []
     if slide.begin == 0:
-        if not cutting.keep_moving_at_start:
+        if mapping.moving_at_start == "drop":
             return _dropped("moves from its first frame on: its beginning was not seen")
         remarks.append("moves from its first frame on")
     at_rest = slide.end <= len(t) - _REST_FRAMES
     if not at_rest:
-        if not cutting.keep_moving_at_end:
+        if mapping.moving_at_end == "drop":
             return _dropped("still moves in its last frame: its rest was not seen")
         remarks.append("still moves in its last frame: its rest point stays empty")
-    first, last = _window(t, slide, episodes, cutting)
+    first, last = _window(t, slide, episodes, mapping.crop)
     rest_end = min([episode.begin for episode in episodes if episode.begin >= slide.end], default=len(t))
     remarks += _other_motions(t, slide, episodes)
     whole, kept = t[-1] - t[0], t[last] - t[first]
-    if kept > cutting.longest_s:
-        return _dropped(f"lasts {kept:.0f} s, longer than longest_s = {cutting.longest_s:g}; crop it")
-    if whole > cutting.longest_s:
+    if kept > mapping.longest_s:
+        return _dropped(f"lasts {kept:.0f} s, longer than longest_s = {mapping.longest_s:g}; crop it")
+    if whole > mapping.longest_s:
         remarks.append(f"ran on for {whole:.0f} s and was cropped to {kept:.1f} s")
     rest = xy[slide.end : min(last + 1, rest_end)]
     return Cut(
@@ -80,13 +80,13 @@ def cut_hit(t: Array, xy: Array, cutting: Cutting) -> Cut:
     )
 
 
-def _window(t: Array, slide: Episode, episodes: list[Episode], cutting: Cutting) -> tuple[int, int]:
+def _window(t: Array, slide: Episode, episodes: list[Episode], crop: Crop | None) -> tuple[int, int]:
     """First and last frame to keep; what moves after the slide's rest is no part of the hit."""
-    if cutting.before_motion_s is None or cutting.after_rest_s is None:
+    if crop is None:
         return 0, len(t) - 1
-    first = int(np.searchsorted(t, t[slide.begin] - cutting.before_motion_s))
+    first = int(np.searchsorted(t, t[slide.begin] - crop.before_motion_s))
     end = min(slide.end, len(t) - 1)
-    last = int(np.searchsorted(t, t[end] + cutting.after_rest_s, side="right")) - 1
+    last = int(np.searchsorted(t, t[end] + crop.after_rest_s, side="right")) - 1
     later = [episode.begin - 1 for episode in episodes if episode.begin > slide.end]
     return first, max(end, min([last, *later]))
 

@@ -1,6 +1,7 @@
 """From CSV files to a recording: `import_tracks`."""
 
 import json
+import re
 import uuid
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -12,11 +13,13 @@ import pandas as pd
 
 from slapshot.errors import InputError, writing
 from slapshot.recordings.format import Recording
-from slapshot.recordings.importing.csv_files import RawHit, natural_key, read_hits
+from slapshot.recordings.importing.csv_files import RawHit, read_hits
 from slapshot.recordings.importing.cut import Cut, cut_hit
+from slapshot.recordings.importing.files import natural_key
 from slapshot.recordings.importing.mapping import TrackMapping, fill, load_mapping
-from slapshot.recordings.units import FRAME_INTERVAL_FACTOR
-from slapshot.recordings.write import write_recording
+from slapshot.recordings.units import FRAME_INTERVAL_FACTOR, check_metres
+from slapshot.recordings.write import check_new, write_recording
+from slapshot.validation import short
 
 # Which file and lines each hit is from, and what was done to it; no part of the format.
 SOURCES_FILE = "import.json"
@@ -45,7 +48,7 @@ def import_tracks(mapping: Path, source: Path, out: Path) -> ImportSummary:
     """Make a recording of the hits in CSV files.
 
     Args:
-        mapping: YAML file that says what is what, see `schema`.
+        mapping: YAML file that says what is what, see `TrackMapping`.
         source: a folder of CSV files, one of them, or a path with * in it.
         out: folder of the recording; must not exist yet.
 
@@ -55,12 +58,12 @@ def import_tracks(mapping: Path, source: Path, out: Path) -> ImportSummary:
     Raises:
         InputError: The mapping or a file cannot be used, no hit is left, or `out` exists.
     """
-    if out.exists():  # before hours of reading, not after
-        raise InputError(f"{out}: exists already: choose another folder or remove it")
+    check_new(out)  # before hours of reading, not after
     rules = load_mapping(mapping)
     raw = _in_order(read_hits(rules, source), rules)
     _check_rate(raw, rules)
-    cuts = [cut_hit(hit.t, hit.xy, rules.cutting) for hit in raw]
+    _check_places(raw, rules)
+    cuts = [cut_hit(hit.t, hit.xy, rules) for hit in raw]
     kept = [(hit, cut) for hit, cut in zip(raw, cuts, strict=True) if cut.dropped is None]
     if not kept:
         raise InputError(
@@ -99,10 +102,16 @@ def _check_rate(hits: list[RawHit], rules: TrackMapping) -> None:
     frames = float(np.median(intervals)) * rules.camera_rate_hz if len(intervals) else 1.0
     if not 1 / FRAME_INTERVAL_FACTOR <= frames <= FRAME_INTERVAL_FACTOR:
         raise InputError(
-            f"{rules.file}: columns.t: frames are {np.median(intervals):.4g} s apart (median), but "
+            f"{rules.where('columns', 't')}: frames are {np.median(intervals):.4g} s apart (median), but "
             f"camera_rate_hz is {rules.camera_rate_hz:g}; correct the factor of t (0.001 if it is in ms), or "
             "the rate"
         )
+
+
+def _check_places(hits: list[RawHit], rules: TrackMapping) -> None:
+    """Refuse places in another unit before everything seems to move."""
+    places = np.concatenate([hit.xy for hit in hits])
+    check_metres(pd.DataFrame(places, columns=["x", "y"]), "x", "y", rules.where("columns"))
 
 
 def _facts(rules: TrackMapping) -> list[str]:
@@ -158,11 +167,11 @@ def _recording(rules: TrackMapping, kept: list[tuple[RawHit, Cut]]) -> Recording
 
 
 def _object_id(hit: RawHit, rules: TrackMapping) -> str:
-    object_id = fill(rules.object_id, hit.fields)
+    object_id = fill(rules.object_id or next(iter(rules.objects)), hit.fields)
     if object_id not in rules.objects:
         raise InputError(
-            f"{hit.name}: object_id {object_id!r} is not among the objects of {rules.file} "
-            f"({', '.join(map(repr, rules.objects))}); describe it there, or correct object_id"
+            f"{hit.name}: object_id {short(object_id)} is not among the objects of {rules.file} "
+            f"({short(list(rules.objects))}); describe it there, or correct object_id"
         )
     return object_id
 
@@ -181,10 +190,10 @@ def _recorded_at(hit: RawHit, rules: TrackMapping) -> datetime:
         # A zone in the text (%z) is worth more than the mapping's.
         zoned = local if local.tzinfo else local.replace(tzinfo=UTC) - timedelta(hours=spec.utc_offset_h)
         return zoned.astimezone(UTC)
-    except (ValueError, OverflowError) as error:
+    except (ValueError, OverflowError, re.error) as error:  # the last for a directive that stands twice
         raise InputError(
-            f"{hit.name}: recorded_at: {text[:60]!r} is no time of the format {spec.format!r} "
-            f"({error}); mend recorded_at in {rules.file}"
+            f"{hit.name}: recorded_at: {short(text)} is no time of the format {short(spec.format)} "
+            f"({str(error)[:200]}); mend {rules.where('recorded_at')}"
         ) from None
 
 

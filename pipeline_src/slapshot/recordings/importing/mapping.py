@@ -1,114 +1,236 @@
 """A mapping: which files and columns are what, read from a YAML file and checked."""
 
 import re
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from collections import Counter
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    StringConstraints,
+    field_validator,
+    model_validator,
+)
 
 from slapshot.errors import InputError
-from slapshot.recordings.format import ObjectInfo
-from slapshot.recordings.header import objects_of
-from slapshot.recordings.importing.schema import check_mapping
-from slapshot.yaml_file import read_yaml
+from slapshot.recordings.header import Described, FreeText
+from slapshot.recordings.importing.name_pattern import NamePattern
+from slapshot.validation import Model, short, validated
+from slapshot.yaml_file import Document, read_document
 
+LONGEST_TEXT = 200  # characters of a pattern, a template, or a text in a file
 # Fields that every hit has; the others come from the file's name and from columns.
 FILE_FIELDS = ("file", "folder")
 _FIELD = re.compile(r"\{(\w+)\}")
+_HUGE, _TINY = 1e6, 1e-9  # bounds far beyond any rig
 _DELIMITERS = {"tab": "\t", "blanks": None}
+_IN_NUMBERS = "0123456789+-.eE"
+
+T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of numbers.
-
-    Attributes:
-        place: name in the header, or number from 0.
-        factor, offset: value in the recording = factor * number + offset.
-    """
-
-    place: str | int
-    factor: float = 1.0
-    offset: float = 0.0
+def _given(value: Any) -> Any:
+    if value is None:
+        raise ValueError("has no value; write one, or remove the key")
+    return value
 
 
-@dataclass(frozen=True)
-class CsvStyle:
-    """What the files look like.
-
-    Attributes:
-        delimiter: between columns; None for any number of blanks.
-        decimal: between whole and fraction.
-        header: whether a row names the columns.
-        skip_rows: lines before it.
-        missing: texts that mean that nothing was seen.
-    """
-
-    delimiter: str | None
-    decimal: str
-    header: bool
-    skip_rows: int
-    missing: frozenset[str]
+# A key that may be left out, but not left empty.
+Optional = Annotated[T | None, BeforeValidator(_given)]
 
 
-@dataclass(frozen=True)
-class Cutting:
-    """Which frames of a hit stay, and which hits.
-
-    Attributes:
-        before_motion_s, after_rest_s: s to keep around the slide; None to keep all frames.
-        longest_s: s; a longer hit is dropped.
-        keep_moving_at_start, keep_moving_at_end: whether hits stay that were not seen whole.
-    """
-
-    before_motion_s: float | None
-    after_rest_s: float | None
-    longest_s: float
-    keep_moving_at_start: bool
-    keep_moving_at_end: bool
+def _pattern(text: str) -> str:
+    parts = PurePosixPath(text).parts
+    if not parts or parts[0] == "/" or ".." in parts:
+        raise ValueError(
+            f"{short(text)} is no pattern of files in the folder that is given; write one such as *.csv"
+        )
+    return text
 
 
-@dataclass(frozen=True)
-class RecordedAt:
-    """When a hit was executed: a template, its format for strptime, and hours ahead of UTC."""
-
-    text: str
-    format: str
-    utc_offset_h: float
+def _template(text: str) -> str:
+    if {"{", "}"} & set(_FIELD.sub("", text)):
+        raise ValueError(f"{short(text)} has a brace that belongs to no {{field}}; write {{name}}")
+    return text
 
 
-@dataclass(frozen=True)
-class TrackMapping:
-    """How CSV files become a recording.
+def _delimiter(text: str) -> str:
+    if text not in _DELIMITERS and (len(text) != 1 or text in _IN_NUMBERS + '"\n\r'):
+        raise ValueError(
+            f"{short(text)} is no single character that can part numbers; write one, or tab, or blanks"
+        )
+    return text
 
-    Attributes:
-        file: the mapping's own, for errors.
-        rig, frame_note, note, objects, camera_rate_hz: as in a recording.
-        object_id: template.
-        command: template that is equal for repeats of one command, or None.
-        pattern: of file names in a folder.
-        name_pattern: with a named group for each field, or None.
-        csv: what the files look like.
-        numbers: role (x, y, yaw, t, start_x, start_y, order) -> column.
-        texts: field, or one of the roles "hit" and "new_hit" in brackets -> column.
-        recorded_at: or None.
-        cutting: which frames and hits stay.
-    """
 
-    file: Path
-    rig: str
-    frame_note: str
-    note: str
-    objects: dict[str, ObjectInfo]
-    camera_rate_hz: float
-    object_id: str
-    command: str | None
-    pattern: str
-    name_pattern: re.Pattern[str] | None
-    csv: CsvStyle
-    numbers: dict[str, Column]
-    texts: dict[str, str | int]
-    recorded_at: RecordedAt | None
-    cutting: Cutting
+Text = Annotated[str, Field(min_length=1, max_length=LONGEST_TEXT)]
+Template = Annotated[Text, AfterValidator(_template)]
+Number = Annotated[float, Field(ge=-_HUGE, le=_HUGE)]
+Place = (
+    Annotated[int, Field(ge=0, le=int(_HUGE))]
+    | Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=LONGEST_TEXT)]
+)
+_PLACE = "name in the header, or number of the column from 0"
+_TEMPLATE = "a {name} in it stands for a field, {file} and {folder} for the names of the file and its folder"
+
+
+class Column(Model):
+    """A column of numbers: value in the recording = factor * number + offset."""
+
+    column: Place = Field(description=_PLACE)
+    factor: Number = Field(
+        default=1.0, description="what to multiply by: 0.001 turns mm into m, -1 turns an axis round"
+    )
+    offset: Number = Field(default=0.0, description="what to add after that, in the unit of the recording")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _alone(cls, value: Any) -> Any:
+        return {"column": value} if isinstance(value, str | int) else value
+
+    @field_validator("factor")
+    @classmethod
+    def _keeps_values_apart(cls, factor: float) -> float:
+        if abs(factor) < _TINY:
+            raise ValueError(f"{factor:g} would make all values equal; write another")
+        return factor
+
+
+class Columns(Model):
+    """Which column holds what."""
+
+    x: Column = Field(description="place of the object, in m")
+    y: Column = Field(description="place of the object, in m")
+    yaw: Optional[Column] = Field(default=None, description="turn of the object about z, in rad")
+    t: Optional[Column] = Field(
+        default=None, description="time of the frame, in s; without it frames are counted at camera_rate_hz"
+    )
+    start_x: Optional[Column] = Field(
+        default=None, description="place before the hit, in m; else the frames tell"
+    )
+    start_y: Optional[Column] = Field(
+        default=None, description="place before the hit, in m; else the frames tell"
+    )
+    order: Optional[Column] = Field(
+        default=None, description="place of the hit in the order of execution; without it file names tell"
+    )
+    hit: Optional[Place] = Field(
+        default=None, description=f"which hit of the file a row belongs to: {_PLACE}"
+    )
+    new_hit: Optional[Place] = Field(
+        default=None, description=f"a column whose change begins a new hit in a file: {_PLACE}"
+    )
+
+
+class Files(Model):
+    """Which files are hits."""
+
+    pattern: Annotated[Text, AfterValidator(_pattern)] = Field(
+        default="*.csv",
+        description="names of the files in the folder, **/ before it for folders in it: *.csv",
+    )
+    name_pattern: Optional[Text] = Field(
+        default=None,
+        description="regular expression for the file's name without its ending; its named groups, "
+        "(?P<name>...), become fields",
+    )
+
+
+class CsvStyle(Model):
+    """What the files look like."""
+
+    delimiter: Annotated[str, AfterValidator(_delimiter)] = Field(
+        default=",", description="one character, or the word tab or blanks (any number of them)"
+    )
+    decimal: Literal[".", ","] = Field(default=".", description="character between whole and fraction")
+    header: bool = Field(default=True, description="true where the first row names the columns")
+    skip_rows: int = Field(
+        default=0, ge=0, le=int(_HUGE), description="lines before the header or the first row"
+    )
+    missing: Annotated[
+        tuple[Annotated[str, Field(max_length=LONGEST_TEXT, description="a text, in quotes")], ...],
+        Field(strict=False, max_length=100),
+    ] = Field(default=(), description="texts that mean 'not seen', in quotes, besides an empty one and NaN")
+
+    @property
+    def separator(self) -> str | None:
+        """What stands between columns; None for any number of blanks."""
+        return _DELIMITERS.get(self.delimiter, self.delimiter)
+
+
+class RecordedAt(Model):
+    """When a hit was executed."""
+
+    text: Template = Field(description=f"date and time; {_TEMPLATE}")
+    format: Text = Field(description="of that text, as strptime has it, for example %Y-%m-%d_%H:%M:%S")
+    utc_offset_h: float = Field(
+        default=0.0, ge=-24, le=24, description="hours by which that clock is ahead of UTC"
+    )
+
+
+class Crop(Model):
+    """What to keep around the slide."""
+
+    before_motion_s: float = Field(ge=0, le=_HUGE, description="s before motion begins")
+    after_rest_s: float = Field(ge=0, le=_HUGE, description="s after the object came to rest")
+
+
+class TrackMapping(Described):
+    """How CSV files become a recording."""
+
+    note: FreeText = ""
+    object_id: Optional[Template] = Field(
+        default=None, description=f"which object was hit; not needed with one object; {_TEMPLATE}"
+    )
+    command: Optional[Template] = Field(
+        default=None, description=f"text that is equal for repeats of one command; {_TEMPLATE}"
+    )
+    files: Files = Files()
+    csv: CsvStyle = CsvStyle()
+    columns: Columns
+    fields: dict[Annotated[str, Field(pattern=r"^\w{1,64}$")], Place] = Field(
+        default={}, max_length=100, description="field -> column whose text in the hit's first row it takes"
+    )
+    recorded_at: Optional[RecordedAt] = Field(default=None, description="when a hit was executed")
+    crop: Optional[Crop] = Field(
+        default=None, description="what to keep around the slide; else all frames stay"
+    )
+    longest_s: float = Field(default=60.0, gt=0, le=_HUGE, description="a longer hit is dropped (s)")
+    moving_at_start: Literal["keep", "drop"] = Field(
+        default="drop", description="keep or drop hits whose first frame moves"
+    )
+    moving_at_end: Literal["keep", "drop"] = Field(
+        default="keep", description="keep or drop hits whose last frame moves"
+    )
+    _document: Document = PrivateAttr()
+    _name_pattern: NamePattern | None = PrivateAttr(None)
+
+    @property
+    def file(self) -> Path:
+        """The mapping's own."""
+        return self._document.path
+
+    def where(self, *loc: str) -> str:
+        """File, line and key of what it says, for errors."""
+        return f"{self._document.where(loc)}: {'.'.join(loc)}"
+
+    @property
+    def numbers(self) -> dict[str, Column]:
+        """Role (x, y, yaw, t, start_x, start_y, order) -> column."""
+        return {role: column for role, column in self.columns if isinstance(column, Column)}
+
+    @property
+    def texts(self) -> dict[str, str | int]:
+        """Field, or one of the roles "hit" and "new_hit" in brackets -> column."""
+        roles = {"<hit>": self.columns.hit, "<new_hit>": self.columns.new_hit}
+        return self.fields | {role: place for role, place in roles.items() if place is not None}
+
+    @property
+    def name_pattern(self) -> NamePattern | None:
+        """What makes fields of a file's name."""
+        return self._name_pattern
 
 
 def load_mapping(file: Path) -> TrackMapping:
@@ -117,41 +239,15 @@ def load_mapping(file: Path) -> TrackMapping:
     Raises:
         InputError: It is missing, not YAML, or says something that cannot be.
     """
-    raw = read_yaml(file)
-    check_mapping(raw, file)
-    files, crop = raw.get("files", {}), raw.get("crop", {})
-    columns = dict(raw["columns"])
-    roles = {f"<{role}>": _place(columns.pop(role)) for role in ("hit", "new_hit") if role in columns}
-    recorded_at = raw.get("recorded_at")
-    mapping = TrackMapping(
-        file=file,
-        rig=raw["rig"],
-        frame_note=raw["frame_note"],
-        note=raw.get("note", ""),
-        objects=objects_of(raw),
-        camera_rate_hz=float(raw["camera_rate_hz"]),
-        object_id=raw.get("object_id", next(iter(raw["objects"]))),
-        command=raw.get("command"),
-        pattern=files.get("pattern", "*.csv"),
-        name_pattern=_compile(files.get("name_pattern"), file),
-        csv=_csv_style(raw.get("csv", {}), file),
-        numbers={role: _column(value) for role, value in columns.items()},
-        texts={name: _place(value) for name, value in raw.get("fields", {}).items()} | roles,
-        recorded_at=recorded_at
-        and RecordedAt(recorded_at["text"], recorded_at["format"], recorded_at.get("utc_offset_h", 0.0)),
-        cutting=Cutting(
-            before_motion_s=crop.get("before_motion_s"),
-            after_rest_s=crop.get("after_rest_s"),
-            longest_s=float(raw.get("longest_s", 60.0)),
-            keep_moving_at_start=raw.get("moving_at_start", "drop") == "keep",
-            keep_moving_at_end=raw.get("moving_at_end", "keep") == "keep",
-        ),
-    )
-    if "object_id" not in raw and len(mapping.objects) > 1:
-        raise InputError(
-            f"{file}: key 'object_id' is missing; say which of the {len(mapping.objects)} it was"
+    document = read_document(file)
+    mapping = validated(TrackMapping, document.values, document.where)
+    mapping._document = document
+    if mapping.files.name_pattern is not None:
+        mapping._name_pattern = NamePattern(
+            mapping.files.name_pattern, mapping.where("files", "name_pattern")
         )
-    _check_consistent(mapping)
+    _check_columns(mapping)
+    _check_fields(mapping)
     return mapping
 
 
@@ -160,72 +256,53 @@ def fill(template: str, fields: dict[str, str]) -> str:
     return _FIELD.sub(lambda match: fields[match[1]], template)
 
 
-def _check_consistent(mapping: TrackMapping) -> None:
-    """Refuse what a schema cannot judge."""
-    file, style = mapping.file, mapping.csv
-    if ("start_x" in mapping.numbers) != ("start_y" in mapping.numbers):
-        raise InputError(f"{file}: columns: give both start_x and start_y, or neither")
-    for role, column in mapping.numbers.items():
-        if column.factor == 0:
-            raise InputError(f"{file}: columns.{role}.factor: 0 would make all values equal; write another")
+def _check_columns(mapping: TrackMapping) -> None:
+    """Refuse columns that no single key can judge."""
+    style, numbers = mapping.csv, mapping.numbers
+    if style.separator == style.decimal:
+        raise InputError(
+            f"{mapping.where('csv', 'decimal')}: is the delimiter {style.decimal!r}, too; correct one of them"
+        )
+    if ("start_x" in numbers) != ("start_y" in numbers):
+        raise InputError(f"{mapping.where('columns')}: give both start_x and start_y, or neither")
     if not style.header:
-        places = {role: column.place for role, column in mapping.numbers.items()} | mapping.texts
-        for role, place in places.items():
+        places = {("columns", role): column.column for role, column in numbers.items()}
+        places |= {("columns", role): getattr(mapping.columns, role) for role in ("hit", "new_hit")}
+        for loc, place in (
+            places | {("fields", name): place for name, place in mapping.fields.items()}
+        ).items():
             if isinstance(place, str):
                 raise InputError(
-                    f"{file}: columns.{role}: {place!r} is a name, but csv.header is false; "
-                    "write the number of the column (the first is 0), or header: true"
+                    f"{mapping.where(*loc)}: {place!r} is a name, but csv.header is false; write the number "
+                    "of the column (the first is 0), or header: true"
                 )
-    groups = mapping.name_pattern.groupindex if mapping.name_pattern else {}
-    own = [name for name in mapping.texts if not name.startswith("<")]
-    known = [*FILE_FIELDS, *groups, *own]
-    for name in known:
-        if known.count(name) > 1:
-            raise InputError(f"{file}: field {name!r} is given twice; give one of them another name")
-    templates = {"object_id": mapping.object_id, "command": mapping.command}
+
+
+def _check_fields(mapping: TrackMapping) -> None:
+    """Refuse fields that are given twice or not at all."""
+    if mapping.object_id is None and len(mapping.objects) > 1:
+        raise InputError(
+            f"{mapping.where('objects')}: key 'object_id' is missing; say which of the "
+            f"{len(mapping.objects)} it was"
+        )
+    groups = mapping.name_pattern.groups if mapping.name_pattern else ()
+    known = [*FILE_FIELDS, *groups, *mapping.fields]
+    for name, count in Counter(known).items():
+        if count > 1:
+            loc = ("fields", name) if name in mapping.fields else ("files", "name_pattern")
+            raise InputError(
+                f"{mapping.where(*loc)}: field {name!r} is given twice; give one of them another name"
+            )
+    templates: dict[tuple[str, ...], str | None] = {
+        ("object_id",): mapping.object_id,
+        ("command",): mapping.command,
+    }
     if mapping.recorded_at:
-        templates["recorded_at.text"] = mapping.recorded_at.text
+        templates["recorded_at", "text"] = mapping.recorded_at.text
     for key, template in templates.items():
         for name in _FIELD.findall(template or ""):
             if name not in known:
                 raise InputError(
-                    f"{file}: {key}: there is no field {name!r}; name it under fields or in "
+                    f"{mapping.where(*key)}: there is no field {name!r}; name it under fields or in "
                     f"files.name_pattern (known: {', '.join(known)})"
                 )
-
-
-def _csv_style(raw: dict[str, Any], file: Path) -> CsvStyle:
-    delimiter = raw.get("delimiter", ",")
-    if delimiter not in _DELIMITERS and (len(delimiter) != 1 or delimiter in '"\n\r'):
-        raise InputError(
-            f"{file}: csv.delimiter: {delimiter!r} is no single character; write one, or tab, or blanks"
-        )
-    if delimiter == raw.get("decimal", "."):
-        raise InputError(f"{file}: csv.decimal: is the delimiter {delimiter!r}, too; correct one of them")
-    return CsvStyle(
-        delimiter=_DELIMITERS.get(delimiter, delimiter),
-        decimal=raw.get("decimal", "."),
-        header=raw.get("header", True),
-        skip_rows=int(raw.get("skip_rows", 0)),
-        missing=frozenset(text.strip() for text in raw.get("missing", [])),
-    )
-
-
-def _compile(pattern: str | None, file: Path) -> re.Pattern[str] | None:
-    try:
-        return None if pattern is None else re.compile(pattern)
-    except re.error as error:
-        raise InputError(
-            f"{file}: files.name_pattern: no regular expression ({error}); mend it, in single quotes"
-        ) from None
-
-
-def _column(value: Any) -> Column:
-    if not isinstance(value, dict):
-        return Column(_place(value))
-    return Column(_place(value["column"]), float(value.get("factor", 1.0)), float(value.get("offset", 0.0)))
-
-
-def _place(value: str | float) -> str | int:
-    """JSON's integers include 4.0."""
-    return value.strip() if isinstance(value, str) else int(value)

@@ -9,20 +9,26 @@ import io
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.errors import InputError
-from slapshot.recordings.importing.mapping import Column, CsvStyle, TrackMapping
+from slapshot.errors import InputError, reading
+from slapshot.recordings.importing.mapping import LONGEST_TEXT, Column, CsvStyle, TrackMapping
+from slapshot.validation import short
 
 Array = NDArray[np.float64]
 
 _NOT_SEEN = {"", "nan", "na", "null", "none"}
 # Memory that nobody wrote to reads as numbers like 1e-310 or 1e160. No tracker reports these.
 _TINIEST, _LARGEST = 1e-30, 1e6
+_LONGEST_FILE = 200_000_000  # bytes
+_DAMAGED = "\ufffd"
+# One clock may tell the order of hits, too, and a place that changes begins where the hit does.
+_MAY_SHARE = {("t", "order"), ("x", "start_x"), ("y", "start_y")}
 _LARGEST_TIME = 1e11  # s; clocks may count from 1970, in any unit
 
 
@@ -36,6 +42,7 @@ class Rows:
         numbers: role -> (n,), in the recording's units, NaN where nothing was seen.
         texts: field -> n texts.
         cut_short: whether the last line was, which is then left out.
+        longest_row: lines that the longest row goes over; more than 1 only between quotes.
     """
 
     file: Path
@@ -43,6 +50,7 @@ class Rows:
     numbers: dict[str, Array]
     texts: dict[str, list[str]]
     cut_short: bool
+    longest_row: int
 
 
 def read_rows(mapping: TrackMapping, file: Path) -> Rows:
@@ -57,71 +65,116 @@ def read_rows(mapping: TrackMapping, file: Path) -> Rows:
         raise InputError(f"{file}: is empty; leave the file out, or export it again")
     rows = _split(text, style, file)
     names = _header(rows, mapping, file) if style.header else None
-    places = {role: column.place for role, column in mapping.numbers.items()} | mapping.texts
-    numbers = {role: _index(place, names, role, file) for role, place in places.items()}
-    found = list(rows)
+    numbers = {role: _index(column.column, names, role, file) for role, column in mapping.numbers.items()}
+    texts = {role: _index(place, names, role, file) for role, place in mapping.texts.items()}
+    _check_apart(numbers, mapping)
+    places = [*numbers.values(), *texts.values()]
+    last = max(places)
+    found: list[_Row] = []
+    lengths = [0]
+    for row in rows:
+        _check_header_fits(row, names, style, file)
+        lengths.append(len(row.cells))
+        # A file may have a million columns, of which a few are wanted.
+        found.append(replace(row, cells=[row.cells[i] for i in places] if lengths[-1] > last else []))
     # A number that is cut short is still a number, so the whole row goes.
-    cut_short = len(found) > 1 and text[-1] not in "\r\n" and len(found[-1][1]) < len(found[-2][1])
+    cut_short = len(found) > 1 and text[-1] not in "\r\n" and lengths[-1] < lengths[-2]
     if cut_short:
         found.pop()
-    last = max(numbers, key=lambda role: numbers[role])
-    for line, row in found:
-        if len(row) <= numbers[last]:
+    for row, length in zip(found, lengths[1:], strict=False):
+        if not row.cells:
+            role = next(role for role, place in (numbers | texts).items() if place == last)
             raise InputError(
-                f"{file}: line {line} has {len(row)} columns, but {last.strip('<>')} is column "
-                f"{places[last]!r}, number {numbers[last]} (the first is 0); correct the mapping, "
-                "csv.delimiter or that line"
+                f"{file}: line {row.line} has {length} columns, but {role.strip('<>')} is number {last} (the "
+                "first is 0); correct the mapping, csv.delimiter or that line"
             )
-    cells = [[row[i] for i in numbers.values()] for _, row in found]
-    columns = dict(zip(numbers, zip(*cells, strict=True), strict=True)) if cells else {}
-    if not columns:
+    if not found:
         raise InputError(f"{file}: has no rows; leave the file out, or correct csv in the mapping")
-    number = np.array([line for line, _ in found])
+    columns = list(zip(*(row.cells for row in found), strict=True))
+    lines = np.array([row.line for row in found])
     return Rows(
         file=file,
-        lines=number,
+        lines=lines,
         numbers={
-            role: _numbers(columns[role], column, role, style, file, number)
-            for role, column in mapping.numbers.items()
+            role: _numbers(cells, mapping.numbers[role], role, style, file, lines)
+            for role, cells in zip(numbers, columns, strict=False)
         },
-        texts={role: [text.strip() for text in columns[role]] for role in mapping.texts},
+        texts={
+            role: _texts(cells, role, file, lines)
+            for role, cells in zip(texts, columns[len(numbers) :], strict=True)
+        },
         cut_short=cut_short,
+        longest_row=max(row.over for row in found),
     )
 
 
+@dataclass(frozen=True)
+class _Row:
+    """Cells of a row, its last line in the file, and how many lines it goes over."""
+
+    line: int
+    over: int
+    cells: list[str]
+
+
 def _text(file: Path) -> str:
-    try:
+    with reading(file, "give a CSV file, or the folder that holds such files", _LONGEST_FILE):
         raw = file.read_bytes()
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror}); check the path") from None
-    if b"\0" in raw[:4096]:
+    if b"\0" in raw:
         raise InputError(f"{file}: is binary or UTF-16, not plain text; save it as CSV in UTF-8")
     # Damaged letters matter in no number, and a damaged number is refused with its line.
     return raw.decode("utf-8-sig", errors="replace")
 
 
-def _split(text: str, style: CsvStyle, file: Path) -> Iterator[tuple[int, list[str]]]:
-    """Line numbers and cells of all rows that are not blank."""
-    if style.delimiter is None:
-        for number, whole in enumerate(io.StringIO(text), 1):
+def _split(text: str, style: CsvStyle, file: Path) -> Iterator[_Row]:
+    """All rows that are not blank."""
+    if style.separator is None:
+        for number, whole in enumerate(io.StringIO(text, newline=None), 1):
             if number > style.skip_rows and whole.strip():
-                yield number, whole.split()
+                yield _Row(number, 1, whole.split())
         return
     source = io.StringIO(text, newline="")
     for _ in range(style.skip_rows):
         source.readline()
-    reader = csv.reader(source, delimiter=style.delimiter)
+    # Strict: a quote that nobody closes would swallow all rows behind it.
+    reader = csv.reader(source, delimiter=style.separator, strict=True)
+    before = 0
     try:
-        for row in reader:
-            if any(cell.strip() for cell in row):
-                yield style.skip_rows + reader.line_num, row
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                yield _Row(style.skip_rows + reader.line_num, reader.line_num - before, cells)
+            before = reader.line_num
     except csv.Error as error:
-        line = style.skip_rows + reader.line_num
+        line = style.skip_rows + before + 1
         raise InputError(f"{file}: line {line} is no CSV ({error}); mend that line") from None
 
 
-def _header(rows: Iterator[tuple[int, list[str]]], mapping: TrackMapping, file: Path) -> list[str]:
-    names = [name.strip() for name in next(rows, (0, []))[1]]
+def _check_apart(numbers: dict[str, int], mapping: TrackMapping) -> None:
+    """Refuse a column that is to be two things at once."""
+    for a, b in combinations(numbers, 2):
+        if numbers[a] == numbers[b] and (a, b) not in _MAY_SHARE:
+            raise InputError(
+                f"{mapping.where('columns', b)}: takes the column of {a}, {mapping.numbers[b].column!r}; "
+                "name another one"
+            )
+
+
+def _check_header_fits(row: _Row, names: list[str] | None, style: CsvStyle, file: Path) -> None:
+    """Refuse rows whose cells are not those that the header names, such as 0,5 for a half."""
+    if names is None:
+        return
+    more = any(cell.strip() for cell in row.cells[len(names) :])
+    fewer = style.separator is None and len(row.cells) < len(names)
+    if more or fewer:
+        raise InputError(
+            f"{file}: line {row.line} has {len(row.cells)} columns, but the header names {len(names)}; mend "
+            "the line, or correct csv.delimiter and csv.decimal"
+        )
+
+
+def _header(rows: Iterator[_Row], mapping: TrackMapping, file: Path) -> list[str]:
+    first = next(rows, None)
+    names = [name.strip() for name in first.cells] if first else []
     if names and all(re.fullmatch(r"[-+.,\deE]*", name) for name in names):
         raise InputError(
             f"{file}: the first row holds numbers, no names; write csv: {{header: false}} in {mapping.file}"
@@ -137,8 +190,8 @@ def _index(place: str | int, names: list[str] | None, role: str, file: Path) -> 
     if names.count(place) != 1:
         problem = "stands there twice; name it by its number" if place in names else "is missing"
         raise InputError(
-            f"{file}: column {place!r} ({role.strip('<>')}) {problem}; correct the mapping or the file "
-            f"(columns: {', '.join(names)[:200]})"
+            f"{file}: column {short(place)} ({role.strip('<>')}) {problem}; correct the mapping or the file "
+            f"(columns: {', '.join(names[:50])[:200]})"
         )
     return names.index(place)
 
@@ -154,12 +207,13 @@ def _numbers(
         if text.lower() in _NOT_SEEN or text in style.missing:
             values[i] = math.nan
             continue
-        where = f"{file}: line {lines[i]}, column {column.place!r} ({role})"
+        where = f"{file}: line {lines[i]}, column {short(column.column)} ({role})"
         try:
-            value = float(text.replace(",", ".") if style.decimal == "," else text)
+            value = _number(text, style.decimal)
         except ValueError:
             raise InputError(
-                f"{where}: {text[:40]!r} is no number; mend the line, or list the text under csv.missing"
+                f"{where}: {text[:40]!r} is no number; mend the line, correct csv.decimal, or list the text "
+                "under csv.missing"
             ) from None
         scaled = column.factor * value + column.offset
         if 0 < abs(value) < _TINIEST or not abs(scaled) <= limit:
@@ -169,3 +223,26 @@ def _numbers(
             )
         values[i] = scaled
     return values
+
+
+def _number(text: str, decimal: str) -> float:
+    """The number that a person reads there; Python would read more, such as 1_000.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if not text.isascii() or "_" in text or (decimal == "," and "." in text):
+        raise ValueError
+    return float(text.replace(decimal, "."))
+
+
+def _texts(cells: tuple[str, ...], role: str, file: Path, lines: NDArray[np.int64]) -> list[str]:
+    """One column as texts; refuses what is too long, or was no UTF-8: two such texts may look equal."""
+    for line, cell in zip(lines, cells, strict=True):
+        if _DAMAGED in cell or len(cell) > LONGEST_TEXT:
+            problem = "is not UTF-8" if _DAMAGED in cell else f"has {len(cell):,} characters"
+            raise InputError(
+                f"{file}: line {line}, {role.strip('<>')}: {short(cell)} {problem}; save the file as UTF-8, "
+                f"with texts of at most {LONGEST_TEXT} characters"
+            )
+    return [cell.strip() for cell in cells]

@@ -1,0 +1,72 @@
+"""What is odd in a recording's places, scales and order of hits."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+
+from slapshot.recordings.finding import Finding
+from slapshot.recordings.format import Recording
+from slapshot.recordings.units import FARTHEST_M
+
+# No arm hits so fast, and nothing slides with such friction: another unit of place or time.
+_FASTEST_M_S, _ROUGHEST = 20.0, 2.0
+
+
+def odd_places(recording: Recording) -> Iterator[Finding]:
+    """Places so far away that no table reaches there."""
+    hits = recording.hits
+    far = np.zeros(len(hits), dtype=bool)
+    for point in ("start", "rest"):
+        far |= np.hypot(hits[f"{point}_x"].to_numpy(), hits[f"{point}_y"].to_numpy()) > FARTHEST_M
+    where = set(hits["hit"][far])
+    frames = 0
+    if recording.tracks is not None:
+        away = recording.tracks[np.hypot(recording.tracks["x"], recording.tracks["y"]) > FARTHEST_M]
+        frames = len(away)
+        where |= set(away["hit"])
+    if where:
+        yield Finding(
+            "far_places",
+            f"{int(far.sum())} start or rest points and {frames} frames lie more than {FARTHEST_M:g} m from "
+            "the origin",
+            tuple(sorted(map(int, where))),
+            "no table is so large: a tracker that lost the object, or another unit",
+        )
+
+
+def odd_order(hits: pd.DataFrame) -> Iterator[Finding]:
+    """Places in the order of execution that stand there twice, or contradict the dates."""
+    twice = hits["hit"][hits["order"].duplicated(keep=False)]
+    if len(twice):
+        yield Finding(
+            "order_repeats",
+            f"{len(twice)} of {len(hits)} hits share their place in the order of execution with another",
+            tuple(map(int, twice)),
+            "what drifts from hit to hit cannot be seen",
+        )
+    dated = hits[hits["recorded_at"].notna()].sort_values("order", kind="stable")
+    back = dated["hit"][dated["recorded_at"].diff() < pd.Timedelta(0)]
+    if len(back):
+        yield Finding(
+            "order_dates",
+            f"{len(back)} of {len(dated)} hits were recorded before the one that precedes them in the order",
+            tuple(map(int, back)),
+            "order or dates are wrong: drift and sessions are told by them",
+        )
+
+
+def odd_scale(slides: pd.DataFrame) -> Iterator[Finding]:
+    """Speeds and frictions that nothing has.
+
+    Args:
+        slides: slide_table of the hits.
+    """
+    speed, friction = slides["launch_speed"].median(), slides["friction"].median()
+    if speed > _FASTEST_M_S or abs(friction) > _ROUGHEST:
+        yield Finding(
+            "implausible_slides",
+            f"objects start at {speed:.3g} m/s and slide with a friction of {friction:.3g} (medians)",
+            (),
+            "nothing does: places or times are in another unit, or the camera's rate is wrong",
+        )
