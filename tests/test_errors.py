@@ -64,3 +64,9 @@ def test_other_errors_pass(error):
     with pytest.raises(type(error)) as caught, writing(TARGET):
         raise error
     assert caught.value is error
+
+
+def test_a_message_is_one_line_that_commands_no_terminal() -> None:
+    forged = Path("a\nerror: none") / "\x1b[2Jb" / "\u202ec" / "\udcff"
+    message = str(InputError(f"{forged}: is missing"))
+    assert message == "a\\nerror: none/\\x1b[2Jb/\\u202ec/\\udcff: is missing"

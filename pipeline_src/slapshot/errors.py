@@ -11,8 +11,12 @@ from pathlib import Path
 class InputError(Exception):
     """Bad input from outside (configuration, recording, machine): the message is one line for a person.
 
-    Stage commands print it without a traceback and exit with code 1.
+    Stage commands print it without a traceback and exit with code 1. Names of files and what they hold may
+    stand in it: what would be a second line, or would command the terminal, is escaped.
     """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(printable(message))
 
 
 _FREE_SPACE = "free some space there, for example with `slapshot versions gc`"

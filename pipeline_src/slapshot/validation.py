@@ -22,6 +22,7 @@ LONGEST_NAME = 64
 NAME = rf"^[A-Za-z0-9][A-Za-z0-9_-]{{0,{LONGEST_NAME - 1}}}$"
 NAME_MEANS = f"letters, digits, _ and -, the first a letter or digit, at most {LONGEST_NAME}"
 
+_DEEPEST = 50  # levels of values in each other, far beyond any use
 _LONG_LIST = 10  # longer ones do not fit into a message
 _LARGEST_INTEGER = 2**63
 _TYPES = {
@@ -93,9 +94,12 @@ def check_plain(value: Any, where: Callable[[Loc], str], loc: Loc = ()) -> None:
     """Refuse what YAML and JSON can say but no model can judge.
 
     Raises:
-        InputError: a key that is no text, an infinite or huge number, a date, an unprintable character.
+        InputError: a key that is no text, an infinite or huge number, a date, an unprintable character, or
+            values in each other without end.
     """
     problem = None
+    if len(loc) > _DEEPEST:
+        raise InputError(f"{where(loc)}: {key_of(loc[:3])}: holds more than {_DEEPEST} levels; remove some")
     if isinstance(value, Mapping):
         for key, item in value.items():
             if not isinstance(key, str):
@@ -140,7 +144,7 @@ def _first_problem(error: ValidationError, model: type[BaseModel], values: Any) 
     schema = model.model_json_schema()
     found = []
     for detail in error.errors(include_url=False):
-        loc, tagged = _real_loc(detail["loc"], values)
+        loc, tagged = _real_loc(detail["loc"], values, detail["type"] == "missing")
         mistyped = detail["type"].endswith("_type") or detail["type"] == "none_required"
         # Of a union, the case that the value comes nearest to: one that it has the type of.
         found.append((tagged and mistyped, -len(loc), [str(part) for part in loc], loc, detail))
@@ -150,8 +154,11 @@ def _first_problem(error: ValidationError, model: type[BaseModel], values: Any) 
     return _described(detail, wanted, loc, schema)
 
 
-def _real_loc(loc: tuple[int | str, ...], values: Any) -> tuple[Loc, bool]:
-    """Keys and indices of a place without the names of a union's cases, and whether there were any."""
+def _real_loc(loc: tuple[int | str, ...], values: Any, missing: bool) -> tuple[Loc, bool]:
+    """Keys and indices of a place without the names of a union's cases, and whether there were any.
+
+    The last key of a place that is `missing` stands in no value.
+    """
     real: list[int | str] = []
     here, tagged = values, False
     for i, part in enumerate(loc):
@@ -159,8 +166,8 @@ def _real_loc(loc: tuple[int | str, ...], values: Any) -> tuple[Loc, bool]:
         if in_list or (isinstance(here, Mapping) and part in here):
             here = here[part]
             real.append(part)
-        elif isinstance(here, Mapping) and i == len(loc) - 1 and part != "[key]":
-            real.append(part)  # a key that is missing
+        elif missing and i == len(loc) - 1:
+            real.append(part)
         else:
             tagged = True
     return tuple(real), tagged
