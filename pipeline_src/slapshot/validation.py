@@ -67,7 +67,7 @@ class Model(BaseModel):
     )
 
 
-class ProblemAt(ValueError):
+class ProblemAtError(ValueError):
     """What is wrong with a value, and where it stands below what is checked: `what; remedy`.
 
     Raised by a model that holds several values against each other; `validated` tells the place of it.
@@ -105,13 +105,13 @@ def validated_part(model: type[M], values: Any, loc: Loc) -> M:
     """What stands at `loc` as a model, within a model whose other values decide on which.
 
     Raises:
-        ProblemAt: it is not allowed.
+        ProblemAtError: it is not allowed.
     """
     try:
         return model.model_validate(values)
     except ValidationError as error:
         problem = _first_problem(error, model, values)
-        raise ProblemAt((*loc, *problem.loc), str(problem)) from None
+        raise ProblemAtError((*loc, *problem.loc), str(problem)) from None
 
 
 def key_of(loc: Loc) -> str:
@@ -168,13 +168,13 @@ def shown_text(text: str, whole: bool = False) -> str:
     return line if whole or len(line) <= 60 else f"{line[:57]}..."
 
 
-def _first_problem(error: ValidationError, model: type[BaseModel], values: Any) -> ProblemAt:
+def _first_problem(error: ValidationError, model: type[BaseModel], values: Any) -> ProblemAtError:
     """The error that is worth telling: the deepest, since it says the most."""
     found = []
     for detail in error.errors(include_url=False):
         loc, tagged = _real_loc(detail["loc"], values, detail["type"] == "missing")
         inner = detail.get("ctx", {}).get("error")
-        if isinstance(inner, ProblemAt):
+        if isinstance(inner, ProblemAtError):
             loc = (*loc, *inner.loc)
         mistyped = detail["type"].endswith("_type") or detail["type"] == "none_required"
         # Of a union, the case that the value comes nearest to: one that it has the type of.
@@ -182,7 +182,7 @@ def _first_problem(error: ValidationError, model: type[BaseModel], values: Any) 
     found.sort(key=lambda item: item[:3])
     loc, detail = found[0][3:]
     wanted = [d for *_, own, d in found if own == loc and d["type"].endswith("_type")]
-    return ProblemAt(*_described(detail, wanted, loc, _schema_of(model)))
+    return ProblemAtError(*_described(detail, wanted, loc, _schema_of(model)))
 
 
 @cache
@@ -191,7 +191,7 @@ def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def _real_loc(loc: tuple[int | str, ...], values: Any, missing: bool) -> tuple[Loc, bool]:
-    """Keys and indices of a place without the names of a union's cases, and whether there were any.
+    """Keys and indices of a place without the names of a union's cases, and whether it ends with one.
 
     The last key of a place that is `missing` stands in no value.
     """
@@ -199,13 +199,14 @@ def _real_loc(loc: tuple[int | str, ...], values: Any, missing: bool) -> tuple[L
     here, tagged = values, False
     for i, part in enumerate(loc):
         in_list = isinstance(here, list | tuple) and isinstance(part, int) and part < len(here)
+        tagged = False
         if in_list or (isinstance(here, Mapping) and part in here):
             here = here[part]
             real.append(part)
         elif missing and i == len(loc) - 1:
             real.append(part)
-        elif part != "[key]":
-            tagged = True
+        else:
+            tagged = part != "[key]"
     return tuple(real), tagged
 
 
