@@ -25,7 +25,13 @@ NAME = rf"^[A-Za-z0-9][A-Za-z0-9_-]{{0,{LONGEST_NAME - 1}}}$"
 NAME_MEANS = f"letters, digits, _ and -, the first a letter or digit, at most {LONGEST_NAME}"
 # Of what only people read, such as a label in a figure.
 TITLE = rf"^[A-Za-z0-9][A-Za-z0-9 _-]{{0,{LONGEST_NAME - 1}}}$"
-_MEANS = {NAME: NAME_MEANS, TITLE: NAME_MEANS.replace("digits,", "digits, spaces,")}
+# Of what a picture shows, in which $ and \ would begin a formula.
+LABEL = r"^[^$\\]*$"
+_MEANS = {
+    NAME: NAME_MEANS,
+    TITLE: NAME_MEANS.replace("digits,", "digits, spaces,"),
+    LABEL: "characters other than $ and \\",
+}
 
 _DEEPEST = 50  # levels of values in each other, far beyond any use
 _LONG_LIST = 10  # longer ones do not fit into a message

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.config import Configuration
-from slapshot.validation import key_of
+from slapshot.validation import NAME, key_of
 from slapshot.yaml_file import Loc, read_yaml
 
 ROOT = Path(__file__).parents[2]
 DEFAULT = read_yaml(ROOT / "config/default.yaml")
 DELETE = object()
 SCHEMA = Configuration.model_json_schema()
+_MODULE = SCHEMA["$defs"]["OwnScene"]["properties"]["domain"]["pattern"]
 
 # What a YAML file may hold where something else belongs.
 _OTHERS: dict[str, tuple[Any, ...]] = {
@@ -160,9 +161,10 @@ def _list(value: list[Any], schema: dict[str, Any], loc: Loc) -> Iterator[Bad]:
 def _text(value: str, schema: dict[str, Any], loc: Loc) -> Iterator[Bad]:
     if "enum" in schema or "const" in schema:
         yield from (Bad(loc, text) for text in ("nonsense", "", value.upper()))
-    elif "pattern" in schema:
+    elif schema.get("pattern") in {NAME, _MODULE}:
         yield from (Bad(loc, text) for text in _BAD_NAMES if loc[-1] == "name" or len(text) in {0, 3, 65})
     else:
+        yield from [Bad(loc, "$m"), Bad(loc, "\\mu")] if "pattern" in schema else []
         yield Bad(loc, "x" * (schema["maxLength"] + 1))
         yield from [Bad(loc, "")] if schema.get("minLength") else []
 

@@ -21,6 +21,7 @@ from slapshot.yaml_file import Loc
 HOCKEY = "domains.hockey"
 LAB = ".recordings.lab.lab"
 OWN = {"path": "nowhere", "samples": 4, "repeats": 1}
+ROLLOUTS = base()["domains"]["hockey"]["rollouts"]
 LONGEST = 800  # characters of a message, of which the longest lists all kinds of concealed physics
 
 _digest_once = functools.cache(code_digest)
@@ -91,6 +92,8 @@ def test_whatever_the_models_bound_is_refused_beyond(block):
         (".randomisation.mass.uniform", None, "", "null says nothing here; write a value or leave"),
         (".randomisation.friction_x.uniform", [0, 0], "", "nothing comes to rest; write a high > 0"),
         (".randomisation.friction_y.uniform", [0.0, 0.0], "", "nothing comes to rest"),
+        (".randomisation.mass.label", "$m", "", r"'\$m' is not allowed; use characters other than \$ and"),
+        (".rollouts", ROLLOUTS | {"train": 9_000_000, "hits": 200}, "", "more than 1,000,000,000; lower"),
         ("regression.kalman.latent", 3, "", "3 dimensions cannot be drawn in F3; write 2"),
         (".viewer", {"simulated": 0, "recorded": 0}, "", "no hit to show; let"),
         (f"{LAB}.repeats", {"commands": 20, "times": 4}, "", "20 commands x 4 times are more than hits = 64"),
@@ -357,7 +360,7 @@ GOOD = "name: my\ndomains:\n  hockey:\n    rollouts: {hits: 70}\n"
         (
             GOOD + "    scene:\n      domain: curling\n",
             6,
-            "domains.hockey.scene.domain: no module slapshot.scenes",
+            "domains.hockey.scene.domain: no domain 'curling': no mo",
         ),
         (
             GOOD + "    recordings:\n      own: {path: nowhere, samples: 1,\n            repeats: 1}\n",

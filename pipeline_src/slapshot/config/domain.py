@@ -34,6 +34,8 @@ from slapshot.config.values import (
 )
 from slapshot.validation import Model, ProblemAtError
 
+_MOST_HITS = 1_000_000_000  # of a domain; 600 hours of one core
+
 
 class Demonstrations(ScriptedHits):
     """Scripted hits that the trajectory model learns from."""
@@ -89,6 +91,13 @@ class Rollouts(Model):
     named_conditions: Annotated[dict[Title, NamedCondition], Field(max_length=100)] = Field(
         description="test conditions that figures name"
     )
+
+    @model_validator(mode="after")
+    def _end_some_day(self) -> "Rollouts":
+        hits = (self.train + self.validation + self.test + len(self.named_conditions)) * self.hits
+        if hits > _MOST_HITS:
+            raise ValueError(f"{hits:,} hits are more than {_MOST_HITS:,}; lower train or hits")
+        return self
 
 
 class Viewer(Model):

@@ -5,7 +5,17 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 
-from slapshot.config.values import Coefficient, Coordinate, Interval, Length, Mass, MayMiss, Point, Text
+from slapshot.config.values import (
+    Coefficient,
+    Coordinate,
+    Interval,
+    Label,
+    Length,
+    Mass,
+    MayMiss,
+    Point,
+    Text,
+)
 from slapshot.scenes.randomisation import CONDITION_PARAMETERS
 from slapshot.validation import Model, ProblemAtError
 
@@ -80,7 +90,7 @@ class OwnScene(Model):
 
 
 def _scene_of(scene: Any) -> str:
-    domain = scene.get("domain") if isinstance(scene, dict) else None
+    domain = scene.get("domain") if isinstance(scene, dict) else getattr(scene, "domain", None)
     return domain if isinstance(domain, str) and domain in {"hockey", "fetchslide"} else "own"
 
 
@@ -100,8 +110,8 @@ class Distribution(Model):
         None, description="[mean, standard deviation]"
     )
     times: MayMiss[Text] = Field(None, description="another parameter that scales the draw")
-    label: Text = Field(description="for pictures")
-    unit: Text = Field(description="for pictures")
+    label: Label = Field(description="for pictures")
+    unit: Label = Field(description="for pictures")
 
     @model_validator(mode="after")
     def _one_shape(self) -> "Distribution":

@@ -9,7 +9,7 @@ from typing import Annotated, TypeAlias, TypeVar
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from slapshot.validation import NAME, TITLE, short
+from slapshot.validation import LABEL, NAME, TITLE, short
 
 T = TypeVar("T")
 
@@ -84,6 +84,8 @@ Name = Annotated[str, Field(pattern=NAME)]
 Title = Annotated[str, Field(pattern=TITLE)]
 """Is only read."""
 Text = Annotated[str, Field(max_length=200)]
+Label = Annotated[str, Field(max_length=200, pattern=LABEL)]
+"""Stands in pictures."""
 FilePath = Annotated[str, Field(min_length=1, max_length=500)]
 
 # Lists and ranges.
