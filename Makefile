@@ -9,8 +9,8 @@ export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 .DEFAULT_GOAL := figures
 
 figures: setup
-	@slapshot config $(CONFIG)
-	snakemake figures --configfile $(CONFIG)
+	@slapshot config -- "$(CONFIG)"
+	snakemake figures --configfile "$(CONFIG)"
 
 test: setup lint
 	pytest

@@ -5,7 +5,7 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 from snakemake.utils import min_version
 
-from slapshot.config import check_config
+from slapshot.config import read_config
 from slapshot.errors import InputError
 from slapshot.plan import FIGURES, make_plan
 from slapshot.plan.proof import FRESH

@@ -45,9 +45,7 @@ def torch_globals():
 
 @pytest.fixture(scope="session")
 def hockey_config():
-    return load_config(ROOT / "config/tiny.yaml", ROOT / "workflow/schemas/config.schema.yaml")["domains"][
-        "hockey"
-    ]
+    return load_config(ROOT / "config/tiny.yaml")["domains"]["hockey"]
 
 
 @pytest.fixture(scope="session")

@@ -11,11 +11,11 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from slapshot.config import load_config
+from slapshot.config import read_config
 from slapshot.errors import InputError, writing
 from slapshot.own_code import own_code_may_run
-from slapshot.plan import Plan, make_plan
-from slapshot.recordings.commands import run_check, run_import
+from slapshot.plan import Plan, load_plan, make_plan
+from slapshot.scenes.domain import find_domain, is_built_in
 from slapshot.store.folder import Store
 from slapshot.store.housekeeping import collect_garbage, find_version, flatten
 from slapshot.store.verify import compare, make_lock
@@ -75,12 +75,12 @@ def _parser() -> argparse.ArgumentParser:
     config.set_defaults(run=_config)
     check = commands.add_parser("check", help="check a recording and say what is in it")
     check.add_argument("recording", help="folder")
-    check.set_defaults(run=run_check)
+    check.set_defaults(run=_check)
     importing = commands.add_parser("import", help="make a recording of tracks in CSV files")
     importing.add_argument("mapping", type=Path, help="YAML file that says which column is what")
     importing.add_argument("source", type=Path, help="folder of CSV files, one of them, or a path with *")
     importing.add_argument("out", type=Path, help="folder of the recording, which must not exist yet")
-    importing.set_defaults(run=run_import)
+    importing.set_defaults(run=_import)
     diagnosing = commands.add_parser(
         "diagnose", help="say what physics a scene lacks that a recording shows, and model it"
     )
@@ -109,6 +109,18 @@ def _browse(args: argparse.Namespace) -> int:
     return browse(args.config, args.store, args.hit, args.port)
 
 
+def _check(args: argparse.Namespace) -> int:
+    from slapshot.recordings.commands import run_check  # SciPy, pandas: the other commands start faster
+
+    return run_check(args)
+
+
+def _import(args: argparse.Namespace) -> int:
+    from slapshot.recordings.commands import run_import
+
+    return run_import(args)
+
+
 def _diagnose(args: argparse.Namespace) -> int:
     from slapshot.diagnosis.command import run_diagnose  # MuJoCo, figures: the other commands start faster
 
@@ -124,8 +136,13 @@ def _table(*columns: str) -> Table:
 
 
 def _config(args: argparse.Namespace) -> int:
-    plan = make_plan(load_config(args.file))
+    config = read_config([args.file])
+    plan = make_plan(config.values, config.where)
     console.print(f"{args.file}: {len(plan.recipes)} versions")
+    for name, domain in config.values["domains"].items():
+        if not is_built_in(domain["scene"]["domain"]):
+            source = find_domain(domain["scene"]["domain"])
+            console.print(f"domains.{name}.scene.domain: {source} is code of its own, which stages will run")
     return 0
 
 
@@ -202,7 +219,7 @@ def _gc(args: argparse.Namespace) -> int:
 
 
 def _lock(args: argparse.Namespace) -> int:
-    recipes, store = make_plan(load_config()).of_figures(), Store(args.store)
+    recipes, store = load_plan().of_figures(), Store(args.store)
     for label, recipe in recipes.items():
         if not store.is_whole(recipe.stage, recipe.id):
             raise InputError(f"{label} is not made yet: run `snakemake figures` first")
@@ -221,7 +238,7 @@ def _verify(args: argparse.Namespace) -> int:
         lock = json.loads(LOCK.read_text())
     except ValueError as error:
         raise InputError(f"{LOCK} is damaged ({error}): restore it from git") from None
-    verdicts = compare(Store(args.store), make_plan(load_config()).of_figures(), lock)
+    verdicts = compare(Store(args.store), load_plan().of_figures(), lock)
     for label, verdict in verdicts.items():
         console.print(f"{label}: {verdict}")
     good = all(v.startswith(("identical", "equal")) for v in verdicts.values())
@@ -235,6 +252,6 @@ def _plan_of(configs: list[Path] | None) -> Plan:
     paths: list[Path | None] = [*configs] if configs else [None]
     for path in paths:
         name = str(path or "default")
-        for label, recipe in make_plan(load_config(path)).recipes.items():
+        for label, recipe in load_plan(path).recipes.items():
             merged.recipes[label if len(configs or []) < 2 else f"{name}:{label}"] = recipe
     return merged

@@ -97,9 +97,8 @@ def _recipes(stage: str, recipe: str | None, config: Path | None) -> list[Recipe
     if recipe is not None:
         return [Recipe.from_json(recipe)]
     # By name: a stage's result does not depend on how configurations are checked and planned.
-    load_config = import_module("slapshot.config").load_config
-    make_plan = import_module("slapshot.plan").make_plan
-    return list(make_plan(load_config(config)).of_stage(stage).values())
+    load_plan = import_module("slapshot.plan").load_plan
+    return list(load_plan(config).of_stage(stage).values())
 
 
 def set_up_logging(stage: str, file: Path | None) -> None:

@@ -7,8 +7,10 @@ into the model, or raises an InputError that says where (file and line), what, a
 import difflib
 import json
 import math
+import re
 import reprlib
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,6 +23,15 @@ LONGEST_NAME = 64
 # Matched whole: a name becomes part of file names and of command lines.
 NAME = rf"^[A-Za-z0-9][A-Za-z0-9_-]{{0,{LONGEST_NAME - 1}}}$"
 NAME_MEANS = f"letters, digits, _ and -, the first a letter or digit, at most {LONGEST_NAME}"
+# Of what only people read, such as a label in a figure.
+TITLE = rf"^[A-Za-z0-9][A-Za-z0-9 _-]{{0,{LONGEST_NAME - 1}}}$"
+# Of what a picture shows, in which $ and \ would begin a formula.
+LABEL = r"^[^$\\]*$"
+_MEANS = {
+    NAME: NAME_MEANS,
+    TITLE: NAME_MEANS.replace("digits,", "digits, spaces,"),
+    LABEL: "characters other than $ and \\",
+}
 
 _DEEPEST = 50  # levels of values in each other, far beyond any use
 _LONG_LIST = 10  # longer ones do not fit into a message
@@ -63,6 +74,17 @@ class Model(BaseModel):
     )
 
 
+class ProblemAtError(ValueError):
+    """What is wrong with a value, and where it stands below what is checked: `what; remedy`.
+
+    Raised by a model that holds several values against each other; `validated` tells the place of it.
+    """
+
+    def __init__(self, loc: Loc, problem: str) -> None:
+        super().__init__(problem)
+        self.loc = loc
+
+
 M = TypeVar("M", bound=BaseModel)
 
 
@@ -83,8 +105,21 @@ def validated(model: type[M], values: Any, where: Callable[[Loc], str] | Path | 
         # As JSON, so that a model may have tuples and dataclasses; nothing else is converted.
         return model.model_validate_json(json.dumps(values))
     except ValidationError as error:
-        loc, problem = _first_problem(error, model, values)
-        raise InputError(f"{told(loc)}: {key_of(loc)}: {problem}") from None
+        problem = _first_problem(error, model, values)
+        raise InputError(f"{told(problem.loc)}: {key_of(problem.loc)}: {problem}") from None
+
+
+def validated_part(model: type[M], values: Any, loc: Loc) -> M:
+    """What stands at `loc` as a model, within a model whose other values decide on which.
+
+    Raises:
+        ProblemAtError: it is not allowed.
+    """
+    try:
+        return model.model_validate_json(json.dumps(values))
+    except ValidationError as error:
+        problem = _first_problem(error, model, values)
+        raise ProblemAtError((*loc, *problem.loc), str(problem)) from None
 
 
 def key_of(loc: Loc) -> str:
@@ -141,23 +176,30 @@ def shown_text(text: str, whole: bool = False) -> str:
     return line if whole or len(line) <= 60 else f"{line[:57]}..."
 
 
-def _first_problem(error: ValidationError, model: type[BaseModel], values: Any) -> tuple[Loc, str]:
-    """Place and problem of the error that is worth telling: the deepest, since it says the most."""
-    schema = model.model_json_schema()
+def _first_problem(error: ValidationError, model: type[BaseModel], values: Any) -> ProblemAtError:
+    """The error that is worth telling: the deepest, since it says the most."""
     found = []
     for detail in error.errors(include_url=False):
         loc, tagged = _real_loc(detail["loc"], values, detail["type"] == "missing")
+        inner = detail.get("ctx", {}).get("error")
+        if isinstance(inner, ProblemAtError):
+            loc = (*loc, *inner.loc)
         mistyped = detail["type"].endswith("_type") or detail["type"] == "none_required"
         # Of a union, the case that the value comes nearest to: one that it has the type of.
         found.append((tagged and mistyped, -len(loc), [str(part) for part in loc], loc, detail))
     found.sort(key=lambda item: item[:3])
     loc, detail = found[0][3:]
     wanted = [d for *_, own, d in found if own == loc and d["type"].endswith("_type")]
-    return _described(detail, wanted, loc, schema)
+    return ProblemAtError(*_described(detail, wanted, loc, _schema_of(model)))
+
+
+@cache
+def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    return model.model_json_schema()
 
 
 def _real_loc(loc: tuple[int | str, ...], values: Any, missing: bool) -> tuple[Loc, bool]:
-    """Keys and indices of a place without the names of a union's cases, and whether there were any.
+    """Keys and indices of a place without the names of a union's cases, and whether it ends with one.
 
     The last key of a place that is `missing` stands in no value.
     """
@@ -165,13 +207,14 @@ def _real_loc(loc: tuple[int | str, ...], values: Any, missing: bool) -> tuple[L
     here, tagged = values, False
     for i, part in enumerate(loc):
         in_list = isinstance(here, list | tuple) and isinstance(part, int) and part < len(here)
+        tagged = False
         if in_list or (isinstance(here, Mapping) and part in here):
             here = here[part]
             real.append(part)
         elif missing and i == len(loc) - 1:
             real.append(part)
         else:
-            tagged = True
+            tagged = part != "[key]"
     return tuple(real), tagged
 
 
@@ -199,6 +242,8 @@ def _described(
         return loc[:-1], f"key {str(loc[-1])!r} is missing; add it{hint}"
     if kind.endswith("_type") or kind == "none_required":
         names = [_TYPES[_OF_PYDANTIC[d["type"].removesuffix("_type")]] for d in mistyped] or ["null"]
+        if any(s.get("type") == "null" for s in own):
+            names.append(_TYPES["null"])
         wanted = " or ".join(dict.fromkeys(names))
         like = f" such as {float(value)!r}" if _is_number(value) and "number" in names else ""
         return loc, f"{shown} is not a {wanted}; write a {wanted}{like}{hint}"
@@ -225,7 +270,7 @@ def _described(
     if kind == "string_too_long":
         return loc, f"{shown} has {len(value)} characters; write at most {context['max_length']}{hint}"
     if kind == "string_pattern_mismatch":
-        means = NAME_MEANS if context["pattern"] == NAME else f"what matches {context['pattern']}"
+        means = _MEANS.get(context["pattern"], f"what matches {context['pattern']}")
         return loc, f"{shown} is not allowed; use {means}{hint}"
     if kind == "value_error":
         return loc, str(context["error"])
@@ -248,7 +293,8 @@ def _schemas_at(schema: Any, loc: Loc, root: Mapping[str, Any]) -> Iterator[dict
         yield from _schemas_at(case, loc, root)
     if loc:
         part = loc[0]
-        inner = schema.get("properties", {}).get(part) or schema.get("additionalProperties")
+        patterns = (s for p, s in schema.get("patternProperties", {}).items() if re.search(p, str(part)))
+        inner = schema.get("properties", {}).get(part) or next(patterns, schema.get("additionalProperties"))
         if isinstance(part, int):
             first = schema.get("prefixItems", [])
             inner = first[part] if part < len(first) else schema.get("items")

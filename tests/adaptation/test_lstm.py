@@ -6,8 +6,8 @@ import pytest
 import torch
 from slapshot.adaptation.lstm import Lstm, LstmSettings
 from slapshot.adaptation.method import Sizes, load_method
-from slapshot.config import read_yaml
 from slapshot.errors import InputError
+from slapshot.yaml_file import read_yaml
 from torch import nn
 
 ROOT = Path(__file__).parents[2]

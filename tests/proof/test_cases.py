@@ -9,6 +9,7 @@ from slapshot.lab.concealed.registry import KINDS
 from slapshot.proof.cases import Case, read_cases, write_cases
 from slapshot.proof.conditions import LISTS, PLAIN, WEAK, draw_list
 
+ROOT = Path(__file__).parents[2]
 CASES = [
     Case("a", "null", 2**47 + 1),
     Case("b", "pairs", 3, (("tilt", 0.7), ("curl", 1.25)), 100, "tracks only", 0.01, 0.04),
@@ -23,22 +24,59 @@ def test_a_list_reads_as_it_was_written(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("tracks only", "tracks", "keep"),
-        ("tilt:0.7", "tilt", "conceals"),
-        ("b,pairs", "a,pairs", "case a"),
-        ("condition", "state", "columns"),
+        ("tracks only", "tracks", ":3: keep: 'tracks' is not allowed; use one of: full"),
+        ("tilt:0.7", "tilt", ":3: conceals.0.displacement: '' is not a number; write a number"),
+        ("tilt:0.7", "tilt:nan", ":3: conceals.0.displacement: nan is not a finite number; write one"),
+        ("tilt:0.7", "tilt:-1", ":3: conceals.0.displacement: -1 is out of range; it must be > 0"),
+        ("tilt:0.7", "tilt:1e9", ":3: conceals.0.displacement: 1000000000.0 is out of range; it must be <="),
+        ("tilt:0.7", "tilt:0.7:3", ":3: conceals.0.displacement: '0.7:3' is not a number"),
+        ("tilt:0.7", "tit:0.7", ":3: conceals.0.kind: 'tit' is not allowed; write tilt"),
+        ("tilt:0.7", "curl:0.7", ":3: conceals: curl.curl names a kind twice; name it once"),
+        ("b,pairs", "a,pairs", ":3: case a stands twice; give every case a name of its own"),
+        ("b,pairs", "-b,pairs", ":3: case: '-b' is not allowed; use letters, digits"),
+        ("b,pairs", "b/c,pairs", ":3: case: 'b/c' is not allowed"),
+        ("b,pairs", ",pairs", ":3: case: '' is not allowed"),
+        ("b,pairs", "b,<script>", ":3: condition: '<script>' is not allowed; use"),
+        ("b,pairs", "b,pa|irs", ":3: condition: 'pa.irs' is not allowed"),
+        ("condition", "state", ":1: columns are .*; write case, condition, seed"),
+        (",3,", ",3.5,", ":3: seed: 3.5 is not a whole number; write a whole number"),
+        (",3,", ",,", ":3: seed: '' is not a whole number"),
+        (",3,", ",-3,", ":3: seed: -3 is out of range; it must be >= 0"),
+        (",3,", f",{10**30},", ":3: seed: the number has more than 18 digits; write a smaller one"),
+        (",100,", ",0,", ":3: hits: 0 is out of range; it must be >= 1"),
+        (",100,", ",1000000000,", ":3: hits: 1000000000 is out of range; it must be <= 100000"),
+        (",100,", ",100,100,", ":3: has 9 values; write 8: case, condition"),
+        (",100,", ",", ":3: has 7 values; write 8: case, condition"),
+        (",0.01,", ",1.5,", ":3: mistracks: 1.5 is out of range; it must be <= 1"),
+        (",0.04", ",inf", ":3: noise_time: inf is not a finite number; write one"),
+        (",0.04", ',"0.04', "not valid CSV .*; mend that line"),
+        (",0.04", ",0.04\x1b", ":3: noise_time: .* has an unprintable character; remove it"),
     ],
-)
-def test_what_is_wrong_in_a_list_is_told_in_one_line(tmp_path, old, new, told):
+)  # fmt: skip
+def test_what_is_wrong_in_a_list_of_cases_is_told_with_its_line(tmp_path, old, new, told):
     file = tmp_path / "cases.csv"
     write_cases(CASES, file)
     text = file.read_text()
     assert old in text
     file.write_text(text.replace(old, new))
-    with pytest.raises(InputError, match=told) as error:
+    with pytest.raises(InputError, match=f"^{file}.*{told}") as error:
         read_cases(file)
-    assert str(file) in str(error.value)
-    assert "\n" not in str(error.value)
+    assert str(error.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"", ":1: columns are ''; write case, condition"),
+        (b"\xff\xfe\x00", ":1: not a text in UTF-8; save it as one"),
+        ((ROOT / "config/cases/tiny.csv").read_bytes().splitlines()[0], ": holds no case; add a row"),
+    ],
+)
+def test_a_list_of_no_cases_is_told(tmp_path, content, told):
+    file = tmp_path / "cases.csv"
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=f"^{file}{told}"):
+        read_cases(file)
 
 
 def test_a_missing_list_is_told(tmp_path):
@@ -63,9 +101,6 @@ def test_settings_of_a_case_lie_over_those_that_all_share():
         {"kind": "curl", "displacement": 1.25},
     ]
     assert base["camera"] == {"rate_hz": 50, "mistrack_share": 0}
-
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("published", ["published", "small", "tiny"])

@@ -55,7 +55,7 @@ def produce(store: Store, recipe: Recipe = RECIPE, resume: bool = False) -> Path
 def fail(store: Store, error: type[BaseException], resume: bool = False) -> None:
     with store.new_version(RECIPE, resume) as out:
         (out / "first").write_text("half")
-        raise error
+        raise error("of a test")
 
 
 def test_a_finished_version_is_whole_and_leaves_nothing_else(store):

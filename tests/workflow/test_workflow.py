@@ -377,16 +377,19 @@ def test_without_a_gl_library_only_what_renders_fails_and_names_the_package(work
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("name: tiny\ncolour: red\n", "top level: unknown key 'colour'; remove it, or use one of: "),
+        ("name: tiny\ncolour: red\n", "bad.yaml:2: colour: unknown key 'colour'; remove it, or use one of: "),
         (
             "name: tiny\ndomains: {hockey: {rollouts: {hits: many}}}\n",
-            "domains.hockey.rollouts.hits: 'many' is not a whole number; write a whole number",
+            "bad.yaml:2: domains.hockey.rollouts.hits: 'many' is not a whole number; write a whole number",
         ),
         (
             "name: tiny\ndomains: {hockey: {training: {sequence: 1000}}}\n",
-            "domains.hockey.training.sequence: 1000 is more than rollouts.hits",
+            "bad.yaml:2: domains.hockey.training.sequence: 1000 is more than rollouts.hits",
         ),
-        ("name: tiny\ndomains: {hockey: {figures: [F99]}}\n", "domains.hockey.figures: 'F99' cannot be made"),
+        (
+            "name: tiny\ndomains: {hockey: {figures: [F99]}}\n",
+            "bad.yaml:2: domains.hockey.figures.0: 'F99' cannot be made",
+        ),
     ],
 )
 def test_a_bad_configuration_is_refused_in_one_line(workspace, text, message):
@@ -406,7 +409,8 @@ def test_an_unknown_key_on_the_command_line(workspace):
     done = workspace.run(*command)
     known = "cases, domains, name, proof, regression"
     assert done.returncode != 0
-    assert done.stdout.count(f"unknown key 'colour'; remove it, or use one of: {known}") == 1
+    problem = f"--config: colour: unknown key 'colour'; remove it, or use one of: {known}\n"
+    assert done.stdout.count(problem) == 1
 
 
 # --- Stages by hand

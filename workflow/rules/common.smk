@@ -10,13 +10,17 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 store = Store(Path("data/store"))
 
 try:
-    if config.get("proof") == "fresh" and not FRESH.exists():
+    # Read again: Snakemake takes the last of repeated keys, and does not say where a value stands.
+    checked = read_config(
+        workflow.overwrite_configfiles, workflow.config_settings.config
+    )
+    config = checked.values
+    if config["proof"] == "fresh" and not FRESH.exists():
         # Here, because the kinds of physics take long to import.
         from slapshot.proof.lists import draw_file
 
         draw_file("full", FRESH)
-    check_config(config, ", ".join(map(str, workflow.configfiles)))
-    plan = make_plan(config)
+    plan = make_plan(config, checked.where)
 except InputError as error:
     raise WorkflowError(str(error)) from None
 

@@ -16,7 +16,7 @@ import torch
 from slapshot.adaptation.names import method_settings
 from slapshot.adaptation.train import train_ensemble
 from slapshot.config import load_config
-from slapshot.plan import make_plan
+from slapshot.plan import load_plan
 from slapshot.store.folder import Store
 
 RATES = (0.0005, 0.001, 0.002, 0.004)
@@ -32,8 +32,7 @@ def main() -> None:
     parser.add_argument("--store", type=Path, default=Path("data/store"))
     parser.add_argument("--out", type=Path, default=Path("figures/tuning.csv"))
     args = parser.parse_args()
-    config = load_config(args.config)
-    plan = make_plan(config)
+    config, plan = load_config(args.config), load_plan(args.config)
     trials = []
     for name, domain in config["domains"].items():
         recipe = plan.recipes[f"rollouts/{name}"]

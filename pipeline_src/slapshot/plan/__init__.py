@@ -4,9 +4,12 @@ This package is the one place that knows how stages follow on each other. The wo
 into a job; adding a method, a recording or a domain to the configuration adds recipes here by itself.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
+from slapshot.config import read_config
+from slapshot.errors import InputError
 from slapshot.plan.acting import add_acting
 from slapshot.plan.adaptation import add_method, add_regression, add_uncertainty
 from slapshot.plan.catalogue import CLAIMS, FIGURES, LIBRARIES, ON_DEMAND, STAGES
@@ -17,16 +20,41 @@ from slapshot.plan.refinement import add_refinement
 from slapshot.plan.results import add_claims, add_figures, add_viewer
 from slapshot.plan.retraining import add_retraining
 from slapshot.plan.simulation import add_labs, add_simulation
+from slapshot.validation import ProblemAtError, key_of
+from slapshot.yaml_file import Loc
 
-__all__ = ["CLAIMS", "FIGURES", "LIBRARIES", "ON_DEMAND", "STAGES", "Plan", "make_plan"]
+__all__ = ["CLAIMS", "FIGURES", "LIBRARIES", "ON_DEMAND", "STAGES", "Plan", "load_plan", "make_plan"]
 
 
-def make_plan(config: Mapping[str, Any]) -> Plan:
-    """Work out all recipes of a checked configuration.
+def load_plan(path: Path | None = None) -> Plan:
+    """Recipes of the default configuration with the values of `path` laid over it.
 
     Raises:
-        InputError: a module or a recording that the configuration names does not exist.
+        InputError: the configuration is not allowed, or names what does not exist.
     """
+    config = read_config([] if path is None else [path])
+    return make_plan(config.values, config.where)
+
+
+def make_plan(config: Mapping[str, Any], where: Callable[[Loc], str] | None = None) -> Plan:
+    """Work out all recipes of a checked configuration.
+
+    Args:
+        config: its values.
+        where: file and line of a value, for messages.
+
+    Raises:
+        InputError: a module, a recording, a list of cases or a figure that the configuration names does not
+            exist, or cannot be had of it.
+    """
+    try:
+        return _make_plan(config)
+    except ProblemAtError as problem:
+        place = f"{where(problem.loc)}: " if where is not None else ""
+        raise InputError(f"{place}{key_of(problem.loc)}: {problem}") from None
+
+
+def _make_plan(config: Mapping[str, Any]) -> Plan:
     plan = Plan()
     add_regression(plan, config["regression"])
     for name, domain in config["domains"].items():

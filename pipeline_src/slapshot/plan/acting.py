@@ -3,25 +3,19 @@
 from collections.abc import Mapping
 from typing import Any
 
-from slapshot.errors import InputError
 from slapshot.plan.adaptation import add_recorded, method_module
 from slapshot.plan.recipes import Plan
-from slapshot.plan.rigs import add_on_rig, check_stand_in, robot_of
+from slapshot.plan.rigs import add_on_rig, robot_of
 from slapshot.plan.simulation import draws, rig_labels
 from slapshot.plan.sources import Sources
 from slapshot.scenes.domain import domain_module, part_module
 
 
 def add_acting(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
-    """Everything of the block `acting`; nothing without it, or without any recording.
-
-    Raises:
-        InputError: the block names a method that the domain lacks, or a recording that no stand-in rig made.
-    """
+    """Everything of the block `acting`; nothing without it, or without any recording."""
     settings = domain.get("acting")
     if settings is None or not domain["recordings"]:
         return
-    _check(name, domain)
     recording, method = settings["recording"], settings["method"]
     methods = [method, *settings["compared"]]
     plan.add(
@@ -63,17 +57,6 @@ def add_acting(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
         Sources.of(name, domain, [recording]),
         settings["exploration"],
     )
-
-
-def _check(name: str, domain: Mapping[str, Any]) -> None:
-    settings = domain["acting"]
-    asked = [("method", settings["method"]), *(("compared", m) for m in settings["compared"])]
-    for key, unknown in ((key, m) for key, m in asked if m not in domain["methods"]):
-        raise InputError(
-            f"domains.{name}.acting.{key}: {unknown!r} is not among domains.{name}.methods; "
-            f"use one of: {', '.join(domain['methods'])}"
-        )
-    check_stand_in(name, "acting", domain)
 
 
 def _add_policies(plan: Plan, name: str, domain: Mapping[str, Any], count: int) -> list[str]:

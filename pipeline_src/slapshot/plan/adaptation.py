@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from slapshot.adaptation.names import method_file, method_settings
-from slapshot.errors import InputError
 from slapshot.plan.recipes import Plan
 from slapshot.plan.sources import Sources
 
@@ -26,19 +25,13 @@ def add_method(plan: Plan, name: str, domain: Mapping[str, Any], method: str) ->
     learning_rate = {"learning_rate": configured["learning_rate"]}
     training = {"seed": domain["seed"], **domain["training"], **learning_rate}
     train = f"train/{name}/{method}"
-    try:
-        plan.add(
-            train,
-            "train",
-            {"method": method, "settings": method_settings(configured), "training": training},
-            {"rollouts": f"rollouts/{name}"},
-            modules=[method_module(method)],
-        )
-    except ModuleNotFoundError:
-        raise InputError(
-            f"domains.{name}.methods.{method}: no such method; a method is a file of "
-            "slapshot/adaptation, for example kalman"
-        ) from None
+    plan.add(
+        train,
+        "train",
+        {"method": method, "settings": method_settings(configured), "training": training},
+        {"rollouts": f"rollouts/{name}"},
+        modules=[method_module(method)],
+    )
     plan.add(
         f"evaluate/{name}/{method}",
         "evaluate",
@@ -63,12 +56,6 @@ def add_uncertainty(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     """Calibrated intervals and predictions of one method, hidden states of some."""
     uncertainty, latents = domain["uncertainty"], domain["latents"]
     method = uncertainty["method"]
-    for key, wanted in (("uncertainty.method", [method]), ("latents.methods", latents["methods"])):
-        for unknown in (m for m in wanted if m not in domain["methods"]):
-            raise InputError(
-                f"domains.{name}.{key}: {unknown!r} is not among domains.{name}.methods; "
-                f"use one of: {', '.join(domain['methods'])}"
-            )
     measured = {key: value for key, value in uncertainty.items() if key != "shown_noise_variance"}
     plan.add(
         f"calibrate/{name}",

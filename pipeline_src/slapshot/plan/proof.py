@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from slapshot.config import merge
+from slapshot.config.layers import merge
 from slapshot.effects import modules_of_results
-from slapshot.errors import InputError
 from slapshot.plan.diagnosis import SEED, what_is_believed
 from slapshot.plan.recipes import Plan
 from slapshot.plan.simulation import stand_ins
 from slapshot.proof.cases import Case, read_cases
 from slapshot.scenes.domain import domain_module, part_module
+from slapshot.validation import ProblemAtError
 
 SMALL, FULL = "small", "full"
 FRESH = Path("data/proof/fresh.csv")  # cases of `--config proof=fresh`, drawn by the workflow
@@ -21,10 +21,7 @@ def add_proof(plan: Plan, config: Mapping[str, Any]) -> None:
     """The small proof, which belongs to the figures, and the full one."""
     cases = config["cases"]
     name = cases["domain"]
-    domain = config["domains"].get(name)
-    if domain is None:
-        known = ", ".join(config["domains"])
-        raise InputError(f"cases.domain: no domain {name!r}; use one of: {known}")
+    domain = config["domains"][name]
     if cases["like"] not in stand_ins(domain):
         return  # without a stand-in rig there is nothing to conceal anything on
     pool = cases["pool"]
@@ -49,10 +46,49 @@ def add_proof(plan: Plan, config: Mapping[str, Any]) -> None:
         {"scene": f"scene/{name}", "demonstrations": f"demonstrations/{name}/pool"},
         modules=[module, *modules_of_results()],
     )
-    _add_list(plan, name, SMALL, read_cases(Path(cases["small"])), config, lab)
-    file = Path(cases["published"]) if config["proof"] == "published" else FRESH
-    if file.is_file() or config["proof"] == "published":
-        _add_list(plan, name, FULL, read_cases(file), config, lab)
+    _add_list(plan, name, SMALL, _read("small", config, lab), config, lab)
+    if config["proof"] == "published":
+        _add_list(plan, name, FULL, _read("published", config, lab), config, lab)
+    elif FRESH.is_file():
+        _add_list(plan, name, FULL, read_cases(FRESH), config, lab)
+
+
+def _read(key: str, config: Mapping[str, Any], lab: Mapping[str, Any]) -> list[Case]:
+    """Cases of the list that stands under a key of `cases`, for which the pool has commands enough.
+
+    Raises:
+        ProblemAtError: there is no such list, or it asks for hits that there cannot be.
+        InputError: what is wrong in the list.
+    """
+    file, pool = Path(config["cases"][key]), config["cases"]["pool"]["count"]
+    try:
+        is_file = file.is_file()
+    except OSError:  # too long
+        is_file = False
+    if not is_file:
+        raise ProblemAtError(
+            ("cases", key),
+            f"{file}: no such file; name a list of cases (CSV), such as config/cases/small.csv",
+        )
+    cases = read_cases(file)
+    for case in cases:
+        settings = case.settings(lab, pool)
+        hits, repeats, objects = settings["hits"], settings["repeats"], len(lab["objects"])
+        single = hits - repeats["commands"] * repeats["times"]
+        enough = repeats["commands"] + single * objects <= pool and single >= 0
+        if hits == 0 or (single < 0 and repeats == lab["repeats"]):
+            raise ProblemAtError(
+                ("cases", key),
+                f"{case.hits} hits of case {case.case} in {file} are too few for {objects} objects and "
+                "lab.repeats; raise the first or lower the last",
+            )
+        if not enough:
+            raise ProblemAtError(
+                ("cases", "pool", "count"),
+                f"case {case.case} in {file} hits each of {objects} objects {hits} times, for which {pool} "
+                "commands are too few, even executed twice; raise the number",
+            )
+    return cases
 
 
 def _add_list(

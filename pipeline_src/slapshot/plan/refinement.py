@@ -4,26 +4,20 @@ from collections.abc import Mapping
 from typing import Any
 
 from slapshot.adaptation.names import method_settings
-from slapshot.errors import InputError
 from slapshot.plan.adaptation import add_recorded, method_module
 from slapshot.plan.recipes import Plan
-from slapshot.plan.rigs import add_on_rig, check_stand_in, robot_of
+from slapshot.plan.rigs import add_on_rig, robot_of
 from slapshot.plan.simulation import draws
-from slapshot.plan.sources import Sources, check_names
+from slapshot.plan.sources import Sources
 from slapshot.scenes.domain import part_module
 
 
 def add_refinement(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
-    """Everything of the block `refinement`; nothing without it, or without any recording.
-
-    Raises:
-        InputError: the block names a recording, a method or a rig that the domain does not have.
-    """
+    """Everything of the block `refinement`; nothing without it, or without any recording."""
     settings = domain.get("refinement")
     if settings is None or not domain["recordings"]:
         return
     recording, method = settings["recording"], settings["method"]
-    check_names(name, "refinement", domain)
     sources = Sources.of(name, domain, [recording])
     label = f"refinement/{name}"
     add_recorded(
@@ -52,13 +46,6 @@ def _add_retrained(plan: Plan, name: str, domain: Mapping[str, Any], rig: int) -
     """Rollouts and models made again from one rig's refined ranges, and their errors on new hits of it."""
     settings = domain["refinement"]
     recording, method = settings["recording"], settings["method"]
-    check_stand_in(name, "refinement", domain)
-    rigs = domain["recordings"][recording]["rigs"]
-    if rig >= rigs:
-        raise InputError(
-            f"domains.{name}.refinement.retrained: there is no rig {rig}; recording {recording!r} has rigs "
-            f"0 to {rigs - 1}"
-        )
     which = {"name": name, "rig": rig}
     refinement, train = f"refinement/{name}", f"train/{name}/{method}"
     rollouts, refined = f"refined_rollouts/{name}/{rig}", f"refined_train/{name}/{rig}"

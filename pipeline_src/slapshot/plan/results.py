@@ -4,20 +4,21 @@ from collections.abc import Mapping
 from typing import Any
 
 from slapshot.adaptation.names import method_settings
-from slapshot.errors import InputError
 from slapshot.plan.catalogue import CLAIMS, FIGURES
 from slapshot.plan.recipes import Plan
 from slapshot.plan.simulation import rig_labels, stand_ins
 from slapshot.plan.sources import Sources
+from slapshot.validation import ProblemAtError
+from slapshot.yaml_file import Loc
 
 
 def add_figures(plan: Plan, config: Mapping[str, Any]) -> None:
     """The figures of every domain, and of the linear regression."""
-    for figure in _known(config["regression"]["figures"], FIGURES, "regression.figures", only=("F3",)):
+    for figure in _known(config["regression"]["figures"], ("regression", "figures"), only=["F3"]):
         _add_figure(plan, "regression", figure, {"regression": "regression"}, {})
     for name, domain in config["domains"].items():
         known = [figure for figure in FIGURES if figure != "F3"]
-        for figure in _known(domain["figures"], FIGURES, f"domains.{name}.figures", only=known):
+        for figure in _known(domain["figures"], ("domains", name, "figures"), only=known):
             if figure == "F8":
                 _need_recordings(name, domain, "figures", figure)
             _add_figure(plan, name, figure, *_figure_inputs(plan, name, domain, figure))
@@ -88,11 +89,11 @@ def _figure_inputs(
 def add_claims(plan: Plan, config: Mapping[str, Any]) -> None:
     """A version for the verdict on each claim, and one that tells them all."""
     labels = []
-    for claim in _known(config["regression"]["claims"], CLAIMS, "regression.claims", only=("C1",)):
+    for claim in _known(config["regression"]["claims"], ("regression", "claims"), only=["C1"]):
         labels.append(_add_claim(plan, "regression", claim, {"regression": "regression"}))
     for name, domain in config["domains"].items():
         known = [claim for claim in CLAIMS if claim != "C1"]
-        for claim in _known(domain["claims"], CLAIMS, f"domains.{name}.claims", only=known):
+        for claim in _known(domain["claims"], ("domains", name, "claims"), only=known):
             if claim == "C5":
                 _need_recordings(name, domain, "claims", claim)
             labels.append(_add_claim(plan, name, claim, _claim_inputs(plan, name, domain, claim)))
@@ -156,28 +157,28 @@ def _compared_labels(plan: Plan, name: str, domain: Mapping[str, Any], wanted: s
 
 def _needed(plan: Plan, label: str, wanted: str, block: str = "acting") -> str:
     if label not in plan.recipes:
-        name = label.split("/")[1]
-        raise InputError(
-            f"domains.{name}: {wanted} needs a block `{block}` and a recording of stand-in rigs; "
-            f"add what is missing or remove {wanted}"
+        raise ProblemAtError(
+            ("domains", label.split("/")[1], "figures" if wanted in FIGURES else "claims"),
+            f"{wanted} needs a block `{block}` and a recording of stand-in rigs; add what is missing or "
+            f"remove {wanted}",
         )
     return label
 
 
-def _known(
-    wanted: list[str], table: Mapping[str, str], key: str, only: list[str] | tuple[str, ...]
-) -> list[str]:
+def _known(wanted: list[str], loc: Loc, only: list[str]) -> list[str]:
     """The wanted ids, each of which can be made there."""
-    for unknown in (i for i in wanted if i not in table or i not in only):
-        raise InputError(f"{key}: {unknown!r} cannot be made here; use some of: {', '.join(only)}")
+    for i, name in enumerate(wanted):
+        if name not in only:
+            raise ProblemAtError((*loc, i), f"{name!r} cannot be made here; use some of: {', '.join(only)}")
     return wanted
 
 
 def _need_recordings(name: str, domain: Mapping[str, Any], key: str, wanted: str) -> None:
     if not domain["recordings"]:
-        raise InputError(
-            f"domains.{name}.{key}: {wanted} needs recordings, but domains.{name}.recordings is empty; "
-            f"name a recording or remove {wanted}"
+        raise ProblemAtError(
+            ("domains", name, key),
+            f"{wanted} needs recordings, but domains.{name}.recordings is empty; name a recording or remove "
+            f"{wanted}",
         )
 
 

@@ -9,22 +9,17 @@ from slapshot.plan.adaptation import add_recorded, method_module
 from slapshot.plan.diagnosis import SEED, what_is_believed
 from slapshot.plan.recipes import Plan
 from slapshot.plan.simulation import draws
-from slapshot.plan.sources import Sources, check_names
+from slapshot.plan.sources import Sources
 
 NOMINAL, RETRAINED = "nominal", ("refitted", "augmented")
 
 
 def add_retraining(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
-    """Everything of `snakemake circle`; nothing without a block `retraining`, or without any recording.
-
-    Raises:
-        InputError: the block names a recording or a method that the domain does not have.
-    """
+    """Everything of `snakemake circle`; nothing without a block `retraining`, or without any recording."""
     settings = domain.get("retraining")
     if settings is None or not domain["recordings"]:
         return
     recording, method = settings["recording"], settings["method"]
-    check_names(name, "retraining", domain)
     # Of stand-ins, the rig that is diagnosed.
     described = domain["recordings"][recording]
     first = {**described, "rigs": 1} if "lab" in described else described

@@ -3,24 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from slapshot.errors import InputError
 from slapshot.plan.recipes import Plan
-from slapshot.plan.simulation import rig_labels, stand_ins
+from slapshot.plan.simulation import rig_labels
 from slapshot.scenes.domain import domain_module, part_module
-
-
-def check_stand_in(name: str, block: str, domain: Mapping[str, Any]) -> None:
-    """Whether rigs of the recording that a block names can be hit anew.
-
-    Raises:
-        InputError: they cannot.
-    """
-    recording = domain[block]["recording"]
-    if recording not in stand_ins(domain):
-        raise InputError(
-            f"domains.{name}.{block}.recording: {recording!r} is no recording of stand-in rigs, "
-            f"which alone can be hit anew; use one of: {', '.join(stand_ins(domain)) or 'none there is'}"
-        )
 
 
 def robot_of(plan: Plan, name: str, domain: Mapping[str, Any], recording: str, rig: int) -> dict[str, Any]:

@@ -3,25 +3,23 @@
 from collections.abc import Mapping
 from typing import Any
 
-from slapshot.errors import InputError
 from slapshot.plan.recipes import Plan
-from slapshot.scenes.domain import domain_module, part_module
+from slapshot.scenes.domain import domain_module, find_domain, part_module
+from slapshot.validation import ProblemAtError
 
 
 def add_simulation(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     """Scene, demonstrations, trajectory model, swings and rollouts of a domain."""
     scene, seed = domain["scene"], domain["seed"]
+    try:
+        find_domain(scene["domain"])
+    except ValueError as error:
+        raise ProblemAtError(("domains", name, "scene", "domain"), str(error)) from None
     module = domain_module(scene["domain"])
     safety, execution, collector = (
         part_module(scene["domain"], part) for part in ("safety", "execution", "collector")
     )
-    try:
-        plan.add(f"scene/{name}", "scene", scene, modules=[module])
-    except ModuleNotFoundError:
-        raise InputError(
-            f"domains.{name}.scene.domain: no module {module}; use the name of a folder of "
-            "slapshot.scenes, or the dotted name of a module that can be imported"
-        ) from None
+    plan.add(f"scene/{name}", "scene", scene, modules=[module])
     demonstrations = domain["demonstrations"]
     plan.add(
         f"demonstrations/{name}",

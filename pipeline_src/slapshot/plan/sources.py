@@ -5,8 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from slapshot.errors import InputError
+from slapshot.errors import reading
 from slapshot.plan.simulation import rig_labels
+from slapshot.validation import ProblemAtError
+from slapshot.yaml_file import Loc
+
+_NEEDED = ("recording.json", "hits.parquet")  # without which a folder holds no recording
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,8 @@ class Sources:
         """Sources of some recordings of the domain called `name`.
 
         Raises:
-            InputError: a folder holds no recording.
+            ProblemAtError: a folder holds no recording.
+            InputError: a file of it cannot be read.
         """
         described: dict[str, Any] = {}
         roles: dict[str, str] = {}
@@ -40,33 +45,34 @@ class Sources:
                 roles |= {f"lab/{recording}/{rig}": label for rig, label in enumerate(labels)}
                 described[recording] = {"rigs": settings["rigs"]}
             else:
-                key = f"domains.{name}.recordings.{recording}.path"
-                found = _recording_files(settings["path"], key)
+                loc = ("domains", name, "recordings", recording, "path")
+                found = _recording_files(settings["path"], loc)
                 files |= {f"{recording}/{file}": path for file, path in found.items()}
                 described[recording] = {"path": settings["path"]}
         return cls(described, roles, files)
 
 
-def _recording_files(path: str, key: str) -> dict[str, Path]:
-    folder = Path(path)
-    files = {p.name: p for p in sorted(folder.glob("*")) if p.suffix in {".json", ".parquet"}}
-    if not files:
-        raise InputError(
-            f"{key}: {path} holds no recording (recording.json, hits.parquet, ...); "
-            "give the path of a recording's folder"
-        )
-    return files
-
-
-def check_names(name: str, block: str, domain: Mapping[str, Any]) -> None:
-    """Whether the recording and the method that a block of a domain names are the domain's.
+def _recording_files(path: str, loc: Loc) -> dict[str, Path]:
+    """What a recording consists of, by name.
 
     Raises:
-        InputError: one of them is not.
+        ProblemAtError: the folder is none, or holds no recording.
+        InputError: a file of it cannot be read.
     """
-    for key, known in (("recording", domain["recordings"]), ("method", domain["methods"])):
-        if domain[block][key] not in known:
-            raise InputError(
-                f"domains.{name}.{block}.{key}: {domain[block][key]!r} is not among domains.{name}.{key}s; "
-                f"use one of: {', '.join(known)}"
-            )
+    folder, remedy = Path(path), "give the path of a recording's folder"
+    try:
+        files = {p.name: p for p in sorted(folder.iterdir()) if p.suffix in {".json", ".parquet"}}
+    except FileNotFoundError:
+        raise ProblemAtError(loc, f"{path}: no such folder; {remedy}") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ProblemAtError(loc, f"{path}: cannot be read as a folder ({reason}); {remedy}") from None
+    missing = [name for name in _NEEDED if name not in files]
+    if missing:
+        raise ProblemAtError(
+            loc, f"{path} holds no recording, for it has no {' and no '.join(missing)}; {remedy}"
+        )
+    for file in files.values():
+        with reading(file, "a recording's folder holds nothing else that is called so"):
+            file.open("rb").close()
+    return files

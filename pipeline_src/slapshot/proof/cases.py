@@ -4,18 +4,23 @@ A list is a CSV file. Only the lab reads what a row conceals: a case is called b
 stand in random order, so that nothing that a diagnosis is given says which condition it belongs to.
 """
 
+import csv
+import io
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-import pandas as pd
+from pydantic import Field, field_validator
 
-from slapshot.errors import InputError
+from slapshot.config.lab import ConcealedKind, Keep
+from slapshot.config.values import Name, Share
+from slapshot.errors import InputError, reading
+from slapshot.validation import Model, short, validated
 
-KEEPS = ("full", "no encoders", "tracks only", "rest points only")
 _JOIN = "+"
+_LONGEST = 10_000_000  # bytes of a list, far beyond any use
 
 
 @dataclass(frozen=True)
@@ -68,54 +73,96 @@ class Case:
 _COLUMNS = tuple(field.name for field in fields(Case))
 
 
+class _Concealed(Model):
+    kind: ConcealedKind
+    displacement: Annotated[float, Field(gt=0, le=1_000)]
+
+
+class _Row(Model):
+    """What a row may say."""
+
+    case: Name
+    condition: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ,.%_-]{0,63}$")]
+    seed: Annotated[int, Field(ge=0)]
+    conceals: list[_Concealed] = Field(
+        description=f"such as tilt:0.8{_JOIN}curl:1.2, each kind once; or nothing"
+    )
+    hits: Annotated[int, Field(ge=1, le=100_000)]
+    keep: Keep
+    mistracks: Share
+    noise_time: Annotated[float, Field(ge=0, le=60)]
+
+    @field_validator("conceals")
+    @classmethod
+    def _each_once(cls, conceals: list[_Concealed]) -> list[_Concealed]:
+        kinds = [one.kind for one in conceals]
+        if len(set(kinds)) < len(kinds):
+            raise ValueError(f"{_JOIN.join(kinds)} names a kind twice; name it once")
+        return conceals
+
+
 def read_cases(file: Path) -> list[Case]:
     """The cases of a list, in its order.
 
     Raises:
         InputError: there is no such file, or a row is not allowed; one line for a person.
     """
+    with reading(file, "name a list of cases (CSV), such as config/cases/small.csv", _LONGEST):
+        data = file.read_bytes()
+    reader = csv.reader(io.StringIO(_text(data, file), newline=""), strict=True)
+    cases: dict[str, Case] = {}
     try:
-        # Without pandas's own idea of what is missing, to which "null" belongs.
-        table = pd.read_csv(file, dtype=str, keep_default_na=False)
-    except (OSError, ValueError, pd.errors.ParserError) as error:
-        raise InputError(f"{file}: cannot be read as CSV ({' '.join(str(error).split())})") from None
-    if tuple(table.columns) != _COLUMNS:
-        raise InputError(f"{file}: columns are {', '.join(table.columns)}; write {', '.join(_COLUMNS)}")
-    if table["case"].duplicated().any():
-        twice = table.loc[table["case"].duplicated(), "case"].iloc[0]
-        raise InputError(f"{file}: case {twice} stands twice; give every case a name of its own")
-    return [_case(file, i, row) for i, row in enumerate(table.to_dict("records"))]
+        head = next(reader, [])
+        if tuple(head) != _COLUMNS:
+            raise InputError(f"{file}:1: columns are {short(', '.join(head))}; write {', '.join(_COLUMNS)}")
+        for values in filter(None, reader):
+            where = f"{file}:{reader.line_num}"
+            case = _case(values, where)
+            if case.case in cases:
+                raise InputError(f"{where}: case {case.case} stands twice; give every case a name of its own")
+            cases[case.case] = case
+    except csv.Error as error:
+        raise InputError(f"{file}:{reader.line_num}: not valid CSV ({error}); mend that line") from None
+    if not cases:
+        raise InputError(f"{file}: holds no case; add a row")
+    return list(cases.values())
 
 
-def _case(file: Path, i: int, row: Mapping[Any, Any]) -> Case:
-    where = f"{file}: line {i + 2}"
-    if row["keep"] not in KEEPS:
-        raise InputError(f"{where}: keep is {row['keep']!r}; use one of: {', '.join(KEEPS)}")
+def _text(data: bytes, file: Path) -> str:
     try:
-        pairs = [part.split(":") for part in row["conceals"].split(_JOIN) if part]
-        conceals = tuple((kind, float(size)) for kind, size in pairs)
-    except ValueError:
-        example = f"tilt:0.8{_JOIN}curl:1.2"
-        raise InputError(f"{where}: conceals is {row['conceals']!r}; write it like {example}") from None
-    try:
-        return Case(
-            row["case"],
-            row["condition"],
-            int(row["seed"]),
-            conceals,
-            int(row["hits"]),
-            row["keep"],
-            float(row["mistracks"]),
-            float(row["noise_time"]),
-        )
-    except ValueError as error:
-        raise InputError(f"{where}: {error}; seed and hits are whole numbers, the last two numbers") from None
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{file}:{line}: not a text in UTF-8; save it as one") from None
+
+
+def _case(values: list[str], where: str) -> Case:
+    if len(values) != len(_COLUMNS):
+        raise InputError(f"{where}: has {len(values)} values; write {len(_COLUMNS)}: {', '.join(_COLUMNS)}")
+    row: dict[str, Any] = dict(zip(_COLUMNS, values, strict=True))
+    row |= {key: _number(row[key]) for key in ("seed", "hits", "mistracks", "noise_time")}
+    pairs = [part.partition(":") for part in row["conceals"].split(_JOIN) if part]
+    row["conceals"] = [{"kind": kind, "displacement": _number(size)} for kind, _, size in pairs]
+    checked = validated(_Row, row, where)
+    conceals = tuple((one.kind, one.displacement) for one in checked.conceals)
+    return Case(**{key: getattr(checked, key) for key in _COLUMNS} | {"conceals": conceals})
+
+
+def _number(text: str) -> int | float | str:
+    """What a text says as a number, as far as it does."""
+    for read in (int, float):
+        try:
+            return read(text)
+        except ValueError:
+            continue
+    return text
 
 
 def write_cases(cases: Iterable[Case], file: Path) -> None:
     """Write a list."""
-    rows = [
-        {**asdict(case), "conceals": _JOIN.join(f"{kind}:{size:g}" for kind, size in case.conceals)}
-        for case in cases
-    ]
-    pd.DataFrame(rows, columns=list(_COLUMNS)).to_csv(file, index=False)
+    with file.open("w", newline="", encoding="utf-8") as out:
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(_COLUMNS)
+        for case in cases:
+            conceals = _JOIN.join(f"{kind}:{size:g}" for kind, size in case.conceals)
+            writer.writerow((asdict(case) | {"conceals": conceals}).values())

@@ -4,8 +4,11 @@ The stages simulate an arm with joint servos that strikes an object on a plane. 
 another one brings modules of its own in its folder, which take the place of those in `PARTS`.
 """
 
+import ast
+import logging
 from collections.abc import Mapping
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -19,6 +22,8 @@ from slapshot.store.closure import find_source
 
 if TYPE_CHECKING:  # planning reads this module and must not need MuJoCo
     from slapshot.scenes.scene import Scene
+
+log = logging.getLogger("slapshot")
 
 # Part -> the module that serves domains without one: its file in the domain's folder has the part's name.
 PARTS = {
@@ -53,6 +58,60 @@ def domain_module(name: str) -> str:
     return name if "." in name else f"slapshot.scenes.{name}"
 
 
+def is_built_in(name: str) -> bool:
+    """Whether a domain is of this package; any other one is code of somebody else."""
+    return domain_module(name).startswith("slapshot.")
+
+
+def find_domain(name: str) -> Path:
+    """File of a domain's module, which is read and not imported.
+
+    Raises:
+        ValueError: there is no such module, or it is no domain: `what; remedy`.
+    """
+    module = domain_module(name)
+    try:
+        source = find_source(module)
+    except (ImportError, ValueError):  # what Python itself has no file of
+        source = None
+    if source is None:
+        raise ValueError(
+            f"no domain {name!r}: no module {module}; use the name of a folder of slapshot.scenes, or the "
+            "dotted name of a module that can be imported"
+        )
+    functions = [function for function in vars(Domain) if function[0] != "_"]
+    known = _top_level_names(source)
+    missing = [function for function in functions if function not in known and "*" not in known]
+    if missing:
+        raise ValueError(
+            f"{module} ({source}) is no domain, for it has no {' and no '.join(missing)}; name a module "
+            "that has, such as hockey"
+        )
+    return source
+
+
+def _top_level_names(source: Path) -> set[str]:
+    """What a module defines or imports; * where it imports everything of another one.
+
+    Raises:
+        ValueError: it is not valid Python.
+    """
+    try:
+        tree = ast.parse(source.read_text("utf-8"))
+    except (SyntaxError, ValueError) as error:  # ValueError: not a text
+        line, problem = getattr(error, "lineno", None) or 1, getattr(error, "msg", error)
+        raise ValueError(f"{source}:{line}: not valid Python ({problem}); mend that line") from None
+    names: set[str] = set()
+    for node in tree.body:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names |= {alias.asname or alias.name for alias in node.names}
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Assign):
+            names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+    return names
+
+
 def load_domain(name: str, where: str = "scene.domain") -> Domain:
     """Import a domain; one of a user's own is announced first, because its code runs.
 
@@ -61,18 +120,14 @@ def load_domain(name: str, where: str = "scene.domain") -> Domain:
         where: file and key that name it.
 
     Raises:
-        InputError: there is no such module, it cannot be imported, or it is no domain.
+        InputError: there is no such module, it is no domain, or it cannot be imported.
     """
-    source = find_source(domain_module(name))
-    if source is None or ("." not in name and source.name != "__init__.py"):
-        raise InputError(
-            f"{where}: no domain {name!r}; use a folder of slapshot.scenes, or the dotted name "
-            "of a module of your own that can be imported"
-        )
-    module = import_own(name, where) if "." in name else import_module(domain_module(name))
-    if not callable(getattr(module, "build_scene", None)):
-        raise InputError(f"{where}: module {name} has no function build_scene; see slapshot.scenes.domain")
-    return module
+    try:
+        find_domain(name)
+    except ValueError as error:
+        raise InputError(f"{where}: {error}") from None
+    module = domain_module(name)
+    return import_module(module) if is_built_in(name) else import_own(module, where)
 
 
 def scene_settings(domain: Domain) -> type[SceneSettings] | None:

@@ -14,8 +14,7 @@ def _divides_control_period(timestep: float) -> float:
     steps = CONTROL_PERIOD / timestep
     if abs(steps - round(steps)) > 1e-9 * steps:
         raise ValueError(
-            f"{timestep:g} does not divide the control period of {CONTROL_PERIOD:g} s; write "
-            f"{CONTROL_PERIOD / max(round(steps), 1):g}"
+            f"{timestep} does not divide {CONTROL_PERIOD} s; use 0.001, 0.0005, 0.00025 or another whole part"
         )
     return timestep
 

@@ -9,9 +9,8 @@ from pathlib import Path
 from threading import Event
 from urllib.parse import urlsplit
 
-from slapshot.config import load_config
 from slapshot.errors import InputError
-from slapshot.plan import make_plan
+from slapshot.plan import load_plan
 from slapshot.store.folder import Store
 from slapshot.viewer.gallery import HOST, serve
 from slapshot.viewer.names import HITS_FOLDER, LAYOUT_FILE, SCENE_FILE, read_index
@@ -59,7 +58,7 @@ def find_folders(store: Path, config: Path | None) -> dict[str, Path]:
         InputError: none is.
     """
     option = f" --configfile {config}" if config else ""
-    recipes = make_plan(load_config(config)).of_stage("viewer").values()
+    recipes = load_plan(config).of_stage("viewer").values()
     made = {r.config["domain"]: r for r in recipes if Store(store).is_whole(r.stage, r.id)}
     if not made:
         missing = " and ".join(f"{recipe.stage}/{recipe.id}" for recipe in recipes)

@@ -1,0 +1,281 @@
+"""One domain: what moves, what is randomised, and what is made of it."""
+
+from collections.abc import Iterable
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from slapshot.config.acting import Acting
+from slapshot.config.lab import ScriptedHits
+from slapshot.config.methods import (
+    BELIEVING,
+    Evaluation,
+    Latents,
+    Methods,
+    Training,
+    Uncertainty,
+    kind_of,
+)
+from slapshot.config.recordings import Recording, Refinement, Retraining
+from slapshot.config.scene import Randomisation, Scene
+from slapshot.config.values import (
+    Box,
+    Count,
+    LearningRate,
+    Mass,
+    MayMiss,
+    Name,
+    PositiveCoefficient,
+    Seed,
+    Several,
+    Steps,
+    Title,
+    Widths,
+)
+from slapshot.scenes.settings import CONTROL_PERIOD
+from slapshot.validation import Model, ProblemAtError
+
+_MOST_HITS = 1_000_000_000  # of a domain; 600 hours of one core
+
+
+class Demonstrations(ScriptedHits):
+    """Scripted hits that the trajectory model learns from."""
+
+    count: Annotated[int, Field(ge=64, le=10_000_000)] = Field(description="how many are tried")
+    place_m: MayMiss[Box] = Field(
+        None,
+        description="where the object lies, of a domain in which that differs: lowest and highest x, then y",
+    )
+
+
+class TrajectoryModel(Model):
+    """A variational autoencoder over motions."""
+
+    latent: Annotated[int, Field(ge=1, le=100)] = Field(description="dimension of a latent")
+    hidden: Widths = Field(description="widths of hidden layers")
+    steps: Steps = Field(description="of the optimiser")
+    batch: Annotated[int, Field(ge=1, le=1_000_000)] = Field(description="demonstrations of a step")
+    learning_rate: LearningRate = Field(description="of Adam")
+    noise: Annotated[float, Field(gt=0, le=10)] = Field(
+        description="sd of the decoder, in the unit of waypoints"
+    )
+
+
+class Swings(Model):
+    """Sampled latents, each executed once, of the three splits."""
+
+    train: Count = Field(description="how many for training")
+    validation: Count = Field(description="how many for calibration")
+    test: Count = Field(description="how many for evaluation")
+
+
+class NamedCondition(Model):
+    """Parameters of a condition; what is left out is the mean of what is drawn."""
+
+    mass: MayMiss[Mass] = Field(None, description="kg")
+    friction_x: MayMiss[PositiveCoefficient] = Field(None, description="along x")
+    friction_y: MayMiss[PositiveCoefficient] = Field(None, description="along y")
+    friction_torsional: MayMiss[PositiveCoefficient] = Field(None, description="m")
+    friction_rolling: MayMiss[PositiveCoefficient] = Field(None, description="m")
+
+
+class Rollouts(Model):
+    """Simulated hits."""
+
+    train: Count = Field(description="conditions for training")
+    validation: Count = Field(description="conditions for calibration")
+    test: Count = Field(description="conditions for evaluation, beside the named ones")
+    hits: Annotated[int, Field(ge=1, le=100_000)] = Field(description="of each condition")
+    # Some must keep it: figures show tracks.
+    track_share: Annotated[float, Field(gt=0, le=1)] = Field(description="of hits that keep their track")
+    track_period_s: Annotated[float, Field(ge=CONTROL_PERIOD, le=10)] = Field(description="between its rows")
+    named_conditions: Annotated[dict[Title, NamedCondition], Field(max_length=100)] = Field(
+        description="test conditions that figures name"
+    )
+
+    @model_validator(mode="after")
+    def _end_some_day(self) -> "Rollouts":
+        hits = (self.train + self.validation + self.test + len(self.named_conditions)) * self.hits
+        if hits > _MOST_HITS:
+            raise ValueError(f"{hits:,} hits are more than {_MOST_HITS:,}; lower train or hits")
+        return self
+
+
+class Viewer(Model):
+    """Rerun recordings."""
+
+    simulated: Annotated[int, Field(ge=0, le=1_000_000)] = Field(description="hits to show, at most")
+    recorded: Annotated[int, Field(ge=0, le=1_000_000)] = Field(description="hits to show, at most")
+
+
+class Domain(Model):
+    """A domain: scene, simulation, methods, recordings, and what is published of them."""
+
+    seed: Seed = Field(description="of all that is drawn")
+    figures: Several[Name] = Field(description="ids of the figures to make")
+    claims: Several[Name] = Field(description="ids of the claims to check")
+    scene: Scene = Field(description="what every domain has; a domain of one's own may have more keys")
+    randomisation: Randomisation = Field(description="what conditions are drawn from")
+    demonstrations: Demonstrations = Field(description="scripted hits that the trajectory model learns from")
+    trajectory_model: TrajectoryModel = Field(description="a variational autoencoder over motions")
+    swings: Swings = Field(description="sampled latents, each executed once")
+    rollouts: Rollouts = Field(description="simulated hits")
+    training: Training = Field(description="meta-training of every method")
+    methods: Methods = Field(
+        description="method -> its own settings; maml_8 is the method maml, told apart by what follows _"
+    )
+    evaluation: Evaluation = Field(description="error against samples on simulated test conditions")
+    uncertainty: Uncertainty = Field(description="prediction intervals from sampled phi")
+    latents: Latents = Field(description="hidden states of test conditions and recordings")
+    viewer: Viewer = Field(description="Rerun recordings")
+    retraining: MayMiss[Retraining] = Field(
+        None, description="a method trained again on what a diagnosis of a recording found"
+    )
+    refinement: MayMiss[Refinement] = Field(
+        None, description="ranges of randomisation from beliefs about a recording"
+    )
+    acting: MayMiss[Acting] = Field(
+        None, description="hits at targets and hits to learn from, on the stand-in rigs of a recording"
+    )
+    recordings: Annotated[dict[Name, Recording], Field(max_length=100)] = Field(
+        description="name -> recording of stand-in rigs or of one's own"
+    )
+
+    @model_validator(mode="after")
+    def _methods_are_known(self) -> "Domain":
+        asked: list[tuple[tuple[str | int, ...], str, bool]] = [
+            (("uncertainty", "method"), self.uncertainty.method, True),
+            *((("latents", "methods", i), m, False) for i, m in enumerate(self.latents.methods)),
+        ]
+        if self.acting is not None:
+            asked.append((("acting", "method"), self.acting.method, True))
+            asked += [(("acting", "compared", i), m, False) for i, m in enumerate(self.acting.compared)]
+        for key, block in (("retraining", self.retraining), ("refinement", self.refinement)):
+            if block is not None:
+                asked.append(((key, "method"), block.method, False))
+        for loc, method, believes in asked:
+            _one_of(loc, method, self.methods, "methods")
+            if believes and kind_of(method) not in BELIEVING:
+                raise ProblemAtError(
+                    loc, f"{method!r} has no belief to draw phi from; use {' or '.join(BELIEVING)}"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _recordings_are_known(self) -> "Domain":
+        if not self.recordings:
+            return self  # nothing is made of the blocks that build on one
+        blocks = {"retraining": self.retraining, "refinement": self.refinement, "acting": self.acting}
+        for key, block in blocks.items():
+            if block is not None:
+                _one_of((key, "recording"), block.recording, self.recordings, "recordings")
+        if self.acting is not None:
+            self._hit_anew("acting", self.acting.recording)
+        if self.refinement is not None and self.refinement.retrained:
+            rigs = self._hit_anew("refinement", self.refinement.recording)
+            for i, rig in enumerate(self.refinement.retrained):
+                if rig >= rigs:
+                    raise ProblemAtError(
+                        ("refinement", "retrained", i),
+                        f"there is no rig {rig}; recording {self.refinement.recording!r} has rigs 0 to "
+                        f"{rigs - 1}",
+                    )
+        return self
+
+    def _hit_anew(self, block: str, recording: str) -> int:
+        """How many rigs a recording has that can be hit anew."""
+        rigs = self.recordings[recording].rigs
+        if rigs is None:
+            stand_ins = ", ".join(self.stand_ins) or "none there is"
+            raise ProblemAtError(
+                (block, "recording"),
+                f"{recording!r} is no recording of stand-in rigs, which alone can be hit anew; use one of: "
+                f"{stand_ins}",
+            )
+        return rigs
+
+    @property
+    def stand_ins(self) -> list[str]:
+        """Recordings that the lab makes."""
+        return [name for name, recording in self.recordings.items() if recording.lab is not None]
+
+    @model_validator(mode="after")
+    def _hits_suffice(self) -> "Domain":
+        hits = self.rollouts.hits
+        needed = self.evaluation.samples + self.evaluation.queries
+        if needed > hits:
+            raise ProblemAtError(
+                ("evaluation",),
+                f"samples + queries = {needed} hits of a condition, but rollouts.hits is {hits}; lower the "
+                "first or raise the second",
+            )
+        needed = max(self.uncertainty.samples) + self.uncertainty.queries
+        if needed > hits:
+            raise ProblemAtError(
+                ("uncertainty",),
+                f"the most of samples + queries = {needed} hits of a condition, but rollouts.hits is {hits}; "
+                "lower the first or raise the second",
+            )
+        _at_most(("training", "sequence"), self.training.sequence, hits)
+        _at_most(("latents", "samples"), max(self.latents.samples), hits)
+        if self.refinement is not None:
+            _at_most(("refinement", "samples"), 2 * self.refinement.samples, hits, "twice the number, ")
+            _at_most(
+                ("refinement", "nearest"), self.refinement.nearest, self.rollouts.train, than="rollouts.train"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _recorded_hits_suffice(self) -> "Domain":
+        asked: list[tuple[tuple[str, ...], int]] = [
+            (("uncertainty", "samples"), max(self.uncertainty.samples)),
+            (("latents", "samples"), max(self.latents.samples)),
+        ]
+        for name in self.stand_ins:
+            own = list(asked)
+            for key, block in (("retraining", self.retraining), ("refinement", self.refinement)):
+                if block is not None and block.recording == name:
+                    own.append(((key, "samples"), block.samples))
+            if self.acting is not None and self.acting.recording == name:
+                own.append((("acting", "exploration", "candidates"), self.acting.exploration.candidates))
+            lab = self.recordings[name].lab
+            assert lab is not None
+            for loc, number in own:
+                _at_most(
+                    loc, number + 1, lab.hits, "with one hit to predict, ", f"recordings.{name}.lab.hits"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _joints_fit(self) -> "Domain":
+        for name in self.stand_ins:
+            lab, joints = self.recordings[name].lab, self.scene.joints
+            assert lab is not None
+            given = len(lab.scatter.joint_offset_sd_rad)
+            if joints is not None and given != joints:
+                raise ProblemAtError(
+                    ("recordings", name, "lab", "scatter", "joint_offset_sd_rad"),
+                    f"{given} values for {joints} joints; give one for each joint",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _shows_something(self) -> "Domain":
+        shown = self.viewer.simulated + (self.viewer.recorded if self.recordings else 0)
+        if shown == 0:
+            raise ProblemAtError(("viewer",), "no hit to show; let `simulated` and `recorded` not both be 0")
+        return self
+
+
+def _one_of(loc: tuple[str | int, ...], name: str, known: Iterable[str], key: str) -> None:
+    if name not in known:
+        raise ProblemAtError(loc, f"{name!r} is not among the domain's {key}; use one of: {', '.join(known)}")
+
+
+def _at_most(
+    loc: tuple[str, ...], number: int, limit: int, how: str = "", than: str = "rollouts.hits"
+) -> None:
+    if number > limit:
+        raise ProblemAtError(
+            loc, f"{how}{number} is more than {than} = {limit}; lower the first or raise the second"
+        )
