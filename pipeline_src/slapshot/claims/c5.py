@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from slapshot.claims.samples import samples_to_reach
 from slapshot.claims.statement import Statement, error_array
+from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
 
 TITLE = "hockey, recorded: Kalman needs the fewest samples"
@@ -25,7 +26,7 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     tables: dict[str, list[pd.DataFrame]] = {}
     for role, folder in inputs.items():
         method, recording = role.split("/")
-        own = pd.read_parquet(folder / "errors.parquet").assign(recording=recording)
+        own = read_frame(folder / "errors.parquet").assign(recording=recording)
         tables.setdefault(method, []).append(own)
     errors = {method: pd.concat(parts, ignore_index=True) for method, parts in tables.items()}
     # Recordings can differ in their numbers of samples: as many as all of them have.

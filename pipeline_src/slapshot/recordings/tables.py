@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from slapshot.errors import InputError
+from slapshot.parquet import open_table, write_table
 from slapshot.recordings.format import OPTIONAL_COLUMNS, joint_schema
 
 _ROWS_PER_GROUP = 128 * 1024
@@ -29,7 +29,7 @@ def read_parquet(file: Path) -> pa.Table:
         InputError: If the file is truncated, damaged or no Parquet at all.
     """
     try:
-        with pq.ParquetFile(file, page_checksum_verification=True) as parquet:
+        with open_table(file) as parquet:
             table = parquet.read()
         table.validate(full=True)
         for field in table.schema:  # names and time zones that are not UTF-8 raise only when read
@@ -45,8 +45,8 @@ def read_parquet(file: Path) -> pa.Table:
 
 
 def write_parquet(table: pa.Table, file: Path) -> None:
-    """Write a table with zstd compression and a checksum in every page."""
-    pq.write_table(table, file, compression="zstd", row_group_size=_ROWS_PER_GROUP, write_page_checksum=True)
+    """Write a table in row groups that can be read alone."""
+    write_table(table, file, row_group_size=_ROWS_PER_GROUP)
 
 
 def table_from_frame(frame: pd.DataFrame, file: Path) -> pa.Table:
