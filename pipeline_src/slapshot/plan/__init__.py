@@ -9,7 +9,7 @@ from typing import Any
 
 from slapshot.plan.acting import add_acting
 from slapshot.plan.adaptation import add_method, add_regression, add_uncertainty
-from slapshot.plan.catalogue import CLAIMS, FIGURES, LIBRARIES, ON_DEMAND, STAGES
+from slapshot.plan.catalogue import CLAIMS, FIGURES, ON_DEMAND, STAGES
 from slapshot.plan.diagnosis import add_diagnoses
 from slapshot.plan.proof import add_proof
 from slapshot.plan.recipes import Plan
@@ -18,7 +18,7 @@ from slapshot.plan.results import add_claims, add_figures, add_viewer
 from slapshot.plan.retraining import add_retraining
 from slapshot.plan.simulation import add_labs, add_simulation
 
-__all__ = ["CLAIMS", "FIGURES", "LIBRARIES", "ON_DEMAND", "STAGES", "Plan", "make_plan"]
+__all__ = ["CLAIMS", "FIGURES", "ON_DEMAND", "STAGES", "Plan", "make_plan"]
 
 
 def make_plan(config: Mapping[str, Any]) -> Plan:
