@@ -181,7 +181,7 @@ def test_a_new_data_file_counts_by_name_and_bytes_and_what_editors_leave_does_no
 
 def test_a_module_from_outside_the_package_is_brought_in(package):
     """A domain of one's own: registered beside a stage of slapshot, it brings what it imports."""
-    package.write("domain.py", "from slapshot import errors, parquet\nfrom PKG import other\n")
+    package.write("domain.py", "from slapshot.parquet import read_table\nfrom PKG import other\n")
     modules = ("slapshot.errors", f"{package.name}.domain")
     assert set(module_closure(*modules)) == {
         "slapshot", "slapshot.errors", "slapshot.parquet",
@@ -196,8 +196,10 @@ def test_a_module_from_outside_the_package_is_brought_in(package):
 def test_a_module_alone_on_the_path(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     name = f"closure_example_{next(_numbers)}"
-    (tmp_path / f"{name}.py").write_text("import slapshot.errors\nimport slapshot.parquet\n")
-    assert set(module_closure(name)) == {name, "slapshot", "slapshot.parquet"}
+    (tmp_path / f"{name}.py").write_text("import slapshot.errors\n")
+    assert set(module_closure(name)) == {name, "slapshot", "slapshot.errors"}
+    (tmp_path / f"{name}_2.py").write_text("from slapshot.errors import InputError\n")
+    assert set(module_closure(f"{name}_2")) == {f"{name}_2"}
 
 
 def test_a_module_beside_ones_own_counts_and_libraries_are_named(tmp_path, monkeypatch):

@@ -4,7 +4,9 @@ What cannot stays out of the digest, so that no result is made again for its sak
 
 - comments, layout and docstrings;
 - imports for type checkers alone;
-- the modules of NEUTRAL, which show progress, end stages and keep results, but compute none;
+- the names of NEUTRAL, which show progress, end stages and keep results, but compute none: a module whose
+  import of them is all that it knows of the code behind them does not depend on that code; any other name
+  of the same modules counts like that of any module;
 - what is said: statements of a module's logger, what `progress` says of the steps that it shows, and the
   messages of InputError, which ends a stage. What a message evaluates counts unless it plainly changes
   nothing: of a generator that a logger uses up nothing is left for the result.
@@ -22,12 +24,15 @@ from pathlib import Path
 
 from slapshot.errors import InputError
 
-# Module, with all that lies in it -> why no result depends on it.
+# Name -> why no result depends on the code behind it.
 NEUTRAL = {
-    "slapshot.command": "hands a recipe's values and folders to a stage, and says what became of it",
-    "slapshot.errors": "ends a stage, so that there is no result",
-    "slapshot.progress": "yields what it is given, unchanged",
-    "slapshot.store": "keeps files and finds them again, held against their digests",
+    "slapshot.command.Run": "holds a recipe's values and folders",
+    "slapshot.command.stage_command": "hands them to a stage, and says what became of it",
+    "slapshot.errors.InputError": "ends a stage, so that there is no result",
+    "slapshot.errors.reading": "raises InputError, or does nothing",
+    "slapshot.errors.writing": "raises InputError, or does nothing",
+    "slapshot.progress.progress": "yields what it is given, unchanged",
+    "slapshot.store.closure.find_source": "finds a module, whose own code is in the recipe",
 }
 
 _PROGRESS, _INPUT_ERROR = "slapshot.progress.progress", "slapshot.errors.InputError"
@@ -52,12 +57,6 @@ class Source:
 
     digest: str
     imports: tuple[str, ...]
-
-
-def is_neutral(module: str) -> bool:
-    """True if no result depends on the module, for the reason that NEUTRAL gives."""
-    parts = module.split(".")
-    return any(".".join(parts[:n]) in NEUTRAL for n in range(1, len(parts) + 1))
 
 
 def read_source(module: str, path: Path) -> Source:
@@ -130,13 +129,13 @@ class _Essence(ast.NodeTransformer):
         return node.orelse
 
     def visit_Import(self, node: ast.Import) -> ast.AST | None:
-        node.names = [a for a in node.names if a.name != "logging" and not is_neutral(a.name)]
+        node.names = [alias for alias in node.names if alias.name != "logging"]
         self.imports += [alias.name for alias in node.names]
         return node if node.names else None
 
     def visit_ImportFrom(self, node: ast.ImportFrom) -> ast.AST | None:
         base = self._base(node)
-        node.names = [a for a in node.names if not (is_neutral(base) or is_neutral(f"{base}.{a.name}"))]
+        node.names = [alias for alias in node.names if f"{base}.{alias.name}" not in NEUTRAL]
         self.imports += [base, *(f"{base}.{alias.name}" for alias in node.names)] if node.names else []
         return node if node.names else None
 
