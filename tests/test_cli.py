@@ -1,5 +1,6 @@
 """The `slapshot` command, on a made-up store and a copy of the configuration."""
 
+import functools
 import json
 import shutil
 from pathlib import Path
@@ -10,6 +11,7 @@ from slapshot import cli
 from slapshot.config import load_config
 from slapshot.plan import make_plan
 from slapshot.recordings.write import write_recording
+from slapshot.store.closure import code_digest, imported_libraries
 from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe
 
@@ -24,6 +26,17 @@ def folder(tmp_path, monkeypatch) -> Path:
     shutil.copytree(ROOT / "workflow/schemas", tmp_path / "workflow/schemas")
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+_digest_once = functools.cache(code_digest)
+_libraries_once = functools.cache(imported_libraries)
+
+
+@pytest.fixture(autouse=True)
+def unchanged_code(monkeypatch):
+    """No test here edits code, and to follow all imports takes most of the time of a plan."""
+    monkeypatch.setattr("slapshot.store.recipe.code_digest", _digest_once)
+    monkeypatch.setattr("slapshot.store.recipe.imported_libraries", _libraries_once)
 
 
 @pytest.fixture
@@ -161,19 +174,32 @@ def test_gc_lists_and_removes_only_with_yes(slapshot):
     garbage = {(r.stage, r.id) for r in tiny.values()} - {(r.stage, r.id) for r in default.values()}
     assert garbage
     store = Store(Path("data/store"))
-    code, out, _ = slapshot("versions", "gc")
+    default_alone = ("versions", "gc", "--config", "config/default.yaml")
+    code, out, _ = slapshot(*default_alone)
     assert code == 0
     assert {line.split()[0] for line in out.splitlines()[:-1]} == {f"data/store/{s}/{i}" for s, i in garbage}
     assert out.splitlines()[-1].startswith(f"{len(garbage)} folders, ")
     assert "add --yes" in out
     assert all(store.is_whole(*pair) for pair in garbage)
 
-    code, out, _ = slapshot("versions", "gc", "--yes")
+    code, out, _ = slapshot(*default_alone, "--yes")
     assert code == 0
     assert out.splitlines()[-1].endswith("removed")
     assert not any(store.is_whole(*pair) for pair in garbage)
     assert all(store.is_whole(r.stage, r.id) for r in default.values())
-    assert slapshot("versions", "gc")[1].startswith("0 folders")
+    assert slapshot(*default_alone)[1].startswith("0 folders")
+
+
+def test_gc_keeps_what_any_shipped_configuration_asks_for_unless_some_are_given(slapshot):
+    fill(TINY)
+    garbage = Recipe("train", {"from": "nowhere"}, code="0" * 64)
+    with Store(Path("data/store")).new_version(garbage) as out:
+        (out / "payload").write_text("x")
+    code, out, _ = slapshot("versions", "gc", "--yes")
+    assert code == 0
+    assert out.splitlines()[0].startswith(f"data/store/train/{garbage.id}  ")
+    assert out.splitlines()[1].startswith("1 folders, ")
+    assert not slapshot("versions", "gc", "--config", "config/default.yaml")[1].startswith("0 folders")
 
 
 def test_gc_keeps_what_any_of_the_configurations_asks_for(slapshot):
@@ -208,7 +234,7 @@ def test_lock_then_verify_reproduces(slapshot):
 def test_verify_judges_other_numbers(slapshot, text, code, verdict):
     fill()
     slapshot("versions", "lock")
-    label = "evaluate/hockey/kalman"
+    label = "figure/hockey/F7"  # nothing is made from it
     lock = json.loads(Path("data/pipeline.lock").read_text())
     recipe = recipes()[label]
     store = Store(Path("data/store"))
@@ -235,6 +261,111 @@ def test_verify_finds_what_is_damaged_and_what_is_missing(slapshot):
     assert "train/hockey/kalman: damaged: payload.csv" in out
     assert "scene/hockey: not made yet" in out
     assert out.endswith("not reproduced\n")
+
+
+def test_verify_names_what_was_made_from_another_content(slapshot):
+    made = fill()
+    slapshot("versions", "lock")
+    train = made["train/hockey/kalman"]
+    store = Store(Path("data/store"))
+    shutil.rmtree(store.folder("train", train.id))
+    with store.new_version(train) as out:
+        (out / "payload.csv").write_text("x\n1.0001\n2.0\n")
+    code, out, _ = slapshot("versions", "verify")
+    assert code == 1
+    assert "train/hockey/kalman: equal within tolerance" in out
+    said = f"evaluate/hockey/kalman: made from another content of train/{train.id} than is there now; run "
+    assert said in out
+    assert f"claim/hockey/C4: {'identical'}" in out  # made from what is made from it, and that is as it was
+
+
+def test_verify_of_any_configuration_says_of_each_version_whether_it_is_whole(slapshot):
+    verify = ("versions", "verify", "--config", str(TINY))
+    code, out, _ = slapshot(*verify)
+    assert code == 1
+    lines = [*(f"{label}: not made yet" for label in recipes(TINY)), "not all whole"]
+    assert sorted(out.splitlines()) == sorted(lines)
+    made = fill(TINY)
+    ids = {recipe.id for recipe in made.values()}
+    labels = [label for label, recipe in make_plan(load_config(TINY)).recipes.items() if recipe.id in ids]
+    code, out, errors = slapshot(*verify)
+    assert (code, errors) == (0, "")
+    assert sorted(out.splitlines()) == sorted([*(f"{label}: whole" for label in labels), "all whole"])
+    train = made["train/hockey/kalman"]
+    (Store(Path("data/store")).folder("train", train.id) / "payload.csv").write_text("x\n1\n3\n")
+    code, out, _ = slapshot(*verify)
+    assert code == 1
+    assert "train/hockey/kalman: damaged: payload.csv not as written; run `slapshot versions verify" in out
+    assert out.endswith("not all whole\n")
+
+
+def test_verify_checks_what_is_made_on_demand_if_it_is_there(slapshot):
+    fill()
+    slapshot("versions", "lock")
+    plan = make_plan(load_config())
+    label = next(label for label in plan.recipes if label in plan.on_demand)
+    with Store(Path("data/store")).new_version(plan.recipes[label]) as out:
+        (out / "payload").write_text("x")
+    assert slapshot("versions", "verify")[0] == 0
+    recipe = plan.recipes[label]
+    (Store(Path("data/store")).folder(recipe.stage, recipe.id) / "payload").write_text("y")
+    code, out, _ = slapshot("versions", "verify")
+    assert code == 1
+    assert f"{label}: damaged: payload not as written" in out
+
+
+def test_repair_removes_what_is_damaged_and_what_was_made_from_it_whoever_asks_for_it(slapshot):
+    default, tiny = fill(), fill(TINY)
+    store = Store(Path("data/store"))
+    shared = Recipe("train", {"of": "another configuration"}, code="0" * 64, upstream={
+        "rollouts": ("rollouts", tiny["rollouts/hockey"].id)
+    })  # fmt: skip
+    with store.new_version(shared) as out:
+        (out / "payload").write_text("x")
+    (store.folder("rollouts", tiny["rollouts/hockey"].id) / "payload.csv").write_text("x\n1\n3\n")
+    code, out, errors = slapshot("versions", "verify", "--repair", "--config", str(TINY))
+    assert (code, errors) == (0, "")
+    assert not store.is_whole("rollouts", tiny["rollouts/hockey"].id)
+    assert not store.is_whole("train", shared.id)
+    assert f"removed train/{shared.id}: made from rollouts/{tiny['rollouts/hockey'].id}" in out
+    count = len([line for line in out.splitlines() if line.startswith("removed ")])
+    assert out.splitlines()[-1] == f"{count} versions removed"
+    assert all(store.is_whole(recipe.stage, recipe.id) for recipe in default.values())
+    assert store.is_whole("swings", tiny["swings/hockey"].id)
+    fill(TINY)
+    assert slapshot("versions", "verify", "--config", str(TINY))[1].endswith("all whole\n")
+    code, out, _ = slapshot("versions", "verify", "--repair", "--config", str(TINY))
+    assert (code, out) == (0, "nothing is damaged\n")
+
+
+@pytest.mark.parametrize("command", [("list",), ("why", "train"), ("diff", "TRAIN", "TRAIN")])
+def test_a_damaged_version_file_is_one_line_and_the_others_are_used(slapshot, command):
+    made = fill()
+    store = Store(Path("data/store"))
+    scene, train = made["scene/hockey"], made["train/hockey/kalman"]
+    damaged = [store.folder("scene", scene.id), store.folder("rollouts", made["rollouts/hockey"].id)]
+    (damaged[0] / "version.json").write_text('{"id":')
+    text = (damaged[1] / "version.json").read_text()
+    (damaged[1] / "version.json").write_text(text.replace('"seed":', '"seee":', 1))
+    code, out, errors = slapshot("versions", *(part.replace("TRAIN", train.id) for part in command))
+    assert code == 0
+    lines = [f"slapshot: {folder}/version.json is not what was written there; run " for folder in damaged]
+    assert [line[: len(lines[0])] for line in sorted(errors.splitlines())] == [
+        line[: len(lines[0])] for line in sorted(lines)
+    ]
+    assert out
+
+
+def test_nothing_damaged_is_locked(slapshot):
+    made = fill()
+    train = made["train/hockey/kalman"]
+    (Store(Path("data/store")).folder("train", train.id) / "payload.csv").write_text("x\n1\n3\n")
+    code, _, errors = slapshot("versions", "lock")
+    assert code == 1
+    assert one_line(errors).startswith(
+        "slapshot: train/hockey/kalman: damaged: payload.csv not as written; run `slapshot versions verify"
+    )
+    assert not Path("data/pipeline.lock").exists()
 
 
 def test_verify_without_or_with_a_damaged_lock(slapshot):

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from slapshot.effects import modules_of_results
 from slapshot.errors import InputError
-from slapshot.plan import CLAIMS, FIGURES, LIBRARIES, ON_DEMAND, STAGES, make_plan
+from slapshot.plan import CLAIMS, FIGURES, ON_DEMAND, STAGES, make_plan
 from slapshot.proof.cases import Case, write_cases
-from slapshot.store.closure import code_digest
+from slapshot.store.closure import code_digest, imported_libraries
 from slapshot.store.recipe import Recipe, file_digest, make_recipe
 from slapshot.yaml_file import read_yaml
 
@@ -120,12 +120,14 @@ LAB = {
 }
 
 _digest_once = functools.cache(code_digest)
+_libraries_once = functools.cache(imported_libraries)
 
 
 @pytest.fixture(autouse=True)
 def unchanged_code(monkeypatch):
     """No test here edits code, and to follow all imports takes most of the time of a plan."""
     monkeypatch.setattr("slapshot.store.recipe.code_digest", _digest_once)
+    monkeypatch.setattr("slapshot.store.recipe.imported_libraries", _libraries_once)
 
 
 @pytest.fixture
@@ -192,7 +194,6 @@ def test_the_plan_holds_every_stage_once_for_each_instance(config):
     plan = make_plan(config)
     assert set(plan.recipes) == ALL
     assert {recipe.stage for recipe in plan.recipes.values()} == set(STAGES)
-    assert set(LIBRARIES) == set(STAGES)
     assert set(ON_DEMAND) < set(STAGES)
     assert all(plan.by_id(r.stage, r.id) == r for r in plan.recipes.values())
     assert plan.ids()["figure"] == {plan.recipes[label].id for label in ALL if label.startswith("figure/")}
@@ -216,7 +217,7 @@ def test_code_that_is_read_once_gives_the_recipe_that_reading_it_each_time_gives
     recipe = plan.recipes["verdict/full/f1"]
     modules = [STAGES["verdict"], *modules_of_results()]
     above = {role: plan.by_id(*pair) for role, pair in recipe.upstream.items()}
-    assert make_recipe("verdict", modules, recipe.config, above, LIBRARIES["verdict"]) == recipe
+    assert make_recipe("verdict", modules, recipe.config, above) == recipe
 
 
 def test_planning_twice_gives_the_same(config):

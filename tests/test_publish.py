@@ -112,8 +112,8 @@ def test_a_damaged_payload_is_named_and_nothing_is_published(store, target, avai
     with pytest.raises(InputError) as caught:
         publish(store, [data, f7(store, 1)], target, available)
     message = str(caught.value)
-    assert f"{data}/model is not what was written there; remove the folder" in message
-    assert "run `snakemake figures` again" in message
+    assert f"{data}/model is not what was written there; run `slapshot versions verify --repair`" in message
+    assert message.endswith("removes it and all that was made from it, then make them again")
     assert "\n" not in message
     assert not target.exists()
 

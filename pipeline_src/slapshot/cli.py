@@ -11,16 +11,20 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from slapshot.config import read_config
+from slapshot.config import DEFAULT_CONFIG, read_config
 from slapshot.errors import InputError, writing
 from slapshot.own_code import own_code_may_run
 from slapshot.plan import Plan, load_plan, make_plan
 from slapshot.scenes.domain import find_domain, is_built_in
 from slapshot.store.folder import Store
 from slapshot.store.housekeeping import collect_garbage, find_version, flatten
-from slapshot.store.verify import compare, make_lock
+from slapshot.store.recipe import Recipe
+from slapshot.store.verify import compare, find_problems, make_lock, problem_of, remove_damaged
+from slapshot.store.version_file import REPAIR, read_version_file
 
 LOCK = Path("data/pipeline.lock")
+CONFIGS = Path("config")
+WHOLE, NOT_MADE = "whole", "not made yet"
 _MOST_NAMED = 2  # versions of one stage that a list names one by one
 # Labels and values may hold brackets, which are no markup; lines of text are not folded at 80 columns.
 _WIDTH = None if sys.stdout.isatty() else 200
@@ -52,9 +56,13 @@ def _parser() -> argparse.ArgumentParser:
         ("list", _list, "every version in the store"),
         ("diff", _diff, "what two versions were made from, side by side"),
         ("why", _why, "why a stage's version is, or is not, there"),
-        ("gc", _gc, "remove versions that no given configuration asks for"),
+        ("gc", _gc, "remove versions that no configuration asks for: none given, or none of config/"),
         ("lock", _lock, "write data/pipeline.lock from the default configuration"),
-        ("verify", _verify, "hold the store against data/pipeline.lock"),
+        (
+            "verify",
+            _verify,
+            "are versions whole, and the default ones as in data/pipeline.lock",
+        ),
     ):
         command = versions.add_parser(name, help=text, description=text)
         command.set_defaults(run=run)
@@ -66,7 +74,11 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument("stage", help="for example rollouts")
         if name == "gc":
             command.add_argument("--yes", action="store_true", help="remove, do not only list")
-        if name in {"why", "gc"}:
+        if name == "verify":
+            command.add_argument(
+                "--repair", action="store_true", help="remove what is damaged and all that was made from it"
+            )
+        if name in {"why", "gc", "verify"}:
             command.add_argument(
                 "--config", type=Path, action="append", help="configuration; may be repeated"
             )
@@ -148,7 +160,9 @@ def _config(args: argparse.Namespace) -> int:
 
 def _list(args: argparse.Namespace) -> int:
     table = _table("stage", "id", "made at", "took", "from")
-    for _, version in Store(args.store).versions():
+    store = Store(args.store)
+    _say_unreadable(store)
+    for _, version in store.versions():
         recipe = version["recipe"]
         sources = _sources([(stage, i[:6]) for stage, i in recipe["upstream"].values()])
         table.add_row(
@@ -171,6 +185,7 @@ def _sources(upstream: list[tuple[str, str]]) -> str:
 
 def _diff(args: argparse.Namespace) -> int:
     store = Store(args.store)
+    _say_unreadable(store)
     first, second = find_version(store, args.first), find_version(store, args.second)
     _print_difference(flatten(first["recipe"]), flatten(second["recipe"]), first["id"], second["id"])
     return 0
@@ -189,11 +204,12 @@ def _why(args: argparse.Namespace) -> int:
     wanted = plan.of_stage(args.stage)
     if not wanted:
         raise InputError(f"no stage {args.stage!r}; stages: {', '.join(plan.ids())}")
+    _say_unreadable(store)
+    made = [v for _, v in store.versions() if v["recipe"]["stage"] == args.stage]
     for label, recipe in wanted.items():
         if store.is_whole(recipe.stage, recipe.id):
             console.print(f"{label}: {recipe.id} is there")
             continue
-        made = [v for _, v in store.versions() if v["recipe"]["stage"] == args.stage]
         if not made:
             console.print(f"{label}: {recipe.id} is to be made; there is no version of it yet")
             continue
@@ -209,7 +225,8 @@ def _distance(first: dict[str, Any], second: dict[str, Any]) -> int:
 
 
 def _gc(args: argparse.Namespace) -> int:
-    keep = _plan_of(args.config).ids()
+    # By default what any configuration of the project asks for stays: a tiny run takes minutes, too.
+    keep = _plan_of(args.config or sorted(CONFIGS.glob("*.yaml"))).ids()
     removed = collect_garbage(Store(args.store), keep, really=args.yes)
     for folder, size in removed:
         console.print(f"{folder}  {size / 1e6:.1f} MB")
@@ -232,18 +249,76 @@ def _lock(args: argparse.Namespace) -> int:
 
 
 def _verify(args: argparse.Namespace) -> int:
+    store = Store(args.store)
+    if args.repair:
+        return _repair(store, _plan_of(args.config))
+    default = [path for path in args.config or [DEFAULT_CONFIG] if path.resolve() == DEFAULT_CONFIG.resolve()]
+    others = [path for path in args.config or [] if path not in default]
+    good = True
+    if default:
+        good = _reproduces(store, load_plan())
+    if others:
+        good = _all_whole(store, _plan_of(others)) and good
+    return 0 if good else 1
+
+
+def _reproduces(store: Store, plan: Plan) -> bool:
+    """Hold what `figures` makes against the lock; name what is wrong with versions on demand."""
     if not LOCK.is_file():
         raise InputError(f"{LOCK} is missing: restore it from git")
     try:
         lock = json.loads(LOCK.read_text())
     except ValueError as error:
         raise InputError(f"{LOCK} is damaged ({error}): restore it from git") from None
-    verdicts = compare(Store(args.store), load_plan().of_figures(), lock)
+    verdicts = compare(store, plan.of_figures(), lock)
+    on_demand = {label: _state(store, plan.recipes[label]) for label in sorted(plan.on_demand)}
+    verdicts |= {label: state for label, state in on_demand.items() if state not in {WHOLE, NOT_MADE}}
     for label, verdict in verdicts.items():
         console.print(f"{label}: {verdict}")
     good = all(v.startswith(("identical", "equal")) for v in verdicts.values())
     console.print("reproduced" if good else "not reproduced")
-    return 0 if good else 1
+    return good
+
+
+def _all_whole(store: Store, plan: Plan) -> bool:
+    """Say of each version of a plan whether it is whole; those on demand may be missing."""
+    states = {label: _state(store, recipe) for label, recipe in plan.recipes.items()}
+    shown = {n: state for n, state in states.items() if state != NOT_MADE or n not in plan.on_demand}
+    for label, state in shown.items():
+        console.print(f"{label}: {state}")
+    good = set(shown.values()) <= {WHOLE}
+    console.print("all whole" if good else "not all whole")
+    return good
+
+
+def _state(store: Store, recipe: Recipe) -> str:
+    """Whole, not made yet, or what is wrong with it and what to do."""
+    if not store.folder(recipe.stage, recipe.id).exists():
+        return NOT_MADE
+    problem = problem_of(store, (recipe.stage, recipe.id))
+    return f"{problem}; {REPAIR}" if problem else WHOLE
+
+
+def _repair(store: Store, plan: Plan) -> int:
+    asked = {(recipe.stage, recipe.id) for recipe in plan.recipes.values()}
+    problems = find_problems(store, asked)
+    removed = remove_damaged(store, problems, plan.recipes.values())
+    for (stage, version_id), why in removed.items():
+        console.print(f"removed {stage}/{version_id}: {why}")
+    busy = [f"{stage}/{version_id}" for stage, version_id in problems if (stage, version_id) not in removed]
+    if busy:
+        raise InputError(f"{', '.join(busy)}: being made just now; wait until it is, and run this again")
+    console.print(f"{len(removed)} versions removed" if removed else "nothing is damaged")
+    return 0
+
+
+def _say_unreadable(store: Store) -> None:
+    """One line for each version whose version.json is damaged; the others are used."""
+    for folder in store.folders():
+        try:
+            read_version_file(folder)
+        except InputError as error:
+            print(f"slapshot: {error}", file=sys.stderr)
 
 
 def _plan_of(configs: list[Path] | None) -> Plan:
@@ -252,6 +327,8 @@ def _plan_of(configs: list[Path] | None) -> Plan:
     paths: list[Path | None] = [*configs] if configs else [None]
     for path in paths:
         name = str(path or "default")
-        for label, recipe in load_plan(path).recipes.items():
-            merged.recipes[label if len(configs or []) < 2 else f"{name}:{label}"] = recipe
+        plan = load_plan(path)
+        begin = f"{name}:" if len(paths) > 1 else ""
+        merged.recipes |= {f"{begin}{label}": recipe for label, recipe in plan.recipes.items()}
+        merged.on_demand |= {f"{begin}{label}" for label in plan.on_demand}
     return merged

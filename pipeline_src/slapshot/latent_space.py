@@ -5,12 +5,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from slapshot.parquet import read_frame
 from slapshot.statistics import Projection, principal_components
 
 
 def read_latents(folder: Path) -> pd.DataFrame:
     """latents.parquet, with friction's magnitude log sqrt(mu_x mu_y) and its direction log(mu_y / mu_x)."""
-    table = pd.read_parquet(folder / "latents.parquet")
+    table = read_frame(folder / "latents.parquet")
     log_x, log_y = np.log(table["friction_x"]), np.log(table["friction_y"])
     return table.assign(magnitude=(log_x + log_y) / 2, direction=log_y - log_x)
 

@@ -12,7 +12,7 @@ from slapshot.command import set_up_logging
 from slapshot.errors import InputError, writing
 from slapshot.store.folder import Store
 from slapshot.store.lock import held
-from slapshot.store.verify import damaged_files
+from slapshot.store.version_file import REPAIR, damaged_files
 
 log = logging.getLogger("slapshot")
 
@@ -44,10 +44,7 @@ def publish(store: Store, versions: list[str], target: Path, available: bool = F
             raise InputError(f"{store.root / version} is missing: run `snakemake figures`")
         damaged = damaged_files(store.folder(stage, version_id))
         if damaged:
-            raise InputError(
-                f"{store.root / version / damaged[0]} is not what was written there; "
-                f"remove the folder {store.root / version} and run `snakemake figures` again"
-            )
+            raise InputError(f"{store.root / version / damaged[0]} is not what was written there; {REPAIR}")
     with writing(target):
         target.mkdir(parents=True, exist_ok=True)
         with held(target / ".lock", f"publishes to {target}"):

@@ -10,6 +10,7 @@ from pathlib import Path
 from slapshot.command import set_up_logging
 from slapshot.errors import InputError, writing
 from slapshot.publish import copy_file
+from slapshot.store.version_file import REPAIR, damaged_files, read_version_file
 
 log = logging.getLogger("slapshot")
 
@@ -24,14 +25,20 @@ def publish_version(version: Path, target: Path, folder: str, beside: Sequence[s
         target: figures/, or that of a configuration.
         folder: name.
         beside: files that go to `target` itself.
+
+    Raises:
+        InputError: the version is damaged, or `target` cannot be written.
     """
+    damaged = damaged_files(version)
+    if damaged:
+        raise InputError(f"{version / damaged[0]} is not what was written there; {REPAIR}")
     with writing(target):
         aside = target / folder
         aside.mkdir(parents=True, exist_ok=True)
         for file in sorted(version.iterdir()):
             if file.suffix in TOLD:
                 copy_file(file, (target if file.name in beside else aside) / file.name)
-        recipe = json.loads((version / "version.json").read_text())["recipe"]
+        recipe = read_version_file(version)["recipe"]
         own = {recipe["stage"]: version.name}
         made_from = own | {role: pair[1] for role, pair in recipe["upstream"].items()}
         text = json.dumps(made_from, indent=1, sort_keys=True) + "\n"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from slapshot.errors import InputError
 from slapshot.plan import FIGURES, STAGES
-from slapshot.store.closure import code_digest, find_source, module_closure
+from slapshot.store.closure import code_digest, find_source, imported_libraries, module_closure
 
 SOURCES = {
     "__init__.py": '"""A package."""\n',
@@ -86,7 +86,7 @@ def changed(before: dict[str, str], after: dict[str, str]) -> set[str]:
         (["base"], {"", "base"}),
         (["stage"], {"", "stage", "middle", "base"}),
         (["late"], {"", "late", "other"}),
-        (["typed"], {"", "typed", "other"}),
+        (["typed"], {"", "typed"}),
         (["relative"], {"", "relative", "sub", "sub.inner", "base"}),
         (["sub"], {"", "sub", "sub.inner", "base"}),
         (["sub.deep.leaf"], {"", "sub", "sub.deep", "sub.deep.leaf", "sub.inner", "base"}),
@@ -108,7 +108,7 @@ USES_SUB = {"relative", "sub", "sub.inner", "sub.deep.leaf"}
         ("base.py", "    return", "    pass\n    return", USES_BASE),
         ("middle.py", "twice(twice(x))", "twice(x)", {"middle", "stage"}),
         ("middle.py", 'label="a"', 'label="b"', {"middle", "stage"}),
-        ("other.py", "VALUE = 1", "VALUE = 1.0", {"other", "late", "typed"}),
+        ("other.py", "VALUE = 1", "VALUE = 1.0", {"other", "late"}),
         ("alone.py", "X = 1", "X = 2", {"alone"}),
         ("sub/inner.py", "Z = twice", "Z = twice(1)", USES_SUB),
         ("sub/__init__.py", "from . import inner", "from . import inner\nA = 1", USES_SUB),
@@ -181,10 +181,11 @@ def test_a_new_data_file_counts_by_name_and_bytes_and_what_editors_leave_does_no
 
 def test_a_module_from_outside_the_package_is_brought_in(package):
     """A domain of one's own: registered beside a stage of slapshot, it brings what it imports."""
-    package.write("domain.py", "from slapshot.errors import InputError\nfrom PKG import other\n")
+    package.write("domain.py", "from slapshot.parquet import read_table\nfrom PKG import other\n")
     modules = ("slapshot.errors", f"{package.name}.domain")
     assert set(module_closure(*modules)) == {
-        "slapshot", "slapshot.errors", package.name, f"{package.name}.domain", f"{package.name}.other",
+        "slapshot", "slapshot.errors", "slapshot.parquet",
+        package.name, f"{package.name}.domain", f"{package.name}.other",
     }  # fmt: skip
     before, alone = code_digest(*modules), code_digest("slapshot.errors")
     package.edit("other.py", "VALUE = 1", "VALUE = 2")
@@ -197,6 +198,22 @@ def test_a_module_alone_on_the_path(tmp_path, monkeypatch):
     name = f"closure_example_{next(_numbers)}"
     (tmp_path / f"{name}.py").write_text("import slapshot.errors\n")
     assert set(module_closure(name)) == {name, "slapshot", "slapshot.errors"}
+    (tmp_path / f"{name}_2.py").write_text("from slapshot.errors import InputError\n")
+    assert set(module_closure(f"{name}_2")) == {f"{name}_2"}
+
+
+def test_a_module_beside_ones_own_counts_and_libraries_are_named(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    name, helper = (f"closure_example_{next(_numbers)}" for _ in range(2))
+    (tmp_path / f"{name}.py").write_text(f"import json\nimport {helper}\nimport no_such_library\n")
+    (tmp_path / f"{helper}.py").write_text("import numba\nimport yaml\nimport tqdm, rich.table\n")
+    (tmp_path / "compiled.so").write_text("")
+    assert set(module_closure(name)) == {name, helper}
+    before = code_digest(name)
+    assert imported_libraries(name) == {"numba", "pyyaml"}
+    (tmp_path / f"{helper}.py").write_text("X = 1\n")
+    assert code_digest(name) != before
+    assert imported_libraries(name) == set()
 
 
 def test_a_package_wins_over_a_module_of_the_same_name_as_in_python(package):

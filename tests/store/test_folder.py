@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 from slapshot.errors import InputError
-from slapshot.store.folder import VERSION_FILE, Store
+from slapshot.store.folder import STORE_MARK, Store
 from slapshot.store.recipe import Recipe
-from slapshot.store.verify import damaged_files
+from slapshot.store.version_file import VERSION_FILE, damaged_files
 
 RECIPE = Recipe("rollouts", {"seed": 1}, code="0" * 64)
 UPSTREAM = Recipe("swings", {}, code="0" * 64)
@@ -21,7 +21,7 @@ UPSTREAM = Recipe("swings", {}, code="0" * 64)
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from slapshot.store import folder
+from slapshot.store import folder, version_file
 from slapshot.store.recipe import Recipe
 
 def die(*arguments):
@@ -29,7 +29,7 @@ def die(*arguments):
 
 root, recipe, moment, resume = sys.argv[1:]
 if moment == "digest":
-    folder.content_digest = die
+    version_file.content_digest = die
 if moment == "rename":
     Path.rename = die
 with folder.Store(Path(root)).new_version(Recipe.from_json(recipe), resume == "True") as out:
@@ -64,7 +64,7 @@ def test_a_finished_version_is_whole_and_leaves_nothing_else(store):
     assert store.is_whole(RECIPE.stage, RECIPE.id)
     name = f"rollouts/{RECIPE.id}"
     files = [f"{name}/{file}" for file in ("first", "second", VERSION_FILE)]
-    assert everything(store) == ["rollouts", name, *files]
+    assert everything(store) == [STORE_MARK, "rollouts", name, *files]
     version = json.loads((folder / VERSION_FILE).read_text())
     assert Recipe.from_json(json.dumps(version["recipe"])) == RECIPE
     assert version["id"] == RECIPE.id
@@ -86,7 +86,7 @@ def test_files_in_sub_folders_belong_to_the_content(store):
 def test_an_exception_leaves_nothing(store, error):
     with pytest.raises(error):
         fail(store, error)
-    assert everything(store) == ["rollouts"]
+    assert everything(store) == [STORE_MARK, "rollouts"]
     assert damaged_files(produce(store)) == []
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 from slapshot.errors import InputError
-from slapshot.store.folder import Store
+from slapshot.store.folder import STORE_MARK, Store
 from slapshot.store.housekeeping import collect_garbage, find_version, flatten
 from slapshot.store.recipe import Recipe
 
@@ -89,6 +89,75 @@ def test_what_a_process_is_making_is_no_garbage(store):
         assert collect_garbage(store, {}, really=True) == []
     assert store.is_whole("train", recipe.id)
     assert len(collect_garbage(store, {}, really=True)) == 1
+
+
+def test_only_what_the_store_made_is_garbage(store, make, tmp_path):
+    """A photo two levels deep, and other folders that look a little like versions."""
+    unwanted = make("train", {"n": 1})
+    outside = tmp_path / "outside" / "train" / ("c" * 12)
+    outside.mkdir(parents=True)
+    (outside / "version.json").write_text("{}")
+    foreign = {
+        "photos/holiday/sea.jpg": "photo",
+        f"photos/{'d' * 12}/sea.jpg": "photo",  # the name of an id, but no version.json
+        "package/lib/version.json": "{}",  # a version.json, but not the name of an id
+        "train/.partial-notes/todo.md": "text",
+        "train/.partial-0123456789ABCDEF/todo.md": "text",
+        "train/readme.md": "text",
+    }
+    for name, text in foreign.items():
+        (store.root / name).parent.mkdir(parents=True, exist_ok=True)
+        (store.root / name).write_text(text)
+    (store.root / "train" / ("c" * 12)).symlink_to(outside)
+    (store.root / "train" / f".partial-{'c' * 12}").symlink_to(outside)
+    (store.root / "linked").symlink_to(outside.parent)
+    before = snapshot(store)
+    removed = collect_garbage(store, {}, really=True)
+    assert [folder.name for folder, _ in removed] == [unwanted.id]
+    gone = {f"train/{unwanted.id}{rest}" for rest in ("", ".ok", "/payload", "/version.json")}
+    assert before - snapshot(store) == gone
+    assert (outside / "version.json").read_text() == "{}"
+    assert {name: (store.root / name).read_text() for name in foreign} == foreign
+
+
+def test_a_folder_that_is_no_store_is_refused(store, make):
+    recipe = make("train", {"n": 1})
+    (store.root / STORE_MARK).unlink()
+    for really in (False, True):
+        with pytest.raises(InputError) as caught:
+            collect_garbage(store, {}, really)
+        message = str(caught.value)
+        assert message.startswith(
+            f"{store.root}: has no {STORE_MARK}, so nothing is removed from it; if it is"
+        )
+        assert message.endswith(f"touch {store.root / STORE_MARK}")
+        assert "\n" not in message
+    assert store.is_whole("train", recipe.id)
+    later = make("train", {"n": 2})  # a stage that writes there makes it a store again
+    assert len(collect_garbage(store, {"train": {later.id}}, really=True)) == 1
+
+
+def test_an_unwanted_version_that_is_damaged_is_garbage(store, make):
+    recipe = make("train", {"n": 1})
+    (store.folder("train", recipe.id) / "version.json").write_text("{")
+    assert len(collect_garbage(store, {}, really=True)) == 1
+    assert snapshot(store) == {STORE_MARK, "train"}
+
+
+def test_what_an_interrupted_removal_left_is_garbage(store, make, monkeypatch):
+    recipe = make("train", {"n": 1}, a=b"a", b=b"b", z=b"z")
+    for _ in range(3):
+        with monkeypatch.context() as patch:
+            patch.setattr("slapshot.store.folder.shutil.rmtree", interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                collect_garbage(store, {}, really=True)
+        assert not store.is_whole("train", recipe.id)
+    assert len(collect_garbage(store, {}, really=True)) == 1
+    assert snapshot(store) == {STORE_MARK, "train"}
+
+
+def interrupt(path) -> None:
+    raise KeyboardInterrupt
 
 
 def test_an_empty_or_missing_store_holds_no_garbage(tmp_path):

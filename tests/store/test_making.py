@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 from slapshot.command import Run, make_version
 from slapshot.errors import InputError
+from slapshot.store.folder import STORE_MARK
 from slapshot.store.lock import held
 from slapshot.store.recipe import Recipe
-from slapshot.store.verify import damaged_files
+from slapshot.store.version_file import damaged_files
 
 RECIPE = Recipe("rollouts", {"seed": 1}, code="0" * 64)
 LONGEST = 60  # s
@@ -43,7 +44,7 @@ def write(run: Run) -> None:
 
 
 def hidden(store) -> list[str]:
-    return sorted(path.name for path in store.root.rglob(".*"))
+    return sorted(path.name for path in store.root.rglob(".*") if path.name != STORE_MARK)
 
 
 def stage(writer: str, root: Path, limit: int | None) -> subprocess.CompletedProcess[str]:

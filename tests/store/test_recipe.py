@@ -98,14 +98,14 @@ def test_round_trip():
 def test_a_recipe_holds_the_ids_upstream_and_the_digests_of_files(tmp_path):
     file = tmp_path / "hits.parquet"
     file.write_bytes(b"one")
-    made = make_recipe("train", ["slapshot.errors"], {}, {"role": RECIPE}, ["numpy"], {"hits": file})
+    made = make_recipe("train", ["slapshot.errors"], {}, {"role": RECIPE}, {"hits": file})
     assert made.upstream == {"role": ("train", RECIPE.id)}
     assert made.files == {"hits": hashlib.sha256(b"one").hexdigest()}
     other = replace(RECIPE, code="d" * 64)
-    changed = make_recipe("train", ["slapshot.errors"], {}, {"role": other}, ["numpy"], {"hits": file})
+    changed = make_recipe("train", ["slapshot.errors"], {}, {"role": other}, {"hits": file})
     assert changed.id != made.id
     file.write_bytes(b"two")
-    edited = make_recipe("train", ["slapshot.errors"], {}, {"role": RECIPE}, ["numpy"], {"hits": file})
+    edited = make_recipe("train", ["slapshot.errors"], {}, {"role": RECIPE}, {"hits": file})
     assert edited.id != made.id
 
 
@@ -113,6 +113,7 @@ def test_a_recipe_holds_the_ids_upstream_and_the_digests_of_files(tmp_path):
 def installed(monkeypatch):
     versions = {"torch": "2.13.0+cpu", "numpy": "2.4.1"}
     monkeypatch.setattr(recipe_module, "version", versions.__getitem__)
+    monkeypatch.setattr(recipe_module, "imported_libraries", lambda *modules: set(versions))
     library_version.cache_clear()
     yield
     library_version.cache_clear()
@@ -121,5 +122,5 @@ def installed(monkeypatch):
 @pytest.mark.usefixtures("installed")
 def test_the_local_part_of_a_version_does_not_count():
     assert library_version("torch") == "2.13.0"
-    made = make_recipe("train", ["slapshot.errors"], {}, {}, ["torch", "numpy"])
+    made = make_recipe("train", ["slapshot.errors"], {}, {})
     assert made.libraries == {"torch": "2.13.0", "numpy": "2.4.1"}

@@ -257,7 +257,8 @@ def test_comments_and_modules_that_no_result_depends_on_rerun_nothing(workspace)
         workspace.edited("publish.py", no_operation),
         workspace.edited("adaptation/scoring.py", comment),
         workspace.edited("scenes/scene.py", comment),
-        workspace.edited("store/folder.py", comment),
+        workspace.edited("store/folder.py", no_operation),
+        workspace.edited("progress.py", no_operation),
     ):
         assert workspace.to_do() == {}
 
@@ -318,7 +319,7 @@ def test_a_damaged_payload_stops_publishing_and_says_what_to_do(workspace):
     finally:
         file.write_text(text)
     path = f"data/store/train/{version.id}"
-    advice = f"{path}/losses.csv is not what was written there; remove the folder {path} and run `snakemake"
+    advice = f"{path}/losses.csv is not what was written there; run `slapshot versions verify --repair` ("
     assert advice in done.stdout
 
 

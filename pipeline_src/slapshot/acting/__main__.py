@@ -16,6 +16,7 @@ from slapshot.acting.inverse import load_inverse
 from slapshot.acting.rigs import Robot, robot_of, sampled_hits
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks
 from slapshot.command import Run, stage_command
+from slapshot.parquet import write_table
 
 log = logging.getLogger("slapshot")
 
@@ -41,7 +42,7 @@ def produce(run: Run) -> None:
     choosers = _choosers(run, robot.candidates(settings["candidates"], rng))
     parts = [_act(choosers, robot, task, settings, rng) for task in recorded_tasks(run)]
     table = pd.concat(parts, ignore_index=True).assign(rig=settings["rig"])
-    table.to_parquet(run.out / "acting.parquet", index=False)
+    write_table(table, run.out / "acting.parquet")
     last = table[table["samples"].isin([-1, max(settings["samples"])])]
     who = (last["method"] + " " + last["chooser"]).str.strip()
     means = 100 * last.groupby(who)["error_m"].mean()

@@ -16,6 +16,7 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks, split_hits
 from slapshot.command import Run, stage_command
+from slapshot.parquet import write_table
 
 log = logging.getLogger("slapshot")
 
@@ -43,7 +44,7 @@ def produce(run: Run) -> None:
             errors.assign(recording=task.recording, rig=task.rig, object=task.object, stand_in=task.stand_in)
         )
     table = pd.concat(tables, ignore_index=True)
-    table.to_parquet(run.out / "exploration.parquet", index=False)
+    write_table(table, run.out / "exploration.parquet")
     means = 100 * table.groupby(["samples", "arm"])["error_m"].mean().unstack("arm")
     log.info("cm after 1, 2, 4, ... samples:\n%s", means.loc[[n for n in means.index if n & (n - 1) == 0]])
 

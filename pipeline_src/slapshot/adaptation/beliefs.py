@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
@@ -17,6 +16,7 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.adaptation.recorded import recorded_tasks, split_hits
 from slapshot.command import Run, stage_command
+from slapshot.parquet import write_table
 from slapshot.rollouts.reading import read_sequences
 
 log = logging.getLogger("slapshot")
@@ -47,7 +47,7 @@ def produce(run: Run) -> None:
             innovations.append(table.assign(x_m=ends[..., 0].ravel(), y_m=ends[..., 1].ravel()))
     _write(pd.concat(latents, ignore_index=True), run.out / "latents.parquet")
     if innovations:
-        pd.concat(innovations, ignore_index=True).to_parquet(run.out / "innovations.parquet", index=False)
+        write_table(pd.concat(innovations, ignore_index=True), run.out / "innovations.parquet")
     log.info("%d hidden states", sum(map(len, latents)))
 
 
@@ -124,7 +124,7 @@ def _write(table: pd.DataFrame, path: Any) -> None:
     flat = pa.array(np.concatenate(table["hidden"].to_list()).astype(np.float32))
     hidden = pa.FixedSizeListArray.from_arrays(flat, len(table["hidden"].iloc[0]))
     rest = pa.Table.from_pandas(table.drop(columns="hidden"), preserve_index=False)
-    pq.write_table(rest.append_column("hidden", hidden), path, compression="zstd")
+    write_table(rest.append_column("hidden", hidden), path)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.intervals import calibrate, predictive, raw_radius2
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.command import Run, stage_command
+from slapshot.parquet import write_table
 from slapshot.rollouts.reading import Sequences, read_sequences
 
 log = logging.getLogger("slapshot")
@@ -40,7 +41,7 @@ def produce(run: Run) -> None:
         ],
         ignore_index=True,
     )  # fmt: skip
-    radii.to_parquet(run.out / "calibration.parquet", index=False)
+    write_table(radii, run.out / "calibration.parquet")
     test = read_sequences(run.inputs["rollouts"], "test")
     rows = []
     for variance in (None, *settings["noise_variances"]):
@@ -65,7 +66,7 @@ def produce(run: Run) -> None:
                         })
                     )  # fmt: skip
     coverage = pd.concat(rows, ignore_index=True)
-    coverage.to_parquet(run.out / "coverage.parquet", index=False)
+    write_table(coverage, run.out / "coverage.parquet")
     trained = (
         coverage[coverage["noise_variance"].isna()].groupby(["level", "samples", "kind"])["coverage"].mean()
     )

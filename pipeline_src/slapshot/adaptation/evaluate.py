@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.adaptation.scoring import errors_against_samples
 from slapshot.command import Run, stage_command
+from slapshot.parquet import write_table
 from slapshot.rollouts.reading import read_sequences
 
 log = logging.getLogger("slapshot")
@@ -43,7 +44,7 @@ def produce(run: Run) -> None:
             table = error_table(errors, data.conditions[["condition", "name"]].assign(repeat=repeat))
             tables.append(table.assign(noise_variance=variance, noise_sd_m=np.sqrt(variance) * spread))
     table = pd.concat(tables, ignore_index=True).assign(method=settings["method"])
-    table.to_parquet(run.out / "errors.parquet", index=False)
+    write_table(table, run.out / "errors.parquet")
     for variance, rows in table.groupby("noise_variance"):
         mean = 100 * rows.groupby("samples")["error_m"].mean()
         log.info("noise variance %g: %.1f cm before, %.1f cm after %d samples", variance, mean[0],

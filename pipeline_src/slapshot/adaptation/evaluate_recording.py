@@ -11,6 +11,7 @@ from slapshot.adaptation.evaluate import error_table
 from slapshot.adaptation.recorded import recorded_tasks, split_hits
 from slapshot.adaptation.scoring import errors_against_samples
 from slapshot.command import Run, stage_command
+from slapshot.parquet import write_table
 
 log = logging.getLogger("slapshot")
 
@@ -35,7 +36,7 @@ def produce(run: Run) -> None:
             labels = pd.DataFrame({"rig": [task.rig], "object": [task.object], "repeat": [repeat]})
             tables.append(error_table(errors, labels).assign(stand_in=task.stand_in))
     table = pd.concat(tables, ignore_index=True).assign(method=settings["method"])
-    table.to_parquet(run.out / "errors.parquet", index=False)
+    write_table(table, run.out / "errors.parquet")
     means = table.groupby("samples")["error_m"].mean()
     log.info("%.1f cm before, %.1f cm after %d samples", 100 * means.iloc[0],
              100 * means.iloc[-1], means.index[-1])  # fmt: skip

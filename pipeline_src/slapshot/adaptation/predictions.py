@@ -15,6 +15,7 @@ from slapshot.adaptation.intervals import Calibration, predictive
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.adaptation.recorded import recorded_tasks, split_hits
 from slapshot.command import Run, stage_command
+from slapshot.parquet import read_frame, write_table
 from slapshot.rollouts.reading import iterate_tracks, read_sequences
 
 log = logging.getLogger("slapshot")
@@ -34,14 +35,14 @@ def produce(run: Run) -> None:
     settings = run.config
     torch.set_num_threads(run.cores)
     method, standardiser = load_ensemble(run.inputs["train"])
-    calibration = Calibration(pd.read_parquet(run.inputs["calibrate"] / "calibration.parquet"))
+    calibration = Calibration(read_frame(run.inputs["calibrate"] / "calibration.parquet"))
     rng = np.random.default_rng(settings["seed"])
     most = max(settings["samples"])
     tables = []
     for keys, adapt, query in [*_simulated(run, standardiser, most, rng), *_recorded(run, most, rng)]:
         tables.append(_predict(method, standardiser, calibration, keys, adapt, query, settings))
     table = pd.concat(tables, ignore_index=True)
-    table.to_parquet(run.out / "predictions.parquet", index=False)
+    write_table(table, run.out / "predictions.parquet")
     off = np.hypot(table["x_m"] - table["true_x_m"], table["y_m"] - table["true_y_m"])
     means = 100 * table.assign(off=off).groupby(["source", "samples"])["off"].mean()
     for source in np.unique(table["source"]):

@@ -25,6 +25,7 @@ from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.method import Sizes
 from slapshot.adaptation.optimise import fit
 from slapshot.command import Run, stage_command
+from slapshot.parquet import write_table
 
 SIZES = Sizes(state=1, action=0, outcome=1)
 COUNTS = (0, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
@@ -276,7 +277,7 @@ def produce(run: Run) -> None:
     tables = walkthrough(method, lines, tasks, counts, variance, generator)
     tables["contraction"] = contraction(method, lines, tasks, COUNTS, variance, config["seed"])
     for name, table in tables.items():
-        table.to_parquet(run.out / f"{name}.parquet", index=False)
+        write_table(table, run.out / f"{name}.parquet")
 
 
 def _each(batch: Batch, change: Callable[[Tensor], Tensor]) -> Batch:

@@ -7,6 +7,7 @@ import pandas as pd
 
 from slapshot.claims.statement import ClaimModule, Statement
 from slapshot.command import Run, stage_command
+from slapshot.parquet import write_table
 from slapshot.statistics import Interval
 
 log = logging.getLogger("slapshot")
@@ -21,7 +22,7 @@ def produce(run: Run) -> None:
     statements = module.judge(run.inputs)
     rows = [statement.row() for statement in statements]
     table = pd.DataFrame(rows, columns=_COLUMNS).assign(title=module.TITLE, domain=run.config["domain"])
-    table.to_parquet(run.out / "statements.parquet", index=False)
+    write_table(table, run.out / "statements.parquet")
     for statement in statements:
         log.info("%s: %s", statement.verdict, statement.text)
 

@@ -8,6 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from slapshot.claims.statement import Statement
+from slapshot.parquet import read_frame
 from slapshot.statistics import Interval, bootstrap
 
 TITLE = "linear regression: the belief narrows with samples and stays above zero for Q > 0"
@@ -20,7 +21,7 @@ Array = NDArray[np.floating]
 
 def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the walkthrough's many tasks (role: regression)."""
-    table = pd.read_parquet(inputs["regression"] / "contraction.parquet")
+    table = read_frame(inputs["regression"] / "contraction.parquet")
     drift = table["drift"].max()
     trained, still = table[table["drift"] == drift], table[table["drift"] == 0]
     statements = [_phi(trained, n) for n in SEEN] + [_y(trained, n) for n in SEEN]

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-import pandas as pd
-
 from slapshot.claims.lead import drawn_errors, grows_with_noise, mean_ratio
 from slapshot.claims.statement import Statement
+from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
 
 TITLE = "FetchSlide: Kalman beats LSTM most with few samples and with much noise"
@@ -19,7 +18,7 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the errors of both methods (role: method) on the same test conditions."""
     if not {"kalman", "lstm"} <= set(inputs):
         return []
-    tables = {m: pd.read_parquet(inputs[m] / "errors.parquet") for m in ("kalman", "lstm")}
+    tables = {m: read_frame(inputs[m] / "errors.parquet") for m in ("kalman", "lstm")}
     levels = sorted(tables["kalman"]["noise_variance"].unique())
     quiet, loud = (
         [drawn_errors(tables[m][tables[m]["noise_variance"] == level]) for m in ("lstm", "kalman")]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from slapshot.claims.lead import drawn_errors, grows_with_noise, mean_ratio
 from slapshot.claims.statement import Statement, error_array
+from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
 
 TITLE = "hockey, simulated: Kalman and LSTM alike, both ahead of MAML"
@@ -25,7 +26,7 @@ Array = NDArray[np.floating]
 
 def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the errors of every method (role: method) on the same test conditions."""
-    errors = {method: pd.read_parquet(folder / "errors.parquet") for method, folder in inputs.items()}
+    errors = {method: read_frame(folder / "errors.parquet") for method, folder in inputs.items()}
     drawn = {m: drawn_errors(table) for m, table in errors.items()}
     mamls = sorted((m for m in drawn if re.fullmatch(r"maml_\d+", m)), key=batch)
     statements = []

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from slapshot.claims.lead import larger_on_rigs, mean_ratio
 from slapshot.claims.samples import samples_to_reach
 from slapshot.claims.statement import Statement, error_array
+from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
 
 TITLE = "hockey, recorded: Kalman needs the fewest samples"
@@ -30,7 +31,7 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     simulated: dict[str, pd.DataFrame] = {}
     for role, folder in inputs.items():
         method, _, recording = role.partition("/")
-        own = pd.read_parquet(folder / "errors.parquet")
+        own = read_frame(folder / "errors.parquet")
         if recording:
             tables.setdefault(method, []).append(own.assign(recording=recording))
         else:

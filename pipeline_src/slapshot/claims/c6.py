@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from slapshot.claims.samples import samples_needed
 from slapshot.claims.statement import Statement
+from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
 
 TITLE = "hockey, recorded: adapting a model takes fewer samples than adapting a policy"
@@ -29,7 +30,7 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     acted = _joined(inputs, "acting", "acting.parquet")
     acted = acted[acted["chooser"] == "gradient"]
     kalman = acted[acted["method"] == acted["method"].iloc[0]]
-    predicted = pd.read_parquet(inputs["predicted"] / "errors.parquet")
+    predicted = read_frame(inputs["predicted"] / "errors.parquet")
     ways = (
         ("predictions reach the error", "predicts recorded rest points", _curves(predicted)),
         ("hits reach the distance", "hits targets by gradient", _curves(kalman)),
@@ -64,7 +65,7 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
 
 
 def _joined(inputs: Mapping[str, Path], stage: str, file: str) -> pd.DataFrame:
-    parts = [pd.read_parquet(f / file) for role, f in inputs.items() if role.startswith(f"{stage}/")]
+    parts = [read_frame(f / file) for role, f in inputs.items() if role.startswith(f"{stage}/")]
     return pd.concat(parts, ignore_index=True)
 
 

@@ -6,6 +6,7 @@ import math
 import pandas as pd
 
 from slapshot.command import Run, stage_command
+from slapshot.parquet import read_frame
 
 INTRODUCTION = (
     "Computed by `snakemake figures` from the versions in the store; nothing here is typed. Intervals "
@@ -27,7 +28,7 @@ def produce(run: Run) -> None:
     tables = []
     for role, folder in run.inputs.items():
         claim = role.split("/")[1]
-        tables.append(pd.read_parquet(folder / "statements.parquet").assign(claim=claim))
+        tables.append(read_frame(folder / "statements.parquet").assign(claim=claim))
     made = [table for table in tables if len(table)] or tables[:1]
     table = pd.concat(made, ignore_index=True).sort_values("claim", kind="stable")
     first = [

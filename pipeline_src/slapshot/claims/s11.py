@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from slapshot.claims.samples import samples_needed
 from slapshot.claims.statement import Statement, error_array
+from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
 
 TITLE = "hockey, recorded: beliefs narrow the ranges of randomisation"
@@ -29,7 +30,7 @@ Array = NDArray[np.floating]
 
 def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     """From ranges and truths of all rigs (role: coverage), and errors of models made again (role: rig)."""
-    table = pd.read_parquet(inputs["coverage"] / "coverage.parquet")
+    table = read_frame(inputs["coverage"] / "coverage.parquet")
     statements = []
     for parameter, name in _NAMES.items():
         every = table[table["parameter"] == parameter]
@@ -58,9 +59,9 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
                 ),
             )
         )
-    simulated = pd.read_parquet(inputs["coverage"] / "simulated.parquet")
+    simulated = read_frame(inputs["coverage"] / "simulated.parquet")
     statements.append(_in_simulation(simulated))
-    refined = [pd.read_parquet(f / "errors.parquet") for role, f in inputs.items() if role != "coverage"]
+    refined = [read_frame(f / "errors.parquet") for role, f in inputs.items() if role != "coverage"]
     if not refined:
         return statements
     errors = pd.concat(refined, ignore_index=True)

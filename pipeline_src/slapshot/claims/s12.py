@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from slapshot.claims.samples import samples_needed
 from slapshot.claims.statement import Statement
+from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
 
 TITLE = "hockey, recorded: an adapted model finds commands that hit targets"
@@ -23,7 +24,7 @@ Array = NDArray[np.floating]
 
 def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     """From what was done on every rig (role: rig)."""
-    table = pd.concat([pd.read_parquet(f / "acting.parquet") for f in inputs.values()], ignore_index=True)
+    table = pd.concat([read_frame(f / "acting.parquet") for f in inputs.values()], ignore_index=True)
     table = table.dropna(subset="error_m")
     seen = max(n for n in table["samples"].unique() if n <= SAMPLES)
     oracle = _by_rig(table[table["chooser"] == "oracle"])

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from slapshot.claims.samples import samples_to_reach
 from slapshot.claims.statement import Statement, error_array
+from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
 
 TITLE = "hockey, recorded: hits that the belief chooses teach more than sampled latents"
@@ -21,7 +21,7 @@ Array = NDArray[np.floating]
 
 def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the errors of both arms (role: exploration)."""
-    table = pd.read_parquet(inputs["exploration"] / "exploration.parquet")
+    table = read_frame(inputs["exploration"] / "exploration.parquet")
     arms = {arm: error_array(rows, ["recording", "rig"]) for arm, rows in table.groupby("arm", sort=False)}
     informed, sampled = arms["informed"], arms["sampled"]
     most = sampled.shape[2] - 1

@@ -1,12 +1,12 @@
 """Stage `signatures`: of a pool of commands, shared by all recordings that draw their commands from it."""
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from slapshot.command import Run, stage_command
 from slapshot.diagnosis.signatures import LOOK, make_signatures
 from slapshot.diagnosis.strikes import commands_through
 from slapshot.effects.catalogue import catalogue, import_effects
+from slapshot.parquet import read_table
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 
@@ -16,7 +16,7 @@ def produce(run: Run) -> None:
     scene = Scene.load(run.inputs["scene"])
     import_effects(*run.config["effects"])
     duration, rate = run.config["duration_s"], run.config["rate_hz"]
-    waypoints = pq.read_table(run.inputs["demonstrations"] / "demonstrations.parquet")["waypoints"]
+    waypoints = read_table(run.inputs["demonstrations"] / "demonstrations.parquet")["waypoints"]
     times = np.arange(round(duration * rate) + 1) / rate
     rows = []
     for flat in waypoints.to_numpy()[: run.config["count"]]:

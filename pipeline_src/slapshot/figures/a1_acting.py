@@ -9,6 +9,7 @@ import pandas as pd
 
 from slapshot.figures.curves import summarise
 from slapshot.figures.drawing import OTHER_COLOURS, STAND_IN, Drawing
+from slapshot.parquet import read_frame
 
 ORACLE, INVERSE = "oracle", "inverse model"
 _LINES = ("-", "--", "-.", ":")
@@ -16,7 +17,7 @@ _LINES = ("-", "--", "-.", ":")
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """Error against samples seen, a line a way to choose; 95 % intervals over rigs; the oracle's level."""
-    table = pd.concat([pd.read_parquet(f / "acting.parquet") for f in inputs.values()], ignore_index=True)
+    table = pd.concat([read_frame(f / "acting.parquet") for f in inputs.values()], ignore_index=True)
     # Of the method that believes: others than the oracle belong to figure A4.
     believing = table.loc[table["chooser"] == INVERSE, "method"].iloc[0]
     table = table[table["method"].isin([believing, ""])]

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
-import pandas as pd
 from matplotlib.ticker import MaxNLocator
 
 from slapshot.figures.curves import summarise
 from slapshot.figures.drawing import STAND_IN, Drawing
+from slapshot.parquet import read_frame
 
 FEW = 8
 _ARMS = {
@@ -21,7 +21,7 @@ _ARMS = {
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """Both arms over all samples, and zoomed in on the first; 95 % bands over rigs, or models of one rig."""
     (folder,) = inputs.values()
-    errors = pd.read_parquet(folder / "exploration.parquet")
+    errors = read_frame(folder / "exploration.parquet")
     rigs = errors["rig"].nunique()
     summary = summarise(errors, ["arm"], "rig" if rigs > 1 else "model")
     figure, (whole, zoomed) = plt.subplots(1, 2, figsize=(8.4, 3.6))

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from slapshot.figures.drawing import STAND_IN, Drawing
+from slapshot.parquet import read_frame
 
 _TITLES = {
     "friction_x": "friction along x",
@@ -22,8 +23,8 @@ _COLOURS = {"red": "#D62728", "blue": "#1F4FB4"}
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """A panel a parameter: 5 to 95 % of every rig and puck, its median, the truth; what was drawn from."""
     (folder,) = inputs.values()
-    table = pd.read_parquet(folder / "coverage.parquet")
-    simulated = pd.read_parquet(folder / "simulated.parquet").groupby("parameter")["inside"]
+    table = read_frame(folder / "coverage.parquet")
+    simulated = read_frame(folder / "simulated.parquet").groupby("parameter")["inside"]
     table = table.join(simulated.agg(simulated_share="mean", simulated_n="size"), on="parameter")
     return draw_table(table, config["domain"])
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 
 from slapshot.figures.curves import summarise
 from slapshot.figures.drawing import STAND_IN, Drawing, method_colour, method_line, method_name
+from slapshot.parquet import read_frame
 
 POLICY, PREDICTED = "policy", "predicted"
 
@@ -21,7 +22,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """
     hit = pd.concat(_hits(inputs), ignore_index=True)
     method = config["method"]
-    errors = pd.read_parquet(inputs["predicted"] / "errors.parquet").assign(method=PREDICTED)
+    errors = read_frame(inputs["predicted"] / "errors.parquet").assign(method=PREDICTED)
     places = {n: i for i, n in enumerate(sorted(hit.loc[hit["samples"] >= 0, "samples"].unique()))}
     predicted = errors[errors["samples"].isin(places)]
     summary, beside = summarise(hit, ["method"], "rig"), summarise(predicted, ["method"], "rig")
@@ -61,10 +62,10 @@ def _hits(inputs: Mapping[str, Path]) -> list[pd.DataFrame]:
     for role, folder in inputs.items():
         stage = role.partition("/")[0]
         if stage == "acting":
-            acted = pd.read_parquet(folder / "acting.parquet")
+            acted = read_frame(folder / "acting.parquet")
             parts.append(acted[acted["chooser"].isin(["gradient", "oracle"])])
         elif stage == "policy_acting":
-            own = pd.read_parquet(folder / "policy.parquet")
+            own = read_frame(folder / "policy.parquet")
             parts.append(own.rename(columns={"hits": "samples"}).assign(method=POLICY))
     return [part[["method", "rig", "samples", "error_m"]] for part in parts]
 

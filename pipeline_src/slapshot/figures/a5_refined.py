@@ -10,6 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from slapshot.figures.curves import summarise
 from slapshot.figures.drawing import STAND_IN, Drawing
+from slapshot.parquet import read_frame
 
 _ARMS = {
     "all ranges": ("#0072B2", "-", "trained on all ranges"),
@@ -24,7 +25,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     )
     tables = []
     for axes, (rig, folder) in zip(grid[0], inputs.items(), strict=True):
-        summary = summarise(pd.read_parquet(folder / "errors.parquet"), ["arm"])
+        summary = summarise(read_frame(folder / "errors.parquet"), ["arm"])
         for arm, (colour, line, label) in _ARMS.items():
             rows = summary[summary["arm"] == arm]
             axes.plot(rows["samples"], 100 * rows["error_m"], color=colour, linestyle=line, label=label)

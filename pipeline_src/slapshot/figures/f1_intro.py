@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
 from slapshot.figures.drawing import METHOD_COLOURS, Drawing
+from slapshot.parquet import read_frame
 from slapshot.scenes.scene import Scene
 
 BEFORE_COLOUR = "#8A8A8A"
@@ -19,7 +20,7 @@ _ADAPTED = METHOD_COLOURS["kalman"]
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """Panels (a) before any sample, (b) after the most; one simulated hit, with 50 % and 90 % regions."""
-    predictions = pd.read_parquet(inputs["predictions"] / "predictions.parquet")
+    predictions = read_frame(inputs["predictions"] / "predictions.parquet")
     start = Scene.load(inputs["scene"]).info.start
     shown = _typical(predictions[predictions["source"] == "simulated"])
     most = shown["samples"].max()

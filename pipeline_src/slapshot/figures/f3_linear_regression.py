@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from slapshot.errors import InputError
 from slapshot.figures.curves import panel_title
 from slapshot.figures.drawing import METHOD_COLOURS, OTHER_COLOURS, Drawing
+from slapshot.parquet import read_frame
 
 _KALMAN, _TRUE = METHOD_COLOURS["kalman"], OTHER_COLOURS[0]
 _PRIOR = "#9A9A9A"
@@ -24,7 +25,7 @@ _REACH = 2.3  # standard deviations of the widest belief that the axes of phi sh
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """A row for each number of samples: left the belief over phi, right the one over y."""
     tables = {
-        name: pd.read_parquet(inputs["regression"] / f"{name}.parquet")
+        name: read_frame(inputs["regression"] / f"{name}.parquet")
         for name in ("belief", "prediction", "observed")
     }
     belief, prediction, observed = tables.values()

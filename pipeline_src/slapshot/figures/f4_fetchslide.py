@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from slapshot.figures.curves import panel_title, summarise
 from slapshot.figures.drawing import FRICTIONS, Drawing, method_line, method_name
+from slapshot.parquet import read_frame
 
 # A colour a condition, a line a method: each panel holds all of them, as in the paper.
 _COLOURS = ("#56B4E9", "#009E73", "#D55E00")
@@ -18,7 +19,7 @@ _COLOURS = ("#56B4E9", "#009E73", "#D55E00")
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """Panel (a): the named conditions, all levels of noise; (b): all test conditions, each level of noise."""
-    errors = pd.concat([pd.read_parquet(f / "errors.parquet") for f in inputs.values()], ignore_index=True)
+    errors = pd.concat([read_frame(f / "errors.parquet") for f in inputs.values()], ignore_index=True)
     friction = summarise(errors[errors["name"].isin(FRICTIONS)], ["method", "name"])
     noise = summarise(errors[errors["name"] == ""], ["method", "noise_variance", "noise_sd_m"])
     figure, panels = plt.subplots(1, 2, figsize=(9.6, 3.9), squeeze=False)

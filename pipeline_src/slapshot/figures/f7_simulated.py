@@ -10,6 +10,7 @@ from matplotlib.figure import SubFigure
 
 from slapshot.figures.curves import draw_curves, panel_title, summarise
 from slapshot.figures.drawing import FRICTIONS, Drawing
+from slapshot.parquet import read_frame
 
 LOW_SAMPLES = 12
 _SHADED = ("kalman", "lstm")  # five bands on top of each other would hide one another
@@ -17,7 +18,7 @@ _SHADED = ("kalman", "lstm")  # five bands on top of each other would hide one a
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """Panels (a) over all test conditions and noise levels, (b) by friction, (c) by noise."""
-    errors = pd.concat([pd.read_parquet(f / "errors.parquet") for f in inputs.values()], ignore_index=True)
+    errors = pd.concat([read_frame(f / "errors.parquet") for f in inputs.values()], ignore_index=True)
     drawn = errors[errors["name"] == ""]
     overall = summarise(drawn, ["method"])
     friction = summarise(errors[errors["name"].isin(FRICTIONS)], ["method", "name"])

@@ -9,6 +9,7 @@ import pandas as pd
 
 from slapshot.figures.curves import draw_curves, panel_title, summarise
 from slapshot.figures.drawing import STAND_IN, Drawing
+from slapshot.parquet import read_frame
 
 FEW = 12
 
@@ -20,7 +21,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """
     parts = []
     for role, folder in inputs.items():
-        parts.append(pd.read_parquet(folder / "errors.parquet").assign(recording=role.split("/")[1]))
+        parts.append(read_frame(folder / "errors.parquet").assign(recording=role.split("/")[1]))
     errors = pd.concat(parts, ignore_index=True)
     recordings = list(dict.fromkeys(errors["recording"]))
     most = errors.groupby("recording")["object"].nunique().max()

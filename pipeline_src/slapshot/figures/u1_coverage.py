@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.figures.drawing import METHOD_COLOURS, STAND_IN, Drawing
+from slapshot.parquet import read_frame
 
 _KINDS = {"raw": "#8A8A8A", "calibrated": METHOD_COLOURS["kalman"]}
 _NOISE_COLOURS = ("#56B4E9", "#E69F00", "#D55E00", "#CC79A7")
@@ -17,11 +18,11 @@ _NOISE_COLOURS = ("#56B4E9", "#E69F00", "#D55E00", "#CC79A7")
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """Panels (a) test conditions with the noise of training, (b) by noise, (c) recordings, (d) areas."""
-    coverage = pd.read_parquet(inputs["calibrate"] / "coverage.parquet")
+    coverage = read_frame(inputs["calibrate"] / "coverage.parquet")
     keys = ["level", "kind", "samples"]
     trained = _over_models(coverage[coverage["noise_variance"].isna()], keys)
     by_noise = _over_models(coverage[coverage["kind"] == "calibrated"].dropna(), ["noise_variance", *keys])
-    recorded = _recorded(pd.read_parquet(inputs["predictions"] / "predictions.parquet"))
+    recorded = _recorded(read_frame(inputs["predictions"] / "predictions.parquet"))
     levels = sorted(coverage["level"].unique())
     figure, ((a, b), (c, d)) = plt.subplots(2, 2, figsize=(9.6, 6.2))
     for kind, colour in _KINDS.items():

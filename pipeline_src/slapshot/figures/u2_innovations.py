@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.figures.drawing import METHOD_COLOURS, STAND_IN, Drawing
+from slapshot.parquet import read_frame
 
 _SIMULATED, _RECORDED = "#8A8A8A", METHOD_COLOURS["kalman"]
 QUANTILE = 0.95
@@ -19,7 +20,7 @@ _FEWEST = 8  # samples in a cell that is shown
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     """Panels (a) NIS by samples seen, (b) share beyond the simulated 95 %, (c) where on the board."""
-    innovations = pd.read_parquet(inputs["beliefs"] / "innovations.parquet")
+    innovations = read_frame(inputs["beliefs"] / "innovations.parquet")
     drawn = (innovations["source"] == "simulated") & (innovations["name"] == "")
     simulated = innovations[drawn & innovations["noise_variance"].isna()]
     recorded = innovations[innovations["source"] == "recorded"]

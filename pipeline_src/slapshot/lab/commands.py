@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from slapshot.errors import InputError
+from slapshot.parquet import read_table
 from slapshot.scenes.domain import Domain
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
@@ -132,7 +132,7 @@ class Pool:
     @classmethod
     def load(cls, file: Path, count: int, duration: float, joints: int) -> "Pool":
         """The first `count` demonstrations of a file (Parquet), which last `duration` s each."""
-        waypoints = np.stack(pq.read_table(file)["waypoints"].to_numpy()[:count]).astype(float)
+        waypoints = np.stack(read_table(file)["waypoints"].to_numpy()[:count]).astype(float)
         return cls([Motion.through(w.reshape(-1, joints), duration) for w in waypoints])
 
     def draw(self, count: int, check: SafetyCheck, rng: np.random.Generator) -> list[Command]:

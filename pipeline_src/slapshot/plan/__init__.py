@@ -12,7 +12,7 @@ from slapshot.config import read_config
 from slapshot.errors import InputError
 from slapshot.plan.acting import add_acting
 from slapshot.plan.adaptation import add_method, add_regression, add_uncertainty
-from slapshot.plan.catalogue import CLAIMS, FIGURES, LIBRARIES, ON_DEMAND, STAGES
+from slapshot.plan.catalogue import CLAIMS, FIGURES, ON_DEMAND, STAGES
 from slapshot.plan.diagnosis import add_diagnoses
 from slapshot.plan.proof import add_proof
 from slapshot.plan.recipes import Plan
@@ -23,7 +23,7 @@ from slapshot.plan.simulation import add_labs, add_simulation
 from slapshot.validation import ProblemAtError, key_of
 from slapshot.yaml_file import Loc
 
-__all__ = ["CLAIMS", "FIGURES", "LIBRARIES", "ON_DEMAND", "STAGES", "Plan", "load_plan", "make_plan"]
+__all__ = ["CLAIMS", "FIGURES", "ON_DEMAND", "STAGES", "Plan", "load_plan", "make_plan"]
 
 
 def load_plan(path: Path | None = None) -> Plan:

@@ -1,4 +1,4 @@
-"""Stages, figures and claims with their modules, and the libraries that shape their results."""
+"""Stages, figures and claims with their modules."""
 
 # Module that each stage runs: `python -m <module>`.
 STAGES = {
@@ -67,45 +67,3 @@ FIGURES = {
 # Claim id -> its module.
 _JUDGED = ("c1", "c2", "c3", "c4", "c5", "c6", "c7", "s11", "s12", "s13")
 CLAIMS = {name.upper(): f"slapshot.claims.{name}" for name in _JUDGED}
-
-_MUJOCO = ("mujoco", "dm-control", "numpy")
-_TORCH = ("torch", "numpy", "safetensors")
-_TABLES = ("numpy", "pandas", "pyarrow")
-LIBRARIES: dict[str, tuple[str, ...]] = {
-    "scene": (*_MUJOCO, "gymnasium-robotics"),
-    "demonstrations": (*_MUJOCO, "scipy"),
-    "trajectory_model": (*_TORCH, "mujoco", "scipy"),
-    "swings": (*_MUJOCO, *_TORCH, "scipy"),
-    "rollouts": (*_MUJOCO, "numba", "pyarrow"),
-    "lab": (*_MUJOCO, *_TORCH, "scipy", "numba"),
-    "train": _TORCH,
-    "evaluate": (*_TORCH, *_TABLES),
-    "evaluate_recording": (*_TORCH, *_TABLES),
-    "calibrate": (*_TORCH, *_TABLES),
-    "predictions": (*_TORCH, *_TABLES),
-    "beliefs": (*_TORCH, *_TABLES),
-    "inverse": (*_TORCH, "pandas", "pyarrow"),
-    "acting": (*_MUJOCO, *_TORCH, *_TABLES, "scipy", "numba"),
-    "exploration": (*_TORCH, *_TABLES),
-    "policy": (*_MUJOCO, *_TORCH, *_TABLES, "scipy", "numba"),
-    "policy_acting": (*_MUJOCO, *_TORCH, *_TABLES, "scipy", "numba"),
-    "refinement": (*_TORCH, *_TABLES),
-    "coverage": _TABLES,
-    "refined_rollouts": (*_MUJOCO, "numba", "pyarrow"),
-    "refined_train": _TORCH,
-    "refined_errors": (*_MUJOCO, *_TORCH, *_TABLES, "scipy", "numba"),
-    "regression": (*_TORCH, *_TABLES),
-    "claim": ("scipy", *_TABLES),
-    "claims": _TABLES,
-    "figure": ("matplotlib", "mujoco", "scipy", "torch", *_TABLES),
-    "viewer": ("rerun-sdk", *_MUJOCO, *_TABLES),
-    "diagnosis": (*_MUJOCO, "scipy", "matplotlib", "rerun-sdk", *_TABLES),
-    "signatures": (*_MUJOCO, "scipy", "pyarrow"),
-    "case": (*_MUJOCO, "scipy", "numba", "pyarrow"),
-    "verdict": (*_MUJOCO, "scipy", *_TABLES),
-    "score": ("scipy", "matplotlib", *_TABLES),
-    "findings": (*_MUJOCO, "scipy", *_TABLES),
-    "arm_rollouts": (*_MUJOCO, *_TORCH, "numba", "pyarrow", "scipy"),
-    "held_out": _TABLES,
-    "arms": ("matplotlib", "scipy", *_TABLES),
-}

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.errors import InputError
-from slapshot.plan.catalogue import LIBRARIES, ON_DEMAND, STAGES
+from slapshot.plan.catalogue import ON_DEMAND, STAGES
 from slapshot.store.recipe import Recipe, file_digest, make_recipe
 
 
@@ -48,7 +48,7 @@ class Plan:
         """Stage, code and libraries alone: code is read once for the hundreds of cases of a proof."""
         key = (stage, *modules)
         if key not in self._bare:
-            self._bare[key] = make_recipe(stage, [STAGES[stage], *modules], {}, {}, LIBRARIES[stage])
+            self._bare[key] = make_recipe(stage, [STAGES[stage], *modules], {}, {})
         return self._bare[key]
 
     def of_stage(self, stage: str) -> dict[str, Recipe]:

@@ -14,6 +14,7 @@ from slapshot.acting.rigs import Robot, robot_of
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks
 from slapshot.command import Run, stage_command
+from slapshot.parquet import write_table
 from slapshot.policy.adapt import update
 from slapshot.policy.network import GaussianPolicy, load_policy
 from slapshot.policy.ppo import own_hits
@@ -35,7 +36,7 @@ def produce(run: Run) -> None:
     rng = np.random.default_rng([settings["seed"], settings["rig"], 2])
     parts = [_errors(policy, standardiser, robot, task, run, rng) for task in recorded_tasks(run)]
     table = pd.concat(parts, ignore_index=True).assign(rig=settings["rig"], policy=settings["number"])
-    table.to_parquet(run.out / "policy.parquet", index=False)
+    write_table(table, run.out / "policy.parquet")
     means = 100 * table.groupby("hits")["error_m"].mean()
     log.info("%s", ", ".join(f"{error:.1f} cm after {hits}" for hits, error in means.items()))
 

@@ -1,8 +1,7 @@
 """How long the rest of a proof takes, from what its cases took so far."""
 
-import json
 from collections.abc import Iterable
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +14,8 @@ ASSUMED = 60.0  # s a case of one core, where none is done
 def hours_left(store: Store, plan: Plan, cores: int) -> tuple[int, float]:
     """Cases of the full proof that are not diagnosed yet, and hours that they take on so many cores."""
     stages = ("case", "verdict")
-    done = {stage: [store.folder(stage, i) for i in plan.ids()[stage]] for stage in stages}
-    each = [_mean_seconds(folders) for folders in done.values()]
+    done = {stage: [store.find(stage, i) for i in plan.ids()[stage]] for stage in stages}
+    each = [_mean_seconds(versions) for versions in done.values()]
     left = [
         recipe
         for label, recipe in plan.of_stage("verdict").items()
@@ -26,7 +25,6 @@ def hours_left(store: Store, plan: Plan, cores: int) -> tuple[int, float]:
     return len(left), len(left) * seconds / cores / 3600
 
 
-def _mean_seconds(folders: Iterable[Path]) -> float | None:
-    files = [folder / "version.json" for folder in folders]
-    seconds = [json.loads(file.read_text())["seconds"] for file in files if file.is_file()]
+def _mean_seconds(versions: Iterable[dict[str, Any] | None]) -> float | None:
+    seconds = [version["seconds"] for version in versions if version is not None]
     return float(np.mean(seconds)) if seconds else None

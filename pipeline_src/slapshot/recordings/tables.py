@@ -14,9 +14,10 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
+from pyarrow.parquet import FileMetaData
 
 from slapshot.errors import InputError, printable, reading
+from slapshot.parquet import open_table, write_table
 from slapshot.recordings.format import HITS_SCHEMA, LONGEST_ID, OPTIONAL_COLUMNS, joint_schema
 from slapshot.validation import short
 
@@ -38,11 +39,12 @@ def read_parquet(file: Path) -> pa.Table:
     with reading(file, "put a Parquet file there, or remove it", _LONGEST_FILE):
         _check_footer(file)
         try:
-            metadata = pq.read_metadata(file)
+            with open_table(file) as parquet:
+                metadata = parquet.metadata
             _check_extent(metadata, file)
             # A long text may stand in every row, and only once in the file.
             texts = [name for name in metadata.schema.names if name in _TEXTS]
-            with pq.ParquetFile(file, page_checksum_verification=True, read_dictionary=texts) as parquet:
+            with open_table(file, texts) as parquet:
                 table = parquet.read()
             table.validate(full=True)
             for field in table.schema:  # names and time zones that are not UTF-8 raise only when read
@@ -72,7 +74,7 @@ def _check_footer(file: Path) -> None:
         )
 
 
-def _check_extent(metadata: pq.FileMetaData, file: Path) -> None:
+def _check_extent(metadata: FileMetaData, file: Path) -> None:
     """Refuse what would not fit into memory."""
     if metadata.num_columns > _MOST_COLUMNS:
         raise InputError(
@@ -93,8 +95,8 @@ def _check_extent(metadata: pq.FileMetaData, file: Path) -> None:
 
 
 def write_parquet(table: pa.Table, file: Path) -> None:
-    """Write a table with zstd compression and a checksum in every page."""
-    pq.write_table(table, file, compression="zstd", row_group_size=_ROWS_PER_GROUP, write_page_checksum=True)
+    """Write a table in row groups that can be read alone."""
+    write_table(table, file, row_group_size=_ROWS_PER_GROUP)
 
 
 def table_from_frame(frame: pd.DataFrame, file: Path) -> pa.Table:

@@ -16,6 +16,7 @@ from slapshot.adaptation.method import AdaptationMethod
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks, split_hits
 from slapshot.command import Run, stage_command
 from slapshot.errors import InputError
+from slapshot.parquet import write_table
 from slapshot.refinement.posterior import metric_of, posterior, quantiles
 from slapshot.refinement.summaries import Summaries, summarise, summarise_simulated
 from slapshot.rollouts.reading import read_sequences
@@ -66,7 +67,7 @@ def produce(run: Run) -> None:
             prior.rows(*_refine(seen.only(number), simulated, settings["nearest"])), condition, strict=True
         )
     ]
-    pd.DataFrame(tested).to_parquet(run.out / "simulated.parquet", index=False)
+    write_table(pd.DataFrame(tested), run.out / "simulated.parquet")
     rows: list[dict[str, Any]] = []
     for task in recorded_tasks(run):
         adapt, _ = split_hits(task.hits, settings["samples"], settings["repeats"], rng, task.where)
@@ -76,7 +77,7 @@ def produce(run: Run) -> None:
             for row in prior.rows(*found)
         ]
     table = pd.DataFrame(rows)
-    table.to_parquet(run.out / "refinement.parquet", index=False)
+    write_table(table, run.out / "refinement.parquet")
     for rig, own in table.groupby("rig"):
         text = yaml.safe_dump(configuration(own, settings, str(rig)), sort_keys=False)
         (run.out / f"rig-{rig}.yaml").write_text(text)

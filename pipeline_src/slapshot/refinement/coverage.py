@@ -6,6 +6,7 @@ import logging
 import pandas as pd
 
 from slapshot.command import Run, stage_command
+from slapshot.parquet import read_frame, write_table
 
 log = logging.getLogger("slapshot")
 
@@ -23,10 +24,10 @@ def produce(run: Run) -> None:
 
     And simulated.parquet: `inside` of the validation conditions.
     """
-    simulated = pd.read_parquet(run.inputs["refinement"] / "simulated.parquet")
+    simulated = read_frame(run.inputs["refinement"] / "simulated.parquet")
     simulated["inside"] = simulated["truth"].between(simulated["low"], simulated["high"])
-    simulated.to_parquet(run.out / "simulated.parquet", index=False)
-    table = pd.read_parquet(run.inputs["refinement"] / "refinement.parquet")
+    write_table(simulated, run.out / "simulated.parquet")
+    table = read_frame(run.inputs["refinement"] / "refinement.parquet")
     rows = []
     for row in table[table["parameter"].isin(_TRUTHS)].to_dict("records"):
         folder = run.inputs[f"lab/{row['recording']}/{row['rig']}"]
@@ -37,7 +38,7 @@ def produce(run: Run) -> None:
         inside = row["low"] <= truth <= row["high"]
         rows.append({**row, "truth": truth, "inside": inside, "drawable": drawable})
     found = pd.DataFrame(rows)
-    found.to_parquet(run.out / "coverage.parquet", index=False)
+    write_table(found, run.out / "coverage.parquet")
     for where, table in (("rigs", found[found["drawable"]]), ("simulation", simulated)):
         for parameter, share in table.groupby("parameter")["inside"].mean().items():
             log.info("%s, %s: %.0f %% of truths inside", where, parameter, 100 * share)

@@ -12,6 +12,7 @@ from slapshot.adaptation.evaluate import error_table
 from slapshot.adaptation.recorded import recorded_tasks
 from slapshot.adaptation.scoring import errors_against_samples
 from slapshot.command import Run, stage_command
+from slapshot.parquet import write_table
 
 log = logging.getLogger("slapshot")
 
@@ -45,7 +46,7 @@ def produce(run: Run) -> None:
             errors = errors_against_samples(method, standardiser, adapt, query)
             tables.append(error_table(errors, labels).assign(arm=arm))
     table = pd.concat(tables, ignore_index=True)
-    table.to_parquet(run.out / "errors.parquet", index=False)
+    write_table(table, run.out / "errors.parquet")
     means = 100 * table.groupby(["arm", "samples"])["error_m"].mean().unstack("arm")
     log.info("cm after 0, 1, 2, 4, ... samples:\n%s", means.loc[[n for n in means.index if n & (n - 1) == 0]])
 

@@ -9,6 +9,7 @@ import pandas as pd
 from slapshot.command import Run, stage_command
 from slapshot.figures.drawing import STAND_IN, save, use_style
 from slapshot.latent_space import read_latents
+from slapshot.parquet import read_frame
 from slapshot.recordings.read import read_recording
 from slapshot.recordings.sources import recording_folders
 from slapshot.retraining import ARMS
@@ -25,7 +26,7 @@ def produce(run: Run) -> None:
     recording = read_recording(folder)
     held = json.loads((inputs["findings"] / "refit.json").read_text())["held_out"]
     errors = {
-        hits: {arm: pd.read_parquet(inputs[f"errors/{role}/{arm}"] / "errors.parquet") for arm in ARMS}
+        hits: {arm: read_frame(inputs[f"errors/{role}/{arm}"] / "errors.parquet") for arm in ARMS}
         for hits, role in zip(HITS, ("all", "held_out"), strict=True)
     }
     # Repeats of all hits tell the scatter best; what is held out lies at other distances.

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from slapshot.parquet import read_table, table_writer, write_table
 from slapshot.rollouts.hits import Hits, Outcomes
 from slapshot.trajectories.swings import Swings
 
@@ -108,16 +108,16 @@ def _array(values, kind: pa.DataType) -> pa.Array:  # type: ignore[no-untyped-de
 def write_atomically(table: pa.Table, path: Path) -> None:
     """A Parquet file that exists is complete."""
     aside = path.with_suffix(".tmp")
-    pq.write_table(table, aside, compression="zstd")
+    write_table(table, aside)
     aside.rename(path)
 
 
 def concatenate(parts: list[Path], path: Path, schema: pa.Schema) -> None:
     """Join Parquet files in order, in row groups of ROWS_PER_GROUP, a group in memory at a time."""
-    with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+    with table_writer(path, schema) as writer:
         waiting: list[pa.Table] = []
         for part in parts:
-            waiting.append(pq.read_table(part).cast(schema))
+            waiting.append(read_table(part).cast(schema))
             if sum(len(table) for table in waiting) >= ROWS_PER_GROUP:
                 joined = pa.concat_tables(waiting)
                 writer.write_table(joined.slice(0, ROWS_PER_GROUP))

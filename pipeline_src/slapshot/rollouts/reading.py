@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
+
+from slapshot.parquet import damage_named, open_table, read_frame, read_table
 
 
 @dataclass(frozen=True)
@@ -27,9 +28,9 @@ class Sequences:
 
 def read_sequences(folder: Path, split: str) -> Sequences:
     """The split's hits as arrays, in the order of conditions."""
-    conditions = pd.read_parquet(folder / "conditions.parquet")
+    conditions = read_frame(folder / "conditions.parquet")
     conditions = conditions[conditions["split"] == split].reset_index(drop=True)
-    table = pq.read_table(folder / f"hits-{split}.parquet", columns=["state", "action", "outcome"])
+    table = read_table(folder / f"hits-{split}.parquet", columns=["state", "action", "outcome"])
     arrays = {}
     for name in table.column_names:
         column = table[name].combine_chunks()
@@ -39,7 +40,16 @@ def read_sequences(folder: Path, split: str) -> Sequences:
 
 
 def iterate_tracks(folder: Path) -> Iterator[pd.DataFrame]:
-    """Sampled tracks, a row group at a time."""
-    with pq.ParquetFile(folder / "tracks.parquet") as file:
+    """Sampled tracks, a row group at a time.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
+    path = folder / "tracks.parquet"
+    with damage_named(path):
+        file = open_table(path)
+    with file:
         for group in range(file.num_row_groups):
-            yield file.read_row_group(group).to_pandas()
+            with damage_named(path):
+                table = file.read_row_group(group)
+            yield table.to_pandas()

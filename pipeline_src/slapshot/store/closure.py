@@ -1,22 +1,27 @@
-"""Which code a stage depends on, and a digest of what that code says.
+"""Which code a stage depends on, a digest of what that code says, and the libraries that it imports.
 
-Modules are found and read, never imported: planning must not need torch or MuJoCo.
+Modules are found and read, never imported: planning must not need torch or MuJoCo. What of a module counts
+is said in essence.py.
 """
 
-import ast
 import hashlib
 import importlib.util
+import sys
 from functools import cache
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
-from slapshot.errors import InputError
+from slapshot.store.essence import read_source
+
+# Libraries that show things to people and compute nothing.
+SHOWING_LIBRARIES = frozenset({"rich", "tqdm"})
 
 
 def code_digest(*modules: str) -> str:
     """Digest of the modules and of all they import from their own packages, as syntax trees.
 
-    Comments, layout and docstrings do not count. Files that are not Python but lie in the folder of
-    an imported sub-package (MJCF, say) count byte by byte.
+    Files that are not Python but lie in the folder of an imported sub-package (MJCF, say) count byte by
+    byte.
 
     Args:
         modules: dotted names, from this package or from outside it.
@@ -30,7 +35,7 @@ def code_digest(*modules: str) -> str:
     """
     digest = hashlib.sha256()
     for name, path in sorted(module_closure(*modules).items()):
-        digest.update(f"{name}:{_source_digest(path, path.stat().st_mtime_ns)}\n".encode())
+        digest.update(f"{name}:{read_source(name, path).digest}\n".encode())
         if path.name == "__init__.py":
             for data in sorted(_data_files(path.parent)):
                 digest.update(f"{name}/{data.name}:".encode() + data.read_bytes())
@@ -38,13 +43,16 @@ def code_digest(*modules: str) -> str:
 
 
 def module_closure(*modules: str) -> dict[str, Path]:
-    """All modules that `modules` import, directly or not, from the same top-level packages."""
-    own = {name.split(".")[0] for name in modules} | {"slapshot"}
+    """All modules that `modules` import, directly or not, from packages that are nobody's library.
+
+    Those are the package itself and one's own modules beside it.
+    """
     found: dict[str, Path] = {}
     waiting = list(modules)
     for name in modules:
         if find_source(name) is None:
             raise ModuleNotFoundError(f"no module {name}")
+    own = {name.split(".")[0] for name in modules} | {"slapshot"}
     while waiting:
         name = waiting.pop()
         path = find_source(name)
@@ -52,9 +60,21 @@ def module_closure(*modules: str) -> dict[str, Path]:
             continue
         found[name] = path
         waiting += [name.rpartition(".")[0]] if "." in name else []
-        imports = _imports(path, path.stat().st_mtime_ns)
-        waiting += [_absolute(i, name, path) for i in imports if _is_own(i, own)]
+        waiting += [i for i in read_source(name, path).imports if i.split(".")[0] in own or _is_nobodys(i)]
     return found
+
+
+def imported_libraries(*modules: str) -> set[str]:
+    """Distributions that the modules and all of their closure import, wherever they do it.
+
+    Those that only show things to people are left out.
+    """
+    tops = {
+        name.split(".")[0]
+        for module, path in module_closure(*modules).items()
+        for name in read_source(module, path).imports
+    }
+    return {library for top in tops for library in _distributions().get(top, ())} - SHOWING_LIBRARIES
 
 
 def find_source(name: str) -> Path | None:
@@ -66,7 +86,8 @@ def find_source(name: str) -> Path | None:
     if root is None:
         return None
     if not rest:
-        return root if root.suffix == ".py" else root / "__init__.py"
+        source = root if root.suffix == ".py" else root / "__init__.py"
+        return source if source.is_file() else None
     path = root.joinpath(*rest.split("."))
     for candidate in (path / "__init__.py", path.with_suffix(".py")):
         if candidate.is_file():
@@ -83,51 +104,17 @@ def _package_root(top: str) -> Path | None:
     return origin.parent if origin.name == "__init__.py" else origin
 
 
-def _is_own(name: str, own: set[str]) -> bool:
-    return name.startswith(".") or name.split(".")[0] in own
-
-
-def _absolute(name: str, importer: str, path: Path) -> str:
-    if not name.startswith("."):
-        return name
-    level = len(name) - len(name.lstrip("."))
-    parts = importer.split(".")
-    base = parts[: len(parts) - level + (path.name == "__init__.py")]
-    return ".".join([*base, name.lstrip(".")]).rstrip(".")
-
-
 @cache
-def _imports(path: Path, _mtime: int) -> tuple[str, ...]:
-    """Names that may be modules: `from a.b import c` gives both a.b and a.b.c."""
-    names: list[str] = []
-    for node in ast.walk(_parse(path)):
-        if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            base = "." * node.level + (node.module or "")
-            joint = "" if base.endswith(".") else "."
-            names += [base, *(f"{base}{joint}{alias.name}" for alias in node.names)]
-    return tuple(names)
+def _distributions() -> dict[str, set[str]]:
+    """Top-level package -> canonical names of the installed distributions that it comes from."""
+    found = packages_distributions()
+    return {top: {n.lower().replace("_", "-") for n in names} - {"slapshot"} for top, names in found.items()}
 
 
-@cache
-def _source_digest(path: Path, _mtime: int) -> str:
-    tree = _parse(path)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            body = node.body
-            if body and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
-                node.body = body[1:] or ([] if isinstance(node, ast.Module) else [ast.Pass()])
-    # Unparsed source, because ast.dump differs between Python versions and this mostly does not.
-    return hashlib.sha256(ast.unparse(tree).encode()).hexdigest()
-
-
-def _parse(path: Path) -> ast.Module:
-    try:
-        return ast.parse(path.read_text("utf-8"))
-    except (SyntaxError, ValueError) as error:  # ValueError: not a text
-        line, problem = getattr(error, "lineno", None) or 1, getattr(error, "msg", error)
-        raise InputError(f"{path}:{line}: not valid Python ({problem}); mend that line") from None
+def _is_nobodys(module: str) -> bool:
+    """True for a module of one's own: neither of Python nor of an installed distribution."""
+    top = module.split(".")[0]
+    return top not in sys.stdlib_module_names and top not in _distributions()
 
 
 def _data_files(folder: Path) -> list[Path]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from slapshot.parquet import open_table
 from slapshot.store.recipe import file_digest
 
 _ROWS = 65_536
@@ -23,7 +24,7 @@ def parquet_digest(path: Path) -> str:
     Memory: a batch of rows at a time.
     """
     digest = hashlib.sha256()
-    with pq.ParquetFile(path) as file:
+    with open_table(path) as file:
         schema = file.schema_arrow.remove_metadata()
         digest.update(str(schema).encode())
         for rows in _rebatched(file):

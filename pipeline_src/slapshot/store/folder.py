@@ -2,11 +2,11 @@
 
 Layout under the store's root: `<stage>/<id>/` holds the payload and version.json;
 `<stage>/.partial-<id>/` is work in progress; `<stage>/<id>.ok` is a mark for Snakemake, which would
-delete and half-create the folders themselves.
+delete and half-create the folders themselves. `.slapshot-store` says that the folder is a store, and
+that versions may be removed from it.
 """
 
 import fcntl
-import json
 import os
 import shutil
 import time
@@ -14,13 +14,22 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from slapshot.errors import InputError, writing
-from slapshot.store.content import content_digest
 from slapshot.store.lock import held
-from slapshot.store.recipe import Recipe, canonical_json
+from slapshot.store.recipe import Recipe
+from slapshot.store.version_file import (
+    REPAIR,
+    VERSION_FILE,
+    damaged_files,
+    digest_of_content,
+    read_version_file,
+    write_version_file,
+)
 
-VERSION_FILE = "version.json"
+STORE_MARK = ".slapshot-store"
+PARTIAL = ".partial-"
 
 
 @dataclass(frozen=True)
@@ -40,6 +49,10 @@ class Store:
     def mark(self, stage: str, version_id: str) -> Path:
         """The file whose existence tells Snakemake that the version is there."""
         return self.root / stage / f"{version_id}.ok"
+
+    def partial(self, stage: str, version_id: str) -> Path:
+        """The folder in which the version is made."""
+        return self.root / stage / f"{PARTIAL}{version_id}"
 
     def lock(self, stage: str, version_id: str) -> Path:
         """The file that a process holds a lock on while it makes the version."""
@@ -63,17 +76,22 @@ class Store:
                 return True
         return False
 
+    def find(self, stage: str, version_id: str) -> dict[str, Any] | None:
+        """The version.json of a version; None if there is none, or not what was written."""
+        try:
+            return read_version_file(self.folder(stage, version_id))
+        except InputError:
+            return None
+
     def is_whole(self, stage: str, version_id: str) -> bool:
         """True if the version is there with all its files.
 
-        By construction folders are whole or absent; this sees what somebody removed by hand.
+        By construction folders are whole or absent; this sees what somebody removed by hand, and a
+        damaged version.json. `damaged_files` sees every flipped bit, and reads all.
         """
+        version = self.find(stage, version_id)
         folder = self.folder(stage, version_id)
-        try:
-            content = json.loads((folder / VERSION_FILE).read_text())["content"]
-        except (OSError, ValueError):
-            return False
-        return all((folder / name).is_file() for name in content)
+        return version is not None and all((folder / name).is_file() for name in version["content"])
 
     def put_mark(self, stage: str, version_id: str) -> None:
         """Tell Snakemake that the version is there."""
@@ -96,26 +114,54 @@ class Store:
                         mark.unlink(missing_ok=True)
 
     def inputs(self, recipe: Recipe) -> dict[str, Path]:
-        """Role -> folder of the versions that a recipe reads.
+        """Role -> folder of the versions that a recipe reads, each held against its digests.
+
+        All their files are read for that, at about 1 GB/s: a stage must not build on a flipped bit.
 
         Raises:
-            InputError: one of them has not been made.
+            InputError: one of them has not been made, or is damaged.
         """
-        folders = {}
-        for role, (stage, version_id) in recipe.upstream.items():
-            if not self.is_whole(stage, version_id):
+        folders = {role: self.folder(*version) for role, version in recipe.upstream.items()}
+        for folder in dict.fromkeys(folders.values()):
+            damaged = damaged_files(folder) if folder.is_dir() else []
+            gone = [name for name in damaged if not (folder / name).is_file()]
+            if not folder.is_dir() or gone:
+                stage = folder.parent.name
                 raise InputError(
-                    f"{recipe.stage} needs {stage}/{version_id}, which is not in {self.root}: "
+                    f"{recipe.stage} needs {stage}/{folder.name}, which is not in {self.root}: "
                     f"run `snakemake {stage}` first"
                 )
-            folders[role] = self.folder(stage, version_id)
+            if damaged:
+                raise InputError(f"{folder / damaged[0]} is not what was written there; {REPAIR}")
         return folders
 
-    def versions(self) -> Iterator[tuple[Path, dict]]:
-        """Every whole version: its folder and its version.json."""
+    def folders(self) -> Iterator[Path]:
+        """Folders of all finished versions, whole or damaged."""
         for path in sorted(self.root.glob(f"*/*/{VERSION_FILE}")):
             if not path.parent.name.startswith("."):
-                yield path.parent, json.loads(path.read_text())
+                yield path.parent
+
+    def versions(self) -> Iterator[tuple[Path, dict[str, Any]]]:
+        """Every version whose version.json is what was written: its folder and that."""
+        for folder in self.folders():
+            version = self.find(folder.parent.name, folder.name)
+            if version is not None:
+                yield folder, version
+
+    def remove(self, stage: str, version_id: str) -> None:
+        """Remove a version, or what an interrupted run left of it, with its mark.
+
+        Whenever this is interrupted, what is left is not taken for a whole version and can be removed.
+        """
+        # The mark goes first: a mark without its version would hide that it is gone.
+        self.mark(stage, version_id).unlink(missing_ok=True)
+        folder = self.folder(stage, version_id)
+        if folder.is_dir() and not folder.is_symlink():
+            for path in folder.iterdir():
+                if path.name != VERSION_FILE:
+                    _remove(path)
+        for path in (folder, self.partial(stage, version_id), self.lock(stage, version_id)):
+            _remove(path)
 
     @contextmanager
     def new_version(self, recipe: Recipe, resume: bool = False) -> Iterator[Path]:
@@ -128,8 +174,12 @@ class Store:
             resume: keep what an interrupted run left there, and what this one leaves if it fails.
         """
         final = self.folder(recipe.stage, recipe.id)
-        partial = final.with_name(f".partial-{recipe.id}")
+        partial = self.partial(recipe.stage, recipe.id)
         final.parent.mkdir(parents=True, exist_ok=True)
+        if not (self.root / STORE_MARK).exists():
+            (self.root / STORE_MARK).write_text("A store of slapshot: versions are made and removed here.\n")
+        upstream = {role: self.find(*version) for role, version in recipe.upstream.items()}
+        inputs = {role: digest_of_content(version) for role, version in upstream.items() if version}
         if not resume:
             shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir(exist_ok=True)
@@ -137,18 +187,7 @@ class Store:
         started = time.time()
         try:
             yield partial
-            version = {
-                "id": recipe.id,
-                "recipe": json.loads(recipe.to_json()),
-                "content": {
-                    path.relative_to(partial).as_posix(): content_digest(path)
-                    for path in sorted(partial.rglob("*"))
-                    if path.is_file()
-                },
-                "seconds": round(time.time() - started, 1),
-                "made_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            }
-            (partial / VERSION_FILE).write_text(canonical_json(version) + "\n")
+            write_version_file(partial, recipe, inputs, time.time() - started)
             _sync(partial)
         except BaseException as error:
             # Bad input leaves nothing to go on from; a crash, a full disk or Ctrl-C does, if the stage can.
@@ -158,6 +197,14 @@ class Store:
         if final.exists():  # but not whole: somebody removed files from it
             shutil.rmtree(final)
         partial.rename(final)
+
+
+def _remove(path: Path) -> None:
+    """Remove a file or a folder if it is there; of a link, the link alone."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _sync(folder: Path) -> None:

@@ -1,12 +1,16 @@
 """Finding, comparing and removing versions."""
 
-import shutil
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from slapshot.errors import InputError, writing
-from slapshot.store.folder import Store
+from slapshot.store.folder import PARTIAL, STORE_MARK, Store
+from slapshot.store.recipe import ID_LENGTH
+from slapshot.store.version_file import VERSION_FILE
+
+_ID = re.compile(f"[0-9a-f]{{{ID_LENGTH}}}")
 
 
 def find_version(store: Store, beginning: str) -> dict[str, Any]:
@@ -38,27 +42,37 @@ def flatten(value: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 def collect_garbage(store: Store, keep: Mapping[str, set[str]], really: bool) -> list[tuple[Path, int]]:
     """Versions and leftovers of interrupted runs that `keep` (stage -> ids) does not name.
 
-    What a process is making right now stays.
+    What a process is making right now stays, and so does whatever is not of the store's own making.
 
     Returns:
         Folder and size in bytes of each; they are removed only if `really`.
 
     Raises:
-        InputError: one of them cannot be removed.
+        InputError: the folder is no store, or one of them cannot be removed.
     """
+    if store.root.is_dir() and not (store.root / STORE_MARK).is_file():
+        raise InputError(
+            f"{store.root}: has no {STORE_MARK}, so nothing is removed from it; if it is a store of earlier "
+            f"code, run a stage that writes there, or create that file: touch {store.root / STORE_MARK}"
+        )
     removed = []
-    for folder in sorted(store.root.glob("*/*")):
-        if not folder.is_dir():
-            continue
-        stage, version_id = folder.parent.name, folder.name.removeprefix(".partial-")
+    for folder, version_id in _own_folders(store):
+        stage = folder.parent.name
         if version_id in keep.get(stage, set()) or store.is_being_made(stage, version_id):
             continue
-        size = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
-        removed.append((folder, size))
+        removed.append((folder, sum(p.lstat().st_size for p in folder.rglob("*") if p.is_file())))
         if really:
             with writing(folder):
-                # The mark goes first: a mark without its version would hide that it is gone.
-                store.mark(stage, version_id).unlink(missing_ok=True)
-                shutil.rmtree(folder)
-                store.lock(stage, version_id).unlink(missing_ok=True)
+                store.remove(stage, version_id)
     return removed
+
+
+def _own_folders(store: Store) -> Iterator[tuple[Path, str]]:
+    """Folders that the store has made, and the ids of their versions; never what a link leads to."""
+    for folder in sorted(store.root.glob("*/*")):
+        if folder.is_symlink() or folder.parent.is_symlink() or not folder.is_dir():
+            continue
+        version_id = folder.name.removeprefix(PARTIAL)
+        finished = version_id == folder.name and (folder / VERSION_FILE).is_file()
+        if _ID.fullmatch(version_id) and (finished or folder.name.startswith(PARTIAL)):
+            yield folder, version_id

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from slapshot.store.closure import code_digest
+from slapshot.store.closure import code_digest, imported_libraries
 
 SCHEMA_VERSION = 1
 ID_LENGTH = 12
@@ -24,7 +24,7 @@ class Recipe:
         config: the configuration values that the stage uses, and no others.
         code: digest of the stage's code closure.
         upstream: role -> (stage, id) of the versions it reads.
-        libraries: library -> version, of those that shape the result.
+        libraries: library -> version, of those that the stage's code imports.
         files: name -> sha256 of files from outside the store.
     """
 
@@ -73,16 +73,16 @@ def make_recipe(
     modules: Iterable[str],
     config: Mapping[str, Any],
     upstream: Mapping[str, "Recipe"],
-    libraries: Iterable[str],
     files: Mapping[str, Path] | None = None,
 ) -> Recipe:
     """Recipe of a stage whose code starts at `modules`, as things stand now."""
+    modules = tuple(modules)
     return Recipe(
         stage=stage,
         config=config,
         code=code_digest(*modules),
         upstream={role: (up.stage, up.id) for role, up in upstream.items()},
-        libraries={name: library_version(name) for name in sorted(libraries)},
+        libraries={name: library_version(name) for name in sorted(imported_libraries(*modules))},
         files={name: file_digest(path) for name, path in (files or {}).items()},
     )
 

@@ -4,17 +4,20 @@ The lock maps label -> id and content digests for the default configuration, wit
 every numeric column: on another platform digests may differ while the numbers agree.
 """
 
-import json
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
-from slapshot.store.content import content_digest
-from slapshot.store.folder import VERSION_FILE, Store
+from slapshot.errors import InputError, writing
+from slapshot.parquet import read_frame
+from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe
+from slapshot.store.version_file import REPAIR, damaged_files, digest_of_content, read_version_file
+
+Version = tuple[str, str]  # stage and id
 
 # Share of a column's spread by which its mean and spread may differ on another platform. Contacts are
 # chaotic (one rounding moves a rest point by millimetres) and training amplifies that: statistics over
@@ -23,29 +26,86 @@ TOLERANCE = 0.05
 _TABLES = {".parquet", ".csv"}
 
 
-def damaged_files(folder: Path) -> list[str]:
-    """Files of a version that are missing or whose content is not what version.json says."""
-    written = json.loads((folder / VERSION_FILE).read_text())["content"]
-    return [
-        name
-        for name, digest in written.items()
-        if not (folder / name).is_file() or _digest_or_none(folder / name) != digest
-    ]
+def problem_of(store: Store, version: Version) -> str | None:
+    """What is wrong with a finished version, or None.
+
+    Its files are held against what was written, and what it was made from against what is there now:
+    a version upstream that was made again may say something else.
+    """
+    damaged = damaged_files(store.folder(*version))
+    if damaged:
+        return f"damaged: {', '.join(damaged)} not as written"
+    written = read_version_file(store.folder(*version))
+    for role, digest in written.get("inputs", {}).items():
+        stage, version_id = written["recipe"]["upstream"][role]
+        upstream = store.find(stage, version_id)
+        if upstream is not None and digest_of_content(upstream) != digest:
+            return f"made from another content of {stage}/{version_id} than is there now"
+    return None
 
 
-def _digest_or_none(path: Path) -> str | None:
-    try:
-        return content_digest(path)
-    except (OSError, ValueError, pa.ArrowException):  # a damaged Parquet file raises any of them
-        return None
+def find_problems(store: Store, versions: Iterable[Version]) -> dict[Version, str]:
+    """Version -> what is wrong with it, of those that are there and are not whole or not up to date.
+
+    Versions of anybody whose version.json is damaged are among them: nobody can tell what they are.
+    """
+    there = {(folder.parent.name, folder.name) for folder in store.folders()}
+    unreadable = there - {(folder.parent.name, folder.name) for folder, _ in store.versions()}
+    found = {version: problem_of(store, version) for version in sorted(there & {*versions} | unreadable)}
+    return {version: problem for version, problem in found.items() if problem is not None}
+
+
+def remove_damaged(
+    store: Store, problems: Mapping[Version, str], recipes: Iterable[Recipe]
+) -> dict[Version, str]:
+    """Remove versions and all that was made from them, whoever asks for it, with marks and leftovers.
+
+    Args:
+        store: where they are.
+        problems: version -> what is wrong with it.
+        recipes: of a plan: what interrupted runs left of them is removed, too.
+
+    Returns:
+        Version -> why it was removed. What a process is making right now stays: it has checked its inputs.
+
+    Raises:
+        InputError: one of them cannot be removed.
+    """
+    upstream = {(recipe.stage, recipe.id): {*recipe.upstream.values()} for recipe in recipes}
+    for folder, written in store.versions():
+        above = written["recipe"]["upstream"].values()
+        upstream[folder.parent.name, folder.name] = {(stage, version_id) for stage, version_id in above}
+    why = dict(problems)
+    waiting = list(problems)
+    for bad in waiting:  # which grows meanwhile
+        for version, above in upstream.items():
+            if bad in above and version not in why:
+                why[version] = f"made from {'/'.join(bad)}"
+                waiting.append(version)
+    removed = {}
+    # What was made from damage goes before it: an interrupted repair must find again what to remove.
+    for version in reversed(waiting):
+        there = store.folder(*version).exists() or store.partial(*version).exists()
+        if there and not store.is_being_made(*version):
+            with writing(store.folder(*version)):
+                store.remove(*version)
+            removed[version] = why[version]
+    return removed
 
 
 def make_lock(store: Store, recipes: dict[str, Recipe]) -> dict[str, Any]:
-    """What pipeline.lock holds: label -> id, content digests and column statistics."""
+    """What pipeline.lock holds: label -> id, content digests and column statistics.
+
+    Raises:
+        InputError: a version is damaged, or made from what is not there any more.
+    """
     lock = {}
     for label, recipe in recipes.items():
         folder = store.folder(recipe.stage, recipe.id)
-        version = json.loads((folder / VERSION_FILE).read_text())
+        problem = problem_of(store, (recipe.stage, recipe.id))
+        if problem:
+            raise InputError(f"{label}: {problem}; {REPAIR}")
+        version = read_version_file(folder)
         numbers = {
             name: column_statistics(folder / name)
             for name in version["content"]
@@ -66,16 +126,16 @@ def compare(store: Store, recipes: dict[str, Recipe], lock: dict[str, Any]) -> d
         elif not store.is_whole(recipes[label].stage, recipes[label].id):
             verdicts[label] = "not made yet"
         else:
-            folder = store.folder(recipes[label].stage, recipes[label].id)
-            verdicts[label] = _compare_one(folder, recipes[label], lock[label])
+            verdicts[label] = _compare_one(store, recipes[label], lock[label])
     return verdicts
 
 
-def _compare_one(folder: Path, recipe: Recipe, locked: dict[str, Any]) -> str:
-    damaged = damaged_files(folder)
-    if damaged:
-        return f"damaged: {', '.join(damaged)} not as written; remove {folder} and run `snakemake figures`"
-    found = json.loads((folder / VERSION_FILE).read_text())["content"]
+def _compare_one(store: Store, recipe: Recipe, locked: dict[str, Any]) -> str:
+    folder = store.folder(recipe.stage, recipe.id)
+    problem = problem_of(store, (recipe.stage, recipe.id))
+    if problem:
+        return f"{problem}; {REPAIR}"
+    found = read_version_file(folder)["content"]
     if found == locked["content"]:
         return "identical" if recipe.id == locked["id"] else "identical content, other recipe"
     if set(found) != set(locked["content"]):
@@ -99,7 +159,7 @@ def _compare_one(folder: Path, recipe: Recipe, locked: dict[str, Any]) -> str:
 
 def column_statistics(path: Path) -> dict[str, list[float]]:
     """Numeric column -> [mean, standard deviation]; list columns count as their elements."""
-    table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+    table = read_frame(path) if path.suffix == ".parquet" else pd.read_csv(path)
     statistics = {}
     for name, column in table.items():
         values = column.to_numpy()

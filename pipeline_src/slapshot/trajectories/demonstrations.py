@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 
 from slapshot.command import Run, stage_command
 from slapshot.errors import InputError
+from slapshot.parquet import table_writer
 from slapshot.progress import progress
 from slapshot.scenes.domain import load_domain, load_part
 from slapshot.scenes.scene import Scene
@@ -93,7 +94,7 @@ class _Writer:
         kind = pa.list_(pa.float32(), self._size)
         waypoints = table["waypoints"].cast(pa.list_(pa.float32())).cast(kind)
         table = table.set_column(table.schema.get_field_index("waypoints"), "waypoints", waypoints)
-        self._writer = self._writer or pq.ParquetWriter(self._path, table.schema, compression="zstd")
+        self._writer = self._writer or table_writer(self._path, table.schema)
         self._writer.write_table(table)
         self._rows = []
 

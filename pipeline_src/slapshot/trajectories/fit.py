@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
-import pyarrow.parquet as pq
 import torch
 
 from slapshot.command import Run, stage_command
+from slapshot.parquet import read_table
 from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
@@ -24,7 +24,7 @@ def produce(run: Run) -> None:
     settings = run.config
     torch.set_num_threads(1)  # layers this small only lose time between threads
     scene = Scene.load(run.inputs["scene"])
-    column = pq.read_table(run.inputs["demonstrations"] / "demonstrations.parquet")["waypoints"]
+    column = read_table(run.inputs["demonstrations"] / "demonstrations.parquet")["waypoints"]
     size = column.type.list_size
     flat = torch.from_numpy(column.combine_chunks().flatten().to_numpy().reshape(-1, size).copy())
     joints = scene.info.commands

@@ -10,11 +10,11 @@ from typing import Any, Protocol
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from slapshot.command import Run, stage_command
 from slapshot.errors import InputError
+from slapshot.parquet import write_table
 from slapshot.progress import progress
 from slapshot.scenes.domain import load_part
 from slapshot.scenes.scene import Scene
@@ -68,7 +68,7 @@ def produce(run: Run) -> None:
             "latent": list(swings.latents),
         }
     )
-    pq.write_table(table, run.out / "latents.parquet", compression="zstd")
+    write_table(table, run.out / "latents.parquet")
     (run.out / "refused.json").write_text(json.dumps(refused, indent=2, sort_keys=True) + "\n")
     for reason, count in sorted(refused.items()):
         log.info("%d sampled latents refused: %s", count, reason)

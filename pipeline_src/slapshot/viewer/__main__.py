@@ -7,6 +7,7 @@ import pandas as pd
 
 from slapshot.command import Run, stage_command
 from slapshot.errors import InputError
+from slapshot.parquet import read_frame, write_table
 from slapshot.progress import progress
 from slapshot.recordings.sources import recording_folders
 from slapshot.scenes.scene import Scene
@@ -34,7 +35,7 @@ def produce(run: Run) -> None:
         InputError: there is no hit to show.
     """
     counts = {source: run.config[source] for source in ("simulated", "recorded")}
-    predictions = pd.read_parquet(run.inputs["predictions"] / "predictions.parquet")
+    predictions = read_frame(run.inputs["predictions"] / "predictions.parquet")
     chosen = choose(predictions, counts)
     if chosen.empty:
         raise InputError("viewer: no hit to show; let `simulated` and `recorded` not both be 0")
@@ -51,7 +52,7 @@ def produce(run: Run) -> None:
     save_cards(run.out / CARDS_FILE, APPLICATION, scene_view(stage, distance=0.8))
     index = {"application": APPLICATION, "domain": run.config["domain"], "hits": rows}
     (run.out / INDEX_FILE).write_text(json.dumps(index, indent=1) + "\n")
-    pd.DataFrame(rows).to_parquet(run.out / INDEX_TABLE, index=False)
+    write_table(pd.DataFrame(rows), run.out / INDEX_TABLE)
     log.info("%d hits", len(rows))
 
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from slapshot.parquet import read_table
 from slapshot.recordings.format import Recording, joint_columns
 from slapshot.recordings.read import read_recording
 from slapshot.rollouts.reading import iterate_tracks
@@ -113,7 +113,7 @@ def _simulated(
     domain: str,
 ) -> Iterator[Hit]:
     swings = Swings.load(inputs["swings"])
-    table = pq.read_table(inputs["rollouts"] / "hits-test.parquet", columns=["condition", "hit", "swing"])
+    table = read_table(inputs["rollouts"] / "hits-test.parquet", columns=["condition", "hit", "swing"])
     swing_of = table.to_pandas().set_index(["condition", "hit"])["swing"]
     parts = [part[part["split"] == "test"] for part in iterate_tracks(inputs["rollouts"])]
     tracks = dict(iter(pd.concat(parts).groupby(["condition", "hit"])))

@@ -13,7 +13,6 @@ from typing import Any
 from slapshot.errors import InputError
 from slapshot.scenes.scene import Scene, SceneInfo
 
-PACKAGE = "gymnasium_robotics"
 OBJECT, TABLE = "object0", "table0"
 OBJECT_JOINT = "object0:joint"
 GRIPPER, MOCAP = "robot0:gripper_link", "robot0:mocap"
@@ -81,7 +80,7 @@ def build_scene(settings: Mapping[str, Any]) -> Scene:
     for file in (scene, *files):
         if not file.is_file():
             raise InputError(
-                f"scene.domain: {PACKAGE} has no {file.relative_to(folder)}; run `make setup`, "
+                f"scene.domain: gymnasium-robotics has no {file.relative_to(folder)}; run `make setup`, "
                 "which installs the right version"
             )
     return Scene(scene.read_text(), info, {file.name: file.read_bytes() for file in files})
@@ -89,7 +88,7 @@ def build_scene(settings: Mapping[str, Any]) -> Scene:
 
 def _asset_folder() -> Path:
     # Found and not imported: importing registers environments and warns about others.
-    spec = importlib.util.find_spec(PACKAGE)
+    spec = importlib.util.find_spec("gymnasium_robotics")
     if spec is None or spec.origin is None:
         raise InputError(
             "scene.domain: 'fetchslide' needs the scene of gymnasium-robotics, which is not installed; "
