@@ -123,7 +123,9 @@ def test_a_port_that_is_taken(made):
 def test_browse_opens_a_gallery_of_300_hits_and_ends_with_ctrl_c(made, tmp_path):
     """As a process of its own."""
     put_into_store(made, copies=-(-HITS // len(made.hits)))
-    code = "from slapshot.cli import main; main()"
+    # A shell starts what runs in the background with Ctrl-C ignored.
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    code += "from slapshot.cli import main; main()"
     command = [sys.executable, "-c", code, "browse", "--config", "config/tiny.yaml", "--port", "0"]
     with started(*command, output=tmp_path / "browse.txt") as running:
         running.wait_until(lambda: "\n" in running.said(), "the address of the gallery")
@@ -131,6 +133,15 @@ def test_browse_opens_a_gallery_of_300_hits_and_ends_with_ctrl_c(made, tmp_path)
         assert len(rr.catalog.CatalogClient(server).get_dataset("hockey").segment_ids()) >= HITS
         running.process.send_signal(signal.SIGINT)  # Ctrl-C
         assert running.wait() == 0
+
+
+def test_ctrl_c_right_after_the_address_ends_the_gallery_well(made, slapshot, monkeypatch):
+    def interrupted() -> bool:
+        raise KeyboardInterrupt
+
+    put_into_store(made)
+    monkeypatch.setattr(browse, "has_display", interrupted)
+    assert slapshot("browse", "--config", "config/tiny.yaml", "--port", "0")[0] == 0
 
 
 def test_the_benchmark_measures_what_the_number_of_hits_costs(made, monkeypatch):
