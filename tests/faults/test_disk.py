@@ -109,6 +109,7 @@ def test_a_new_version_in_a_read_only_store_is_refused_and_harms_nothing(copy, n
     assert said
     assert all(line.split()[1].startswith("data/store/") for line in said)
     assert "Traceback" not in done.stdout
+    assert "no backup found" not in done.stdout
     assert copy.whole() == kept
 
 
