@@ -1,3 +1,9 @@
+"""Fixtures that many tests share.
+
+No test may fail because a clock ran: it waits for an event or for progress (waiting.py, whose limit only a
+hang reaches), never for a time. What must be fast is a ratio in `snakemake benchmark`.
+"""
+
 import os
 import subprocess
 import sys
@@ -12,6 +18,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from hypothesis import HealthCheck, settings
 from slapshot.command import Run
 from slapshot.config import load_config
 from slapshot.rollouts.hits import Hits
@@ -24,6 +31,12 @@ from slapshot.trajectories.vae import TrajectoryVae
 from workspace import Workspace, copy_repository
 
 ROOT = Path(__file__).parents[1]
+
+# The same examples every time, and however long they take.
+settings.register_profile(
+    "slapshot", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("slapshot")
 
 
 class Rig(NamedTuple):

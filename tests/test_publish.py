@@ -15,6 +15,7 @@ from slapshot.publish import MANIFEST, SMALL_PROOF, publish
 from slapshot.store.folder import Store
 from slapshot.store.lock import held
 from slapshot.store.recipe import Recipe
+from waiting import join, wait_until
 
 
 @pytest.fixture
@@ -188,14 +189,15 @@ def test_a_full_disk_is_one_line_and_what_was_published_stays_whole(store, targe
     assert published(target) == before  # the half copy is gone, too
 
 
-def test_who_publishes_waits_for_who_publishes_to_the_same_folder(store, target):
+def test_who_publishes_waits_for_who_publishes_to_the_same_folder(store, target, caplog):
+    caplog.set_level("INFO", "slapshot")
     version = f7(store, 1)
     target.mkdir()
     with held(target / ".lock", "publishes"):
         thread = threading.Thread(target=publish, args=(store, [version], target), daemon=True)
         thread.start()
-        thread.join(0.2)
-        assert thread.is_alive()
+        waiting = f"waiting for another process that publishes to {target}"
+        wait_until(lambda: waiting in caplog.messages, "it waits", thread.is_alive)
         assert published(target).keys() == {".lock"}
-    thread.join(60)
+    join(thread)
     assert set(published(target)) == {"F7-simulated.png", "F7-simulated.csv"}

@@ -6,10 +6,9 @@ import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
-import time
+import tempfile
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +17,10 @@ from typing import Any
 import yaml
 from slapshot.store.folder import VERSION_FILE, Store
 from slapshot.store.verify import damaged_files
+from waiting import Command, started
 
 ROOT = Path(__file__).parents[1]
 COPIED = ("Snakefile", "workflow", "profiles", "config", "pipeline_src", "pyproject.toml", "data")
-LONGEST = 600  # s, for one call; a call that hangs fails
 
 _PLAN = """
 import json, sys
@@ -55,12 +54,12 @@ class Workspace:
         own = {"PYTHONPATH": str(self.root / "pipeline_src"), "PYTHONDONTWRITEBYTECODE": "1"}
         return {k: v for k, v in os.environ.items() if k != "MUJOCO_GL"} | own
 
-    def run(self, *command: str | Path, timeout: float = LONGEST) -> subprocess.CompletedProcess[str]:
+    def run(self, *command: str | Path) -> subprocess.CompletedProcess[str]:
         """A command in the copy; its output and errors come together."""
-        return subprocess.run(
-            command, cwd=self.root, env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            text=True, check=False, timeout=timeout,
-        )  # fmt: skip
+        with tempfile.TemporaryDirectory() as folder:
+            output = Path(folder, "output.txt")
+            with self.started(*command, output=output) as running:
+                return subprocess.CompletedProcess(command, running.wait(), running.said())
 
     def python(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         return self.run(sys.executable, *arguments)
@@ -141,26 +140,15 @@ class Workspace:
         finally:
             path.write_text(before)
 
-    def start(self, *command: str, output: Path) -> subprocess.Popen[bytes]:
-        """A command in the copy, as the leader of a process group of its own."""
-        with output.open("w") as file:
-            return subprocess.Popen(
-                command, cwd=self.root, env=self.environment, stdout=file, stderr=file, start_new_session=True
-            )
+    def started(self, *command: str | Path, output: Path) -> contextlib.AbstractContextManager[Command]:
+        """A command that runs in the copy, and is killed with all its children when the block ends."""
+        return started(*command, output=output, cwd=self.root, env=self.environment)
 
     def kill_when(self, condition: Callable[[], bool], *command: str) -> bool:
         """Start a command and kill it with all its children once the condition holds; False if it ended."""
-        process = self.start(*command, output=self.root / "killed.txt")
-        latest = time.monotonic() + LONGEST
-        while process.poll() is None and time.monotonic() < latest:
-            if condition():
-                break
-            time.sleep(0.005)
-        ended = process.poll() is not None
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        return not ended
+        with self.started(*command, output=self.root / "killed.txt") as running:
+            running.wait_until(lambda: condition() or not running.runs(), "it may be killed")
+            return running.runs()
 
     def clone(self, folder: Path) -> "Workspace":
         """Another copy with all that has been made in this one."""

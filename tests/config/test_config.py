@@ -356,7 +356,7 @@ def mutations(draw) -> dict:
     return config
 
 
-@settings(deadline=None, max_examples=400, suppress_health_check=list(HealthCheck))
+@settings(max_examples=400, suppress_health_check=list(HealthCheck))
 @given(mutations())
 def test_whatever_is_done_to_a_configuration_it_is_planned_or_refused_in_one_line(config):
     try:

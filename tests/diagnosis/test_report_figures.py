@@ -34,6 +34,7 @@ from slapshot.effects.effect import GRAVITY
 from slapshot.figures import drawing
 from slapshot.figures.drawing import STAND_IN
 from slapshot.viewer.names import TIME
+from waiting import HANG_S
 
 from .conftest import SLOPE
 
@@ -230,7 +231,7 @@ def read(file, index):
 def test_the_recording_can_be_opened_and_is_small(reports, name):
     file = reports[name].folder / RECORDING_FILE
     command = [sys.executable, "-m", "rerun", "rrd", "verify", str(file)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HANG_S, check=False)
     assert done.returncode == 0, done.stderr
     assert file.stat().st_size < MAX_BYTES
     schema = RrdReader(file).store().schema()

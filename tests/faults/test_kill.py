@@ -1,7 +1,9 @@
 """SIGKILL at any moment loses no finished version and leaves none that only looks whole."""
 
+import os
 import random
-import time
+import shutil
+from collections.abc import Callable
 
 import pytest
 from workspace import Version, Workspace, snakemake_command
@@ -9,7 +11,7 @@ from workspace import Version, Workspace, snakemake_command
 pytestmark = pytest.mark.workflow
 
 KILLS = 6
-DELAYS = (2.0, 18.0)  # s; together they reach into most of a run, whose start takes two
+CHANGES = (1, 30)  # of the store, before a kill
 
 
 @pytest.mark.parametrize("seed", [1])
@@ -24,8 +26,8 @@ def test_whenever_it_is_killed_it_goes_on_and_the_content_is_that_of_an_unbroken
     shards = kill_in_the_rollouts(other, versions)
     kept = other.whole()
     for _ in range(KILLS):
-        end = time.monotonic() + rng.uniform(*DELAYS)
-        killed = other.kill_when(lambda end=end: time.monotonic() > end, *command(other, rng.choice([1, 2])))
+        changes = rng.randint(*CHANGES)
+        killed = other.kill_when(changed(other, changes), *command(other, rng.choice([1, 2])))
         found = other.whole()
         assert {name: found.get(name) for name in kept} == kept
         kept = found
@@ -56,10 +58,31 @@ def kill_in_the_rollouts(other: Workspace, versions: dict[str, Version]) -> bool
     rollouts = of_stage(versions, "rollouts")
     folder = other.folder(rollouts)
     partial = folder.with_name(f".partial-{rollouts.id}")
-    assert other.kill_when(partial.exists, *command(other, 1))
-    assert not folder.exists()
+    other.kill_when(lambda: partial.exists() or folder.exists(), *command(other, 1))
+    while not partial.exists():
+        assert folder.exists(), (other.root / "killed.txt").read_text()
+        shutil.rmtree(folder)  # they were made before anybody looked: once more
+        other.kill_when(lambda: partial.exists() or folder.exists(), *command(other, 1))
     other.kill_when(lambda: any(partial.glob("parts/tracks-*.parquet")), *command(other, 1))
     return any(partial.glob("parts/tracks-*.parquet"))
+
+
+def changed(other: Workspace, times: int) -> Callable[[], bool]:
+    """A condition that holds once files of the store have come or gone so many times."""
+    seen, left = files_of_store(other), times
+
+    def condition() -> bool:
+        nonlocal seen, left
+        before, seen = seen, files_of_store(other)
+        left -= seen != before
+        return left <= 0
+
+    return condition
+
+
+def files_of_store(other: Workspace) -> set[str]:
+    walk = os.walk(other.root / "data/store")  # which does not mind that folders go meanwhile
+    return {f"{folder}/{name}" for folder, _, names in walk for name in names}
 
 
 def of_stage(versions: dict[str, Version], stage: str) -> Version:

@@ -120,7 +120,7 @@ def valid_files() -> dict[str, bytes]:
     return VALID
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=300)
 @given(
     name=st.sampled_from(["recording.json", *(f"{name}.parquet" for name in TABLES)]),
     position=st.floats(0, 1, exclude_max=True),

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from slapshot.errors import InputError
 from slapshot.recordings.commands import run_import, say_imported
@@ -366,7 +366,7 @@ def test_a_recording_that_is_there_is_not_overwritten(tmp_path: Path) -> None:
 CELLS = st.sampled_from(["", "0", "1.5", "-2e3", "nan", "inf", "1e-310", "x", '"', "1,5", "\0", "\x85", "é"])
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=80)
 @given(
     table=st.one_of(
         st.lists(st.lists(CELLS, max_size=5).map(",".join), max_size=12).map("\n".join).map(str.encode),
@@ -388,7 +388,7 @@ def test_whatever_a_file_holds_there_is_a_recording_or_one_line(
     assert (folder / "out").exists() == (message == "")
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     changes=st.dictionaries(
         st.sampled_from(["rig", "objects", "columns", "csv", "files", "crop", "camera_rate_hz", "note", "z"]),
@@ -414,7 +414,7 @@ def test_whatever_a_mapping_says_it_is_taken_or_refused_in_one_line(
     assert message == "" or message.startswith(str(file))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     speed=st.floats(0.5, 2.5),
     friction=st.floats(0.1, 0.5),

@@ -1,8 +1,5 @@
 import os
-import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +16,7 @@ from slapshot.store.content import content_digest
 from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe
 from slapshot.trajectories.swings import SPLITS
+from waiting import started
 
 
 @pytest.fixture(scope="module")
@@ -118,17 +116,19 @@ def test_killed_run_resumes_to_the_same_content(rig, settings, dataset, tmp_path
     partial = store.root / "rollouts" / f".partial-{recipe.id}"
     code = (
         "import sys; from slapshot.rollouts import plan; plan.HITS_PER_SHARD = 32\n"
-        "from slapshot.command import stage_command; from slapshot.rollouts.__main__ import produce\n"
-        "stage_command('rollouts', produce, resume=True)"
+        "from threading import Event; from slapshot.command import stage_command\n"
+        "from slapshot.rollouts import __main__ as stage\n"
+        "stage._join = lambda *_: Event().wait()  # it does not end before it is killed\n"
+        "stage_command('rollouts', stage.produce, resume=True)"
     )
     command = [sys.executable, "-c", code, "--recipe", recipe.to_json(), "--store", str(store.root)]
+
+    def shards() -> int:
+        return len(list(partial.glob("parts/tracks-*.parquet")))
+
     for wanted in (2, 5):
-        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-        while len(list(partial.glob("parts/tracks-*.parquet"))) < wanted:
-            assert process.poll() is None, process.stderr.read()
-            time.sleep(0.005)
-        process.send_signal(signal.SIGKILL)
-        process.communicate()
+        with started(*command, output=tmp_path / "output.txt") as running:
+            running.wait_until(lambda wanted=wanted: shards() >= wanted, f"{wanted} shards are there")
         assert not store.is_whole("rollouts", recipe.id)
     before = {p: p.stat().st_mtime_ns for p in partial.glob("parts/*.parquet")}
     monkeypatch.setattr(plan_module, "HITS_PER_SHARD", 32)

@@ -15,9 +15,10 @@ from slapshot.store.folder import STORE_MARK
 from slapshot.store.lock import held
 from slapshot.store.recipe import Recipe
 from slapshot.store.version_file import damaged_files
+from waiting import HANG_S, join, wait_until
 
 RECIPE = Recipe("rollouts", {"seed": 1}, code="0" * 64)
-LONGEST = 60  # s
+WAITING = f"waiting for another process that makes rollouts/{RECIPE.id}"
 
 WRITERS = {
     "python": "(out / 'payload').write_text('x' * 100_000)",
@@ -57,7 +58,7 @@ def stage(writer: str, root: Path, limit: int | None) -> subprocess.CompletedPro
     code = STAGE.format(writer=writer)
     return subprocess.run(
         [sys.executable, "-c", code, "--recipe", RECIPE.to_json(), "--store", root],
-        preexec_fn=at_most, capture_output=True, text=True, check=False, timeout=LONGEST,
+        preexec_fn=at_most, capture_output=True, text=True, check=False, timeout=HANG_S,
     )  # fmt: skip
 
 
@@ -108,7 +109,7 @@ def test_who_wants_a_version_that_is_being_made_waits_and_makes_it_only_if_that_
 
     def slow(run: Run) -> None:
         begun.set()
-        assert end.wait(LONGEST)
+        assert end.wait(HANG_S)
         if fails:
             raise InputError("bad")
         made_by.append("first")
@@ -126,35 +127,32 @@ def test_who_wants_a_version_that_is_being_made_waits_and_makes_it_only_if_that_
 
     caplog.set_level("INFO", "slapshot")
     threads = [in_thread(first)]
-    assert begun.wait(LONGEST)
+    wait_until(begun.is_set, "the first begins", threads[0].is_alive)
     threads.append(in_thread(make_version, store, RECIPE, second, 1))
-    waiting = f"waiting for another process that makes rollouts/{RECIPE.id}"
-    while waiting not in caplog.messages:
-        assert threads[1].is_alive()
+    wait_until(lambda: WAITING in caplog.messages, "the second waits", threads[1].is_alive)
     assert made_by == []
     end.set()
     for thread in threads:
-        thread.join(LONGEST)
-        assert not thread.is_alive()
+        join(thread)
     assert made_by == ["second" if fails else "first"]
     assert damaged_files(store.folder(RECIPE.stage, RECIPE.id)) == []
     assert hidden(store) == []
     assert store.mark(RECIPE.stage, RECIPE.id).exists()
 
 
-def test_who_waits_goes_on_when_the_other_process_is_killed(store):
+def test_who_waits_goes_on_when_the_other_process_is_killed(store, caplog):
     process = subprocess.Popen(
         [sys.executable, "-c", STAGE.format(writer="print('begun', flush=True); input()"),
          "--recipe", RECIPE.to_json(), "--store", store.root],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
     )  # fmt: skip
     assert process.stdout.readline() == "begun\n"
+    caplog.set_level("INFO", "slapshot")
     waiting = in_thread(make_version, store, RECIPE, write, 1)
-    waiting.join(0.2)
-    assert waiting.is_alive()
+    wait_until(lambda: WAITING in caplog.messages, "it waits", waiting.is_alive)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    waiting.join(LONGEST)
+    join(waiting)
     assert damaged_files(store.folder(RECIPE.stage, RECIPE.id)) == []
     assert hidden(store) == []
 
@@ -172,8 +170,7 @@ def test_never_do_two_hold_a_lock(tmp_path):
 
     threads = [in_thread(work) for _ in range(8)]
     for thread in threads:
-        thread.join(LONGEST)
-        assert not thread.is_alive()
+        join(thread)
     assert len(most) == 400
     assert set(most) == {1}
     assert not (tmp_path / ".lock").exists()

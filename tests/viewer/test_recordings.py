@@ -13,6 +13,7 @@ from slapshot.errors import InputError
 from slapshot.viewer.__main__ import produce
 from slapshot.viewer.hits import STAND_IN
 from slapshot.viewer.names import CARDS_FILE, LAYOUT_FILE, SCENE_FILE, STEP, TIME
+from waiting import HANG_S
 
 from .conftest import CONFIG, HITS, SAMPLES, Made, read, values
 
@@ -27,7 +28,7 @@ def files(made: Made):
 def test_every_file_can_be_opened(made):
     everything = [*files(made), *(made.folder / n for n in (SCENE_FILE, LAYOUT_FILE, CARDS_FILE))]
     command = [sys.executable, "-m", "rerun", "rrd", "verify", *map(str, everything)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HANG_S, check=False)
     assert done.returncode == 0, done.stderr
 
 

@@ -2,6 +2,7 @@ rule benchmark:
     """Speed, memory and error of the stages, as ratios measured in one run (default configuration)."""
     input:
         marks("swings"),
+        mark_of("viewer/hockey"),
         of_figures("verdict"),
     log:
         "logs/benchmark.log",

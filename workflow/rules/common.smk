@@ -7,6 +7,9 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 # Threads of torch that spin while they wait make training many times slower when anything else runs.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
+# Said of every job that fails: the mark of a version that is not there yet has no earlier state.
+logger.addFilter(lambda record: "no backup found" not in record.getMessage())
+
 store = Store(Path("data/store"))
 
 try:
@@ -49,8 +52,12 @@ def of_domain(domain):
 
 
 def version(stage):
-    """Pattern of the mark of a stage's versions."""
-    return str(store.mark(stage, "{id}"))
+    """Pattern of the mark of a stage's versions.
+
+    To be updated, because Snakemake removes any other output before a job: of two runs at once, one would
+    take away the mark of a version that the other has made, and jobs that need it would wait in vain.
+    """
+    return update(str(store.mark(stage, "{id}")))
 
 
 def upstream(stage):

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from slapshot.adaptation.names import method_settings
 from slapshot.benchmark.diagnosis import diagnosis_measures
+from slapshot.benchmark.gallery import gallery_measures
 from slapshot.benchmark.measures import (
     Measure,
     hit_measures,
@@ -32,7 +33,7 @@ SCALES = ("default", "paper")
 
 
 def measure(store: Store, cores: int) -> list[Measure]:
-    """All measures: of every domain of the default configuration, of the diagnosis, and against its peer."""
+    """All measures: of every domain of the default configuration, the gallery, the diagnosis and its peer."""
     need_sysid()
     rows: list[Measure] = []
     configs = {name: load_config(Path(f"config/{name}.yaml")) for name in SCALES}
@@ -57,6 +58,8 @@ def measure(store: Store, cores: int) -> list[Measure]:
         for name in SCALES:
             scale = configs[name]["domains"][domain]
             rows += hours(domain, name, scale, plans, folders, measured, cores)
+    viewer = plan.recipes["viewer/hockey"]
+    rows += gallery_measures("hockey", store.folder(viewer.stage, viewer.id))
     rows += diagnosis_measures(configs["default"], store, cores)
     rows += peer_measures(configs["default"], store, cores)
     return rows

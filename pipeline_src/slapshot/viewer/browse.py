@@ -36,7 +36,7 @@ def browse(config: Path | None, store: Path, hit: str | None, port: int) -> int:
     folders = find_folders(store, config)
     if hit:
         return _show(hit_arguments(find_hit(folders, hit)))
-    with serve(folders, port) as address:
+    with serve(folders, port) as address, suppress(KeyboardInterrupt):
         print(f"gallery: {address}", flush=True)
         if has_display():
             return _show([address])
@@ -46,8 +46,7 @@ def browse(config: Path | None, store: Path, hit: str | None, port: int) -> int:
             f"type `ssh -L {port}:{HOST}:{port} THIS_MACHINE` first. Ctrl-C ends the gallery.",
             flush=True,
         )
-        with suppress(KeyboardInterrupt):
-            Event().wait()
+        Event().wait()
     return 0
 
 
