@@ -117,8 +117,8 @@ def test_a_bad_rig_file_is_refused_in_one_line_that_names_the_key(rig_file, bad)
         (
             "domain: table",
             "domain: nowhere",
-            "2: scene.domain: no domain 'nowhere'; use a folder of slapshot.scenes, or the dotted name of "
-            "a module of your own that can be imported",
+            "2: scene.domain: no domain 'nowhere': no module slapshot.scenes.nowhere; use the name of a folder "
+            "of slapshot.scenes, or the dotted name of a module that can be imported",
         ),
     ],
 )
