@@ -35,7 +35,7 @@ def _divides(step: float) -> float:
 class SceneWithSteps(Model):
     """What scenes have in common whose simulation can be set."""
 
-    timestep_s: Annotated[float, Field(ge=1e-6, le=CONTROL_PERIOD)] = Field(description="s; divides 1 ms")
+    timestep_s: Annotated[float, Field(ge=1e-5, le=CONTROL_PERIOD)] = Field(description="s; divides 1 ms")
     start_m: Point = Field(description="x and y, where the object is meant to lie")
 
     _whole_part = field_validator("timestep_s")(_divides)
@@ -68,7 +68,7 @@ class OwnScene(Model):
     domain: Annotated[
         str, Field(max_length=200, pattern=r"^[A-Za-z_][A-Za-z0-9_]*([.][A-Za-z_][A-Za-z0-9_]*)*$")
     ] = Field(description="folder of slapshot.scenes, or the dotted name of a module that can be imported")
-    timestep_s: MayMiss[Annotated[float, Field(ge=1e-6, le=CONTROL_PERIOD)]] = Field(
+    timestep_s: MayMiss[Annotated[float, Field(ge=1e-5, le=CONTROL_PERIOD)]] = Field(
         None, description="s; divides 1 ms"
     )
     start_m: MayMiss[Point] = Field(None, description="x and y, where the object is meant to lie")

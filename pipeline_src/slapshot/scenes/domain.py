@@ -5,7 +5,6 @@ another one brings modules of its own in its folder, which take the place of tho
 """
 
 import ast
-import logging
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
@@ -20,8 +19,6 @@ from slapshot.store.closure import find_source
 
 if TYPE_CHECKING:  # planning reads this module and must not need MuJoCo
     from slapshot.scenes.scene import Scene
-
-log = logging.getLogger("slapshot")
 
 # Part -> the module that serves domains without one: its file in the domain's folder has the part's name.
 PARTS = {
@@ -108,25 +105,18 @@ def _top_level_names(source: Path) -> set[str]:
 
 
 def load_domain(name: str) -> Domain:
-    """Import a domain; that code of one's own runs now is said before it does.
+    """Import a domain.
 
     Raises:
-        InputError: there is no such module, it is no domain, or it cannot be imported.
+        InputError: there is no such module.
     """
     module = domain_module(name)
-    try:
-        source = find_domain(name)
-    except ValueError as error:
-        raise InputError(f"scene.domain: {error}") from None
-    if not is_built_in(name):
-        log.info("scene.domain: %s is code of its own, which runs now: %s", module, source)
-    try:
-        return import_module(module)
-    except (Exception, SystemExit) as error:
-        if is_built_in(name):
-            raise
-        problem = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"scene.domain: {module} cannot be imported ({problem}); mend {source}") from error
+    if find_source(module) is None:
+        raise InputError(
+            f"scene.domain: no domain {name!r}; use a folder of slapshot.scenes, or the dotted name "
+            "of a module of your own that can be imported"
+        )
+    return import_module(module)
 
 
 def part_module(name: str, part: str) -> str:

@@ -125,9 +125,8 @@ def _source_digest(path: Path, _mtime: int) -> str:
 def _parse(path: Path) -> ast.Module:
     try:
         return ast.parse(path.read_text("utf-8"))
-    except (SyntaxError, ValueError) as error:  # ValueError: not a text
-        line, problem = getattr(error, "lineno", None) or 1, getattr(error, "msg", error)
-        raise InputError(f"{path}:{line}: not valid Python ({problem}); mend that line") from None
+    except SyntaxError as error:
+        raise InputError(f"{path}:{error.lineno}: not valid Python ({error.msg}); mend that line") from None
 
 
 def _data_files(folder: Path) -> list[Path]:
