@@ -426,11 +426,19 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
         (
             "scene.domain",
             "curling",
-            r"domains\.hockey\.scene\.domain: no module slapshot\.scenes\.curling; use",
+            r"scene\.domain: no domain 'curling': no module slapshot\.scenes\.curling; use",
         ),
-        ("scene.domain", "my.own", r"domains\.hockey\.scene\.domain: no module my\.own; use"),
-        ("scene.domain", "", r"domains\.hockey\.scene\.domain: no module"),
-        ("scene.domain", "../scenes/hockey", r"domains\.hockey\.scene\.domain: no module"),
+        (
+            "scene.domain",
+            "my.own",
+            r"domains\.hockey\.scene\.domain: no domain 'my\.own': no module my\.own; use",
+        ),
+        ("scene.domain", "", r"domains\.hockey\.scene\.domain: no domain '': no module"),
+        (
+            "scene.domain",
+            "../scenes/hockey",
+            r"domains\.hockey\.scene\.domain: no domain '\.\./scenes/hockey': no",
+        ),
         (
             "recordings.own.path",
             "nowhere",

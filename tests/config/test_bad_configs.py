@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 from bad_configs import DELETE, ROOT, Bad, base, mistakes
+from slapshot import cli
 from slapshot.config import check_config, read_config
 from slapshot.errors import InputError
 from slapshot.plan import Plan, load_plan, make_plan
-from slapshot.scenes.domain import load_domain
 from slapshot.store.closure import code_digest
 from slapshot.validation import key_of
 from slapshot.yaml_file import Loc
@@ -287,39 +287,26 @@ def test_a_domain_of_ones_own_is_read_before_anything_runs(own_domain, tmp_path,
     assert re.search(problem, message), message
 
 
-@pytest.mark.parametrize(
-    "text", ["import sys\nsys.exit()\n", "raise ValueError('no\\nice')\n", "import nothing\n"]
-)
-def test_a_domain_that_cannot_be_imported_is_told_in_one_line(own_domain, text, caplog):
-    name = f"leaving{abs(hash(text))}"
-    module = own_domain(name, text + FUNCTIONS)
-    # Planning runs no code of it.
-    config = put(".scene", {"domain": module})
-    assert plan(config).recipes
-    caplog.set_level("INFO", "slapshot")
-    with pytest.raises(
-        InputError, match=rf"scene.domain: {module} cannot be imported \(.*; mend .*rink.py"
-    ) as caught:
-        load_domain(module)
-    assert "\n" not in str(caught.value)
+@pytest.mark.parametrize("name", ["leaving", "raising"])
+def test_planning_runs_no_code_of_a_domain(own_domain, name):
+    text = {"leaving": "import sys\nsys.exit()\n", "raising": "raise ValueError\n"}[name]
+    assert plan(put(".scene", {"domain": own_domain(name, text + FUNCTIONS)})).recipes
 
 
-def test_that_code_of_ones_own_runs_is_said_before_it_does(own_domain, monkeypatch):
-    said: list[str] = []
-    monkeypatch.setattr("slapshot.scenes.domain.log.info", lambda text, *values: said.append(text % values))
-    module = own_domain(
-        "announced", "import builtins\nbuiltins.announced = list(builtins.said)\n" + FUNCTIONS
-    )
-    monkeypatch.setattr("builtins.said", said, raising=False)
-    monkeypatch.setattr("builtins.announced", None, raising=False)
-    load_domain(module)
-    import builtins
-
-    (line,) = builtins.announced  # type: ignore[attr-defined]
-    assert "announced.rink is code of its own, which runs now: " in line
-    said.clear()
-    load_domain("hockey")
-    assert said == []
+def test_whose_code_will_run_is_said(own_domain, tmp_path, monkeypatch, capsys):
+    module = own_domain("announced", FUNCTIONS)
+    file = tmp_path / "my.yaml"
+    file.write_text(f"domains: {{hockey: {{scene: {{domain: {module}}}}}}}\n")
+    source = tmp_path / "announced" / "rink.py"
+    line = f"domains.hockey.scene.domain: {source} is code of its own, which stages will run"
+    for path, more in ((file, [line]), (Path("config/tiny.yaml"), [])):
+        monkeypatch.setattr("sys.argv", ["slapshot", "config", str(path)])
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        assert not caught.value.code
+        said = capsys.readouterr().out.splitlines()
+        assert said[0].startswith(f"{path}: ")
+        assert said[1:] == more
 
 
 GOOD = "name: my\ndomains:\n  hockey:\n    rollouts: {hits: 70}\n"

@@ -89,7 +89,8 @@ def test_a_bad_rig_file_is_refused_in_one_line_that_names_the_key(rig_file, bad)
         (
             "timestep_s: 0.001",
             "timestep_s: 0.0003",
-            "6: scene.timestep_s: 0.0003 does not divide 0.001 s; use 0.001, 0.0005, 0.00025 or",
+            "6: scene.timestep_s: 0.0003 does not divide 0.001 s; use 0.001, 0.0005, 0.00025 or "
+            "another whole part",
         ),
         (
             "table_m: [2.0, 2.0]",
@@ -117,8 +118,8 @@ def test_a_bad_rig_file_is_refused_in_one_line_that_names_the_key(rig_file, bad)
         (
             "domain: table",
             "domain: nowhere",
-            "2: scene.domain: no domain 'nowhere': no module slapshot.scenes.nowhere; use the name of a folder "
-            "of slapshot.scenes, or the dotted name of a module that can be imported",
+            "2: scene.domain: no domain 'nowhere'; use a folder of slapshot.scenes, or the dotted name of "
+            "a module of your own that can be imported",
         ),
     ],
 )

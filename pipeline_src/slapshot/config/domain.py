@@ -34,6 +34,7 @@ from slapshot.config.values import (
 )
 from slapshot.scenes.settings import CONTROL_PERIOD
 from slapshot.validation import Model, ProblemAtError
+from slapshot.yaml_file import Loc
 
 _MOST_HITS = 1_000_000_000  # of a domain; 600 hours of one core
 
@@ -143,7 +144,7 @@ class Domain(Model):
 
     @model_validator(mode="after")
     def _methods_are_known(self) -> "Domain":
-        asked: list[tuple[tuple[str | int, ...], str, bool]] = [
+        asked: list[tuple[Loc, str, bool]] = [
             (("uncertainty", "method"), self.uncertainty.method, True),
             *((("latents", "methods", i), m, False) for i, m in enumerate(self.latents.methods)),
         ]
@@ -227,7 +228,7 @@ class Domain(Model):
 
     @model_validator(mode="after")
     def _recorded_hits_suffice(self) -> "Domain":
-        asked: list[tuple[tuple[str, ...], int]] = [
+        asked: list[tuple[Loc, int]] = [
             (("uncertainty", "samples"), max(self.uncertainty.samples)),
             (("latents", "samples"), max(self.latents.samples)),
         ]
@@ -267,14 +268,12 @@ class Domain(Model):
         return self
 
 
-def _one_of(loc: tuple[str | int, ...], name: str, known: Iterable[str], key: str) -> None:
+def _one_of(loc: Loc, name: str, known: Iterable[str], key: str) -> None:
     if name not in known:
         raise ProblemAtError(loc, f"{name!r} is not among the domain's {key}; use one of: {', '.join(known)}")
 
 
-def _at_most(
-    loc: tuple[str, ...], number: int, limit: int, how: str = "", than: str = "rollouts.hits"
-) -> None:
+def _at_most(loc: Loc, number: int, limit: int, how: str = "", than: str = "rollouts.hits") -> None:
     if number > limit:
         raise ProblemAtError(
             loc, f"{how}{number} is more than {than} = {limit}; lower the first or raise the second"

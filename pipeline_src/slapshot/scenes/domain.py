@@ -5,7 +5,6 @@ another one brings modules of its own in its folder, which take the place of tho
 """
 
 import ast
-import logging
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
@@ -22,8 +21,6 @@ from slapshot.store.closure import find_source
 
 if TYPE_CHECKING:  # planning reads this module and must not need MuJoCo
     from slapshot.scenes.scene import Scene
-
-log = logging.getLogger("slapshot")
 
 # Part -> the module that serves domains without one: its file in the domain's folder has the part's name.
 PARTS = {
@@ -120,14 +117,18 @@ def load_domain(name: str, where: str = "scene.domain") -> Domain:
         where: file and key that name it.
 
     Raises:
-        InputError: there is no such module, it is no domain, or it cannot be imported.
+        InputError: there is no such module, it cannot be imported, or it is no domain.
     """
-    try:
-        find_domain(name)
-    except ValueError as error:
-        raise InputError(f"{where}: {error}") from None
-    module = domain_module(name)
-    return import_module(module) if is_built_in(name) else import_own(module, where)
+    source = find_source(domain_module(name))
+    if source is None or ("." not in name and source.name != "__init__.py"):
+        raise InputError(
+            f"{where}: no domain {name!r}; use a folder of slapshot.scenes, or the dotted name "
+            "of a module of your own that can be imported"
+        )
+    module = import_module(domain_module(name)) if is_built_in(name) else import_own(name, where)
+    if not callable(getattr(module, "build_scene", None)):
+        raise InputError(f"{where}: module {name} has no function build_scene; see slapshot.scenes.domain")
+    return module
 
 
 def scene_settings(domain: Domain) -> type[SceneSettings] | None:
