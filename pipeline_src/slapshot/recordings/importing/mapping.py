@@ -32,14 +32,14 @@ _IN_NUMBERS = "0123456789+-.eE"
 T = TypeVar("T")
 
 
-def _given(value: Any) -> Any:
+def _has_value(value: Any) -> Any:
     if value is None:
         raise ValueError("has no value; write one, or remove the key")
     return value
 
 
 # A key that may be left out, but not left empty.
-Optional = Annotated[T | None, BeforeValidator(_given)]
+Given = Annotated[T | None, BeforeValidator(_has_value)]
 
 
 def _pattern(text: str) -> str:
@@ -103,23 +103,21 @@ class Columns(Model):
 
     x: Column = Field(description="place of the object, in m")
     y: Column = Field(description="place of the object, in m")
-    yaw: Optional[Column] = Field(default=None, description="turn of the object about z, in rad")
-    t: Optional[Column] = Field(
+    yaw: Given[Column] = Field(default=None, description="turn of the object about z, in rad")
+    t: Given[Column] = Field(
         default=None, description="time of the frame, in s; without it frames are counted at camera_rate_hz"
     )
-    start_x: Optional[Column] = Field(
+    start_x: Given[Column] = Field(
         default=None, description="place before the hit, in m; else the frames tell"
     )
-    start_y: Optional[Column] = Field(
+    start_y: Given[Column] = Field(
         default=None, description="place before the hit, in m; else the frames tell"
     )
-    order: Optional[Column] = Field(
+    order: Given[Column] = Field(
         default=None, description="place of the hit in the order of execution; without it file names tell"
     )
-    hit: Optional[Place] = Field(
-        default=None, description=f"which hit of the file a row belongs to: {_PLACE}"
-    )
-    new_hit: Optional[Place] = Field(
+    hit: Given[Place] = Field(default=None, description=f"which hit of the file a row belongs to: {_PLACE}")
+    new_hit: Given[Place] = Field(
         default=None, description=f"a column whose change begins a new hit in a file: {_PLACE}"
     )
 
@@ -131,7 +129,7 @@ class Files(Model):
         default="*.csv",
         description="names of the files in the folder, **/ before it for folders in it: *.csv",
     )
-    name_pattern: Optional[Text] = Field(
+    name_pattern: Given[Text] = Field(
         default=None,
         description="regular expression for the file's name without its ending; its named groups, "
         "(?P<name>...), become fields",
@@ -181,10 +179,10 @@ class TrackMapping(Described):
     """How CSV files become a recording."""
 
     note: FreeText = ""
-    object_id: Optional[Template] = Field(
+    object_id: Given[Template] = Field(
         default=None, description=f"which object was hit; not needed with one object; {_TEMPLATE}"
     )
-    command: Optional[Template] = Field(
+    command: Given[Template] = Field(
         default=None, description=f"text that is equal for repeats of one command; {_TEMPLATE}"
     )
     files: Files = Files()
@@ -193,10 +191,8 @@ class TrackMapping(Described):
     fields: dict[Annotated[str, Field(pattern=r"^\w{1,64}$")], Place] = Field(
         default={}, max_length=100, description="field -> column whose text in the hit's first row it takes"
     )
-    recorded_at: Optional[RecordedAt] = Field(default=None, description="when a hit was executed")
-    crop: Optional[Crop] = Field(
-        default=None, description="what to keep around the slide; else all frames stay"
-    )
+    recorded_at: Given[RecordedAt] = Field(default=None, description="when a hit was executed")
+    crop: Given[Crop] = Field(default=None, description="what to keep around the slide; else all frames stay")
     longest_s: float = Field(default=60.0, gt=0, le=_HUGE, description="a longer hit is dropped (s)")
     moving_at_start: Literal["keep", "drop"] = Field(
         default="drop", description="keep or drop hits whose first frame moves"
