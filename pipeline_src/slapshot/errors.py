@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from slapshot.text import printable
+
 
 class InputError(Exception):
     """Bad input from outside (configuration, recording, machine): the message is one line for a person.
@@ -20,7 +22,6 @@ class InputError(Exception):
         super().__init__(printable(message))
 
 
-_LONGEST_REASON = 300  # characters
 _FREE_SPACE = "free some space there, for example with `slapshot versions gc`"
 _PERMIT = "make it writable for you (ls -ld shows whose it is)"
 # What the system refuses for want of something that a person can give -> what to do.
@@ -110,19 +111,3 @@ def reading(path: Path, remedy: str, longest: int | None = None) -> Iterator[Non
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path}: cannot be read ({reason}); {remedy}") from None
-
-
-def reason_of(error: BaseException) -> str:
-    """Why something failed, in one printable line; the error may be anybody's."""
-    if isinstance(error, SystemExit):
-        return "it calls sys.exit"
-    try:
-        said = " ".join(str(error).split())
-    except Exception:  # its __str__ is anybody's, too
-        said = ""
-    return printable(said[:_LONGEST_REASON]) or type(error).__name__
-
-
-def printable(text: str) -> str:
-    """A text that is safe on a terminal: control characters and half letters as escapes."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)

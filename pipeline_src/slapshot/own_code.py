@@ -12,7 +12,8 @@ from importlib.machinery import ModuleSpec, PathFinder
 from traceback import walk_tb
 from types import ModuleType
 
-from slapshot.errors import InputError, reason_of
+from slapshot.errors import InputError
+from slapshot.text import reason_of
 
 # Dotted name of a module.
 MODULE = r"^[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*$"

@@ -16,7 +16,8 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from slapshot.errors import InputError, printable, reading
+from slapshot.errors import InputError, reading
+from slapshot.text import printable
 from slapshot.yaml_file import Loc
 
 LONGEST_NAME = 64

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
-from slapshot.errors import printable
+from slapshot.text import printable
 
 from .breakers import Breaker, arrow, cell, header, puck, table, text
 from .builder import TABLES, make_recording

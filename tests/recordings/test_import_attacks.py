@@ -22,7 +22,7 @@ def test_an_import_that_cannot_be_is_refused_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spoil: Spoiler, words: list[str]
 ) -> None:
     if "was not matched within" in words:
-        monkeypatch.setattr(name_pattern, "_LIMIT_S", 1.0)
+        monkeypatch.setattr(name_pattern, "_LIMIT_S", 1)
     make_good(tmp_path)
     spoil(tmp_path)
     with pytest.raises(InputError) as caught:

@@ -15,11 +15,12 @@ from slapshot.diagnosis.result import Diagnosis
 from slapshot.diagnosis.rig_file import RigFile, read_rig, rig_of_domain
 from slapshot.diagnosis.signatures import Signatures
 from slapshot.effects.catalogue import import_effects
-from slapshot.errors import InputError, check_writable, printable, writing
+from slapshot.errors import InputError, check_writable, writing
 from slapshot.recordings.read import read_recording
 from slapshot.scenes.scene import Scene
 from slapshot.store.closure import code_digest
 from slapshot.store.content import content_digest
+from slapshot.text import printable
 from slapshot.whole_file import replacing
 
 

@@ -16,12 +16,13 @@ import numpy as np
 from pydantic import ConfigDict, Field, create_model
 
 from slapshot.diagnosis.result import Setting
-from slapshot.errors import InputError, reason_of
+from slapshot.errors import InputError
 from slapshot.own_code import MODULE
 from slapshot.scenes.domain import load_domain, scene_settings
 from slapshot.scenes.randomisation import middle_condition
 from slapshot.scenes.scene import Scene
 from slapshot.scenes.settings import Coordinate, SceneSettings
+from slapshot.text import reason_of
 from slapshot.validation import Model, key_of, validated
 from slapshot.yaml_file import read_document
 

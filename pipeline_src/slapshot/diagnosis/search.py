@@ -18,7 +18,7 @@ from slapshot.diagnosis.fitter import Fitter
 from slapshot.diagnosis.gauss_newton import Fit
 from slapshot.diagnosis.slide_model import Column
 from slapshot.effects.effect import Effect, Parameter
-from slapshot.errors import reason_of
+from slapshot.text import reason_of
 
 Array = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value

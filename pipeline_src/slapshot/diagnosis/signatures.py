@@ -20,9 +20,10 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from slapshot.diagnosis.strikes import Commands, Striker
 from slapshot.effects.effect import Effect, Parameter
-from slapshot.errors import InputError, reading, reason_of
+from slapshot.errors import InputError, reading
 from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
+from slapshot.text import reason_of
 
 Array = NDArray[np.float64]
 

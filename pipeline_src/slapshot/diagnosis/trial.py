@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from slapshot.effects.effect import Effect
 from slapshot.effects.slide_law import Acting, slide
-from slapshot.errors import reason_of
+from slapshot.text import reason_of
 
 Array = NDArray[np.float64]
 

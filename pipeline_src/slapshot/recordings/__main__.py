@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from slapshot.errors import InputError, printable
+from slapshot.errors import InputError
 from slapshot.recordings.format import Recording
 from slapshot.recordings.read import read_recording
+from slapshot.text import printable
 
 
 def describe(recording: Recording) -> str:

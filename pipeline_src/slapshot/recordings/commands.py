@@ -3,12 +3,12 @@
 import argparse
 from pathlib import Path
 
-from slapshot.errors import printable
 from slapshot.recordings.__main__ import describe
 from slapshot.recordings.finding import Finding
 from slapshot.recordings.importing.importer import ImportSummary, import_tracks
 from slapshot.recordings.oddities import odd_things
 from slapshot.recordings.read import read_recording
+from slapshot.text import printable
 
 
 def run_import(args: argparse.Namespace) -> int:

@@ -16,9 +16,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow.parquet import FileMetaData
 
-from slapshot.errors import InputError, printable, reading
+from slapshot.errors import InputError, reading
 from slapshot.parquet import open_table, write_table
 from slapshot.recordings.format import HITS_SCHEMA, LONGEST_ID, OPTIONAL_COLUMNS, joint_schema
+from slapshot.text import printable
 from slapshot.validation import short
 
 _ROWS_PER_GROUP = 128 * 1024

@@ -24,8 +24,8 @@ from slapshot.diagnosis.report.terminal import terminal_text
 from slapshot.diagnosis.result import Diagnosis
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.diagnosis.verdict_file import read_verdict, write_verdict
-from slapshot.errors import reason_of
 from slapshot.figures.drawing import save, use_style
+from slapshot.text import reason_of
 from slapshot.whole_file import write_whole
 
 log = logging.getLogger("slapshot")

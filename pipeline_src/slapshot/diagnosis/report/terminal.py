@@ -12,8 +12,8 @@ from slapshot.diagnosis.report.sentences import (
     scenes,
 )
 from slapshot.diagnosis.verdict import Verdict
-from slapshot.errors import printable
 from slapshot.figures.drawing import STAND_IN
+from slapshot.text import printable
 
 
 def terminal_text(verdict: Verdict) -> str:

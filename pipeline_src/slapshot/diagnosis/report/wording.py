@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from slapshot.effects.bases import BOARD
-from slapshot.errors import printable
+from slapshot.text import printable
 
 # As the end of "Something is missing: ...". An effect without a phrase is called by its name.
 PHRASES = {

@@ -1,11 +1,12 @@
 """Matches names with a regular expression; a script on its own, which `name_pattern` runs and ends.
 
-It reads [pattern, names] as JSON and writes {"groups": names of groups, "fields": of each name, null where it
-does not match}, or {"error": text}. Only the standard library: it starts in milliseconds.
+It reads [limit in seconds, pattern, names] as JSON and writes {"groups": names of groups, "fields": of each
+name, null where it does not match}, or {"error": text}. Only the standard library: it starts in milliseconds.
 """
 
 import json
 import re
+import resource
 import sys
 from typing import Any
 
@@ -26,4 +27,6 @@ def answer(pattern: str, names: list[str]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    json.dump(answer(*json.load(sys.stdin)), sys.stdout)
+    limit, *asked = json.load(sys.stdin)
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1))
+    json.dump(answer(*asked), sys.stdout)
