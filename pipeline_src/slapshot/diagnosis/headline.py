@@ -113,9 +113,9 @@ def distrust(levels: Sequence[Level], hits: NDArray[np.int64], pushed: Sequence[
                     f"{_remedy(blamed := _blamed(fit, level, hits, pushed))}",
                     blamed,
                 )
-    first = levels[0].nominal.fit
-    if isinstance(first.scatter, float) and first.scatter >= FRICTION_SD[1]:
-        blamed = _blamed(first, levels[0], hits, pushed)
+    slides = levels[0].final.fit
+    if isinstance(slides.scatter, float) and slides.scatter >= FRICTION_SD[1]:
+        blamed = _blamed(slides, levels[0], hits, pushed)
         return Distrust(
             f"friction would have to differ from hit to hit by {100 * FRICTION_SD[1]:.0f} % or more, which "
             "hides whatever else there is; record repeats of one command, keep object and surface as they "
