@@ -113,7 +113,7 @@ def _told(verdict: dict[str, Any], text: str) -> Iterator[str]:
         if after["low"] > before["high"]:
             yield f"what is named makes {measure} worse"
         best = after if verdict["effects"] else before
-        if best["high"] < floor["low"] and measure != "track_rmse_m" and "which is too much" not in text:
+        if best["high"] < floor["low"] and "the noise is overestimated" not in text:
             yield f"{measure} lies below its noise floor, and the page does not say so"
     if verdict["effects"] and fit["augmented"]["loglik_per_hit"]["high"] < 0:
         yield "what is named makes held-out hits less likely"

@@ -199,13 +199,11 @@ def _better(verdict: Verdict) -> list[str]:
     known = _measured(verdict.fit["refitted"])
     head = ["scene", *(name for name, error in known.items() if error), "log-likelihood a hit (nats)"]
     before, after, floor = (mm(rest_error(verdict.fit[n])) for n in ("refitted", "augmented", "noise_floor"))
-    leaves = f"noise alone leaves {floor} mm"
-    best = "augmented" if "augmented" in scenes(verdict) else "refitted"
-    if rest_error(verdict.fit[best]).high < rest_error(verdict.fit["noise_floor"]).low:
-        leaves = f"the noise estimated would leave {floor} mm, which is too much"
-    told = f"Rest points are predicted to {before} mm; {leaves}."
-    if best == "augmented":
-        told = f"Rest points are predicted to {after} mm instead of {before} mm; {leaves}."
+    told = f"Rest points are predicted to {before} mm; noise alone leaves {floor} mm."
+    if "augmented" in scenes(verdict):
+        told = (
+            f"Rest points are predicted to {after} mm instead of {before} mm; noise alone leaves {floor} mm."
+        )
         gained = rest_error(verdict.fit["augmented"]).high < rest_error(verdict.fit["refitted"]).low
         if verdict.fit["augmented"].loglik_per_hit.low <= 0 and not gained:
             told += " **On so few held-out hits the gain cannot be told from chance.**"
@@ -213,6 +211,7 @@ def _better(verdict: Verdict) -> list[str]:
         told += (
             " What was found acts before the slide: it does not change what follows from its first frames."
         )
+    told += _below_floor(verdict)
     if verdict.fit["refitted"].track_rmse_m is None:
         how = "On held-out hits, each predicted from its command alone. Likelihoods are over that of the "
         return [f"{told} {how}nominal scene with friction refitted.", table(head, rows)]
@@ -222,6 +221,21 @@ def _better(verdict: Verdict) -> list[str]:
         "that of the nominal scene with friction refitted."
     )
     return [f"{told} {how}", table(head, rows)]
+
+
+def _below_floor(verdict: Verdict) -> str:
+    """A sentence on errors that lie below what noise alone is said to leave; nothing if none does."""
+    assert verdict.fit is not None
+    best = verdict.fit["augmented" if "augmented" in scenes(verdict) else "refitted"]
+    floors = _measured(verdict.fit["noise_floor"])
+    low = [
+        name.removesuffix(" (mm)")
+        for name, error in _measured(best).items()
+        if error is not None and (floor := floors[name]) is not None and error.high < floor.low
+    ]
+    if not low:
+        return ""
+    return f" The {wording.listed(low)} lies below its noise floor: there the noise is overestimated."
 
 
 def _errors(errors: Errors) -> list[str]:
