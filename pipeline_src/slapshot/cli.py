@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import signal
 import sys
 from collections import Counter
@@ -134,6 +135,7 @@ def _import(args: argparse.Namespace) -> int:
 
 
 def _diagnose(args: argparse.Namespace) -> int:
+    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is rendered: no display is looked for
     from slapshot.diagnosis.command import run_diagnose  # MuJoCo, figures: the other commands start faster
 
     with own_code_may_run():  # effects that a rig file names

@@ -80,6 +80,8 @@ def _untold(
 def _told(verdict: dict[str, Any], text: str) -> Iterator[str]:
     headline, fit, mismatch = verdict["headline"], verdict["fit"], verdict["mismatch"]
     chi2 = fit["refitted"]["chi2_per_freedom"]
+    if (mismatch["decided_by"] is not None) != mismatch["found"]:
+        yield f"mismatch.found is {mismatch['found']}, decided by {mismatch['decided_by']}"
     if mismatch["found"] != (headline != "nothing_found"):
         yield f"headline is {headline}, but mismatch.found is {mismatch['found']}"
     if headline == "nothing_found":
@@ -113,6 +115,10 @@ def _told(verdict: dict[str, Any], text: str) -> Iterator[str]:
         if after["low"] > before["high"]:
             yield f"what is named makes {measure} worse"
         best = after if verdict["effects"] else before
+        if floor is None:
+            if "cannot be told" not in text:
+                yield f"no noise floor of {measure}, and the page does not say so"
+            continue
         if best["high"] < floor["low"] and "the noise is overestimated" not in text:
             yield f"{measure} lies below its noise floor, and the page does not say so"
     if verdict["effects"] and fit["augmented"]["loglik_per_hit"]["high"] < 0:

@@ -90,8 +90,9 @@ def test_a_figure_that_fails_costs_nothing_else(slapshot, recorded, tmp_path, mo
 def test_an_end_while_figures_are_drawn_keeps_the_verdict_and_hides_nothing(recorded, tmp_path, how):
     out = tmp_path / "verdict"
     code = f"""
-import os, sys
+import os, signal, sys
 from slapshot import cli
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run in the background
 from slapshot.diagnosis import command
 from slapshot.diagnosis.report import location_map
 from slapshot.diagnosis.report import ranking

@@ -103,7 +103,9 @@ def test_text_that_is_no_json_is_refused(tilt, tmp_path):
 
 def test_what_could_not_be_read_again_is_not_written(tilt, tmp_path):
     with pytest.raises(ValueError, match=r"verdict: mismatch\.p_value: 1\.5 is out of range"):
-        write_verdict(replace(tilt.verdict, mismatch=Mismatch(True, 1.5, 3.0, 0.1)), VERSIONS, tmp_path)
+        write_verdict(
+            replace(tilt.verdict, mismatch=Mismatch(True, "tests", 1.5, 3.0, 0.1)), VERSIONS, tmp_path
+        )
     assert not list(tmp_path.iterdir())
 
 

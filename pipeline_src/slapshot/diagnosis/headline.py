@@ -8,7 +8,7 @@
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -94,7 +94,9 @@ def names_hold(errors: Mapping[str, Errors]) -> bool:
 
 def settled(mismatch: Mismatch, headline: Headline) -> Mismatch:
     """The mismatch as the headline has it."""
-    return Mismatch(headline != "nothing_found", mismatch.p_value, mismatch.log_evidence, mismatch.shift_m)
+    if headline == "nothing_found":
+        return replace(mismatch, found=False, decided_by=None)
+    return replace(mismatch, found=True, decided_by="tests" if mismatch.found else "held-out hits")
 
 
 def distrust(levels: Sequence[Level], hits: NDArray[np.int64], pushed: Sequence[int]) -> Distrust | None:
@@ -130,9 +132,9 @@ def _remedy(blamed: Sequence[int]) -> str:
         return "record more hits that differ in heading and speed, each one push, seen from rest to rest"
     several = len(blamed) > 1
     return (
-        f"look at hit{'s' * several} {', '.join(map(str, blamed))}, which fit{'s' * (not several)} worst or "
-        f"{'were' if several else 'was'} no single push: mend the track{'s' * several} or leave "
-        f"{'them' if several else 'it'} out, and record hits of one push each, seen from rest to rest"
+        f"look first at hit{'s' * several} {', '.join(map(str, blamed))}, which fit{'s' * (not several)} "
+        f"worst where the fit stopped or {'were' if several else 'was'} no single push (the cause may lie "
+        "elsewhere), and record hits of one push each, seen from rest to rest"
     )
 
 

@@ -142,12 +142,20 @@ def errors_of(held: HeldOut, reference: Array, rng: np.random.Generator) -> Erro
 
 
 def noise_floor(held: HeldOut, reference: Array, rng: np.random.Generator) -> Errors:
-    """What the best scene could reach: camera noise, a launch told from few frames, scatter of launches."""
+    """What the best scene could reach: camera noise, a launch told from few frames, scatter of launches.
+
+    From commands it is told linearly about the mean launch. Where the slide is not linear in launches, as
+    with an effect of unseen spin, that can exceed the errors themselves: then no floor is known.
+    """
     command = held.expected_command
+    floor = None if command is None else root_mean(command, rng)
+    if floor is not None and held.command_square is not None:
+        seen = root_mean(held.command_square, rng)
+        floor = None if floor.low > seen.high else floor
     return Errors(
         root_mean(held.expected_track, rng),
         root_mean(held.expected_rest, rng),
-        None if command is None else root_mean(command, rng),
+        floor,
         mean(held.expected_loglik - reference, rng),
         Interval(1.0, 1.0, 1.0),
     )

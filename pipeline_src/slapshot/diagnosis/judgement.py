@@ -35,7 +35,9 @@ def mismatch_of(screen: Screen, p_value: float, evidence: float, shift: float) -
     best = max(screen.log_evidence, key=lambda name: screen.log_evidence[name])
     large = max((screen.shift[n] for n, e in screen.log_evidence.items() if e > evidence), default=0.0)
     found = screen.p_value < p_value and screen.log_evidence[best] > evidence and large >= shift
-    return Mismatch(found, screen.p_value, screen.log_evidence[best], screen.shift[best])
+    return Mismatch(
+        found, "tests" if found else None, screen.p_value, screen.log_evidence[best], screen.shift[best]
+    )
 
 
 def strongest(mismatches: Sequence[Mismatch]) -> Mismatch:

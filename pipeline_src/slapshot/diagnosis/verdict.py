@@ -34,12 +34,14 @@ class Mismatch:
     Attributes:
         found: the verdict: by the test below, or because held-out hits are predicted worse than noise alone
             would.
+        decided_by: which of both it was, tests first; None where nothing is found.
         p_value: of the largest evidence, by sign flips of whole hits.
         log_evidence: nats of the best hypothesis over the nominal scene.
         shift_m: rms shift of tracks by it where it is largest, beyond what another friction would do.
     """
 
     found: bool
+    decided_by: Literal["tests", "held-out hits"] | None
     p_value: Probability
     log_evidence: float
     shift_m: NotNegative
@@ -121,7 +123,8 @@ class Errors:
     Attributes:
         track_rmse_m: of the frames after the first ones, from which the launch was told; None without tracks.
         rest_rmse_m: of the last of them; None without tracks.
-        command_rest_rmse_m: of rest points predicted from commands alone; None where they are not known.
+        command_rest_rmse_m: of rest points predicted from commands alone; None where they are not known, and
+            of a noise floor that cannot be told.
         loglik_per_hit: nats, over that of the nominal scene with refitted nuisance.
         chi2_per_freedom: of the whitened residuals, 1 where the model holds; its interval is one of 99 %,
             since the headline rests on it.

@@ -42,10 +42,13 @@ def draw(outcome: Outcome | RestOutcome) -> Drawing:
     """A panel a measure: tracks, rest points, those from commands where they are known, log-likelihood."""
     table = error_table(outcome.verdict)
     measured = list(dict.fromkeys(table["measure"]))
+    drawn = scenes(outcome.verdict)
     figure, axes = plt.subplots(1, len(measured), figsize=(1.2 + 3 * len(measured), 2.6), sharey=True)
     for part, letter, measure in zip(axes, "abcd", measured, strict=False):
         title, unit, factor = _MEASURES[measure]
-        _draw_measure(part, table[table["measure"] == measure], factor, far=measure == "loglik_per_hit")
+        _draw_measure(
+            part, table[table["measure"] == measure], drawn, factor, likelihood=measure == "loglik_per_hit"
+        )
         part.set_title(f"({letter}) {title}", loc="left")
         part.set_xlabel(unit)
     mark_stand_in(figure, outcome.verdict)
@@ -64,15 +67,24 @@ def error_table(verdict: Verdict) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _draw_measure(axes: Axes, rows: pd.DataFrame, factor: float, far: bool) -> None:
-    """Points with intervals; `far` leaves the believed scene out of the range and says its value."""
+def _draw_measure(axes: Axes, rows: pd.DataFrame, drawn: list[str], factor: float, likelihood: bool) -> None:
+    """Points with intervals; of a likelihood far below the others, only its value is said."""
+    far = likelihood
     known = {row["scene"]: row for _, row in rows.iterrows()}
-    axes.axvline(factor * known["noise_floor"]["value"], color="black", lw=1, ls=":")
-    drawn = [scene for scene in _ROWS if scene in known]
+    if "noise_floor" in known:
+        axes.axvline(factor * known["noise_floor"]["value"], color="black", lw=1, ls=":")
+    # Far below the others it would leave them no room.
+    others = [known[scene]["low"] for scene in known if scene != "nominal"]
+    far = far and known["nominal"]["value"] < min(others)
     for y, scene in zip(range(len(drawn))[::-1], drawn, strict=True):
+        if scene not in known:
+            axes.annotate(
+                "cannot be told", (0.03, y), xycoords=("axes fraction", "data"), fontsize=8, va="center"
+            )
+            continue
         value, low, high = (factor * known[scene][name] for name in ("value", "low", "high"))
         colour = _ROWS[scene][1]
-        text = f"{value:.2f}" if far else f"{value:.1f}"
+        text = f"{value:.2f}" if likelihood else f"{value:.1f}"
         if far and scene == "nominal":
             text = f"← {value:.0f} ({low:.0f} to {high:.0f})".replace("-", "−")
             axes.annotate(
@@ -86,7 +98,7 @@ def _draw_measure(axes: Axes, rows: pd.DataFrame, factor: float, far: bool) -> N
     axes.set_yticks(range(len(drawn))[::-1], [_ROWS[scene][0] for scene in drawn])
     axes.set_ylim(-0.6, len(drawn) - 0.4)
     axes.grid(axis="y", visible=False)
-    if not far:
+    if not likelihood:
         axes.set_xscale("log")
         low, high = axes.get_xlim()
         shown = [t for t in _TICKS if low <= t <= high]

@@ -72,7 +72,8 @@ def _draw_hits(a: Axes, b: Axes, rows: pd.DataFrame, state: str) -> None:
             end = own[["x_m", "y_m"]].to_numpy()[-1]
             a.annotate(str(hit), (float(end[0]), float(end[1])), color=colour)
     if hits:
-        b.plot([], [], color=colour, lw=width, label=f"{state} ({len(hits)})")
+        said = "others" if state == "used" else state
+        b.plot([], [], color=colour, lw=width, label=f"{said} ({len(hits)})")
 
 
 def can_be_drawn(diagnosis: Diagnosis) -> bool:

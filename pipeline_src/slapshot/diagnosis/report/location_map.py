@@ -45,13 +45,13 @@ def draw(outcome: Outcome) -> Drawing:
     tracks = _tracks(outcome)
     variable = shown_variable(outcome)
     figure, (a, b) = plt.subplots(1, 2, figsize=(10.2, 4.7))
-    _draw_board(a, tracks)
+    _draw_board(a, tracks, arrows)
     _draw_arrows(a, arrows)
     a.set_title("(a) push that the scene lacks, over the board", loc="left")
     launches = outcome.launches if in_launch(outcome) else None
     if variable == "place" and launches is None:
         own = outcome.judged(_along_table(outcome))
-        _draw_board(b, tracks)
+        _draw_board(b, tracks, arrows)
         _draw_along(b, own)
         b.set_title("(b) its part along the motion, by place", loc="left")
     else:
@@ -59,7 +59,10 @@ def draw(outcome: Outcome) -> Drawing:
             bin_table(outcome, variable) if launches is None else launch_table(launches, variable)
         )
         draw_bins(b, own, variable)
-        b.set_title(f"(b) {'push' if launches is None else 'launch'} by {axis_name(variable)}", loc="left")
+        told = outcome.verdict.location.variable if outcome.verdict.location is not None else None
+        unseen = f" ({told} is not seen, and averages out here)" if told not in (None, variable) else ""
+        what = "push" if launches is None else "launch"
+        b.set_title(f"(b) {what} by {axis_name(variable)}{unseen}", loc="left")
     mark_stand_in(figure, outcome.verdict)
     table = pd.concat(
         [arrows.assign(panel="a"), own.assign(panel="b", variable=variable), tracks.assign(panel="tracks")],
@@ -85,10 +88,15 @@ def _tracks(outcome: Outcome) -> pd.DataFrame:
     )
 
 
-def _draw_board(axes: Axes, tracks: pd.DataFrame) -> None:
+def _draw_board(axes: Axes, tracks: pd.DataFrame, arrows: pd.DataFrame) -> None:
     for _, rows in tracks.groupby("hit"):
         axes.plot(rows["x_m"], rows["y_m"], color="#C9C9C9", lw=0.6, zorder=1)
-    low, high = tracks[["x_m", "y_m"]].min(), tracks[["x_m", "y_m"]].max()
+    scale = arrow_scale(arrows)
+    tips = pd.DataFrame(
+        {"x_m": arrows["x_m"] + scale * arrows["ax_m_s2"], "y_m": arrows["y_m"] + scale * arrows["ay_m_s2"]}
+    )
+    places = pd.concat([tracks[["x_m", "y_m"]], tips])
+    low, high = places.min(), places.max()
     middle, span = (low + high) / 2, 1.2 * (high - low).max()
     left = low["x_m"] - 0.15 * span  # what is empty is on the right, where the legend is
     axes.set_xlim(left, left + span)

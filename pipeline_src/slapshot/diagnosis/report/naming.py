@@ -15,8 +15,9 @@ def what(verdict: Verdict) -> list[str]:
     for effect in verdict.effects:
         parts += [
             f"### {wording.escaped(wording.capitalised(wording.phrase(effect.name)))}",
-            f"{wording.escaped(effect.physics)} It adds {effect.log_evidence:.1f} nats of evidence; without "
-            f"it, all else being equal, tracks would lie {1e3 * effect.shift_m:.1f} mm (rms) elsewhere.",
+            f"{wording.escaped(effect.physics)} Refitted, it adds {effect.log_evidence:.1f} nats of "
+            "evidence; without it, all else being equal, tracks would lie "
+            f"{1e3 * effect.shift_m:.1f} mm (rms) elsewhere.",
             *_members(effect),
             *_parameters(effect),
         ]

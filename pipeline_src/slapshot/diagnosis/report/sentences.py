@@ -10,7 +10,7 @@ from slapshot.diagnosis.report import wording
 from slapshot.diagnosis.report.naming import what
 from slapshot.diagnosis.report.wording import table
 from slapshot.diagnosis.search import ADD
-from slapshot.diagnosis.verdict import Errors, Interval, Mismatch, NamedEffect, Verdict
+from slapshot.diagnosis.verdict import Errors, Interval, NamedEffect, Verdict
 from slapshot.effects.catalogue import catalogue
 from slapshot.figures.drawing import STAND_IN
 
@@ -107,7 +107,7 @@ def _mismatch(verdict: Verdict) -> str:
     assert mismatch is not None
     facts = (
         f"p = {mismatch.p_value:.2g} (signs of whole hits flipped), evidence {mismatch.log_evidence:.1f} "
-        "nats for the best single hypothesis, which moves rest points by "
+        "nats for the best single hypothesis by the linear screen, which moves tracks by "
         f"{MM * mismatch.shift_m:.1f} mm (rms)"
     )
     held_out = _held_out(verdict)
@@ -118,19 +118,10 @@ def _mismatch(verdict: Verdict) -> str:
             f"counts as missing physics ({facts}; it takes p < {P_VALUE:g}, more than {LEAST_EVIDENCE:g} "
             f"nats and at least {MM * LEAST_SHIFT:g} mm). {noise}"
         )
-    if _tested(mismatch):
+    if mismatch.decided_by == "tests":
         return f"**Yes.** After friction was refitted, something is left: {facts}. {held_out} {noise}"
     return (
         f"**Yes.** {held_out} The test of single hypotheses alone would not have said so ({facts}). {noise}"
-    )
-
-
-def _tested(mismatch: Mismatch) -> bool:
-    """Whether the test of single hypotheses alone finds it."""
-    return (
-        mismatch.p_value < 2 * P_VALUE
-        and mismatch.log_evidence > LEAST_EVIDENCE
-        and mismatch.shift_m >= LEAST_SHIFT
     )
 
 
@@ -195,15 +186,17 @@ def scenes(verdict: Verdict) -> list[str]:
 def _better(verdict: Verdict) -> list[str]:
     if verdict.fit is None:
         return ["Not measured."]
-    rows = [[SCENES[name], *_errors(verdict.fit[name])] for name in scenes(verdict)]
-    known = _measured(verdict.fit["refitted"])
-    head = ["scene", *(name for name, error in known.items() if error), "log-likelihood a hit (nats)"]
-    before, after, floor = (mm(rest_error(verdict.fit[n])) for n in ("refitted", "augmented", "noise_floor"))
-    told = f"Rest points are predicted to {before} mm; noise alone leaves {floor} mm."
+    known = [name for name, error in _measured(verdict.fit["refitted"]).items() if error]
+    rows = [[SCENES[name], *_errors(verdict.fit[name], known)] for name in scenes(verdict)]
+    head = ["scene", *known, "log-likelihood a hit (nats)"]
+    before, after = (mm(rest_error(verdict.fit[name])) for name in ("refitted", "augmented"))
+    floor = rest_floor(verdict)
+    leaves = (
+        "what noise alone leaves cannot be told" if floor is None else f"noise alone leaves {mm(floor)} mm"
+    )
+    told = f"Rest points are predicted to {before} mm; {leaves}."
     if "augmented" in scenes(verdict):
-        told = (
-            f"Rest points are predicted to {after} mm instead of {before} mm; noise alone leaves {floor} mm."
-        )
+        told = f"Rest points are predicted to {after} mm instead of {before} mm; {leaves}."
         gained = rest_error(verdict.fit["augmented"]).high < rest_error(verdict.fit["refitted"]).low
         if verdict.fit["augmented"].loglik_per_hit.low <= 0 and not gained:
             told += " **On so few held-out hits the gain cannot be told from chance.**"
@@ -238,8 +231,12 @@ def _below_floor(verdict: Verdict) -> str:
     return f" The {wording.listed(low)} lies below its noise floor: there the noise is overestimated."
 
 
-def _errors(errors: Errors) -> list[str]:
-    found = [f"{mm(e)} ({MM * e.low:.1f} to {MM * e.high:.1f})" for e in _measured(errors).values() if e]
+def _errors(errors: Errors, known: list[str]) -> list[str]:
+    measured = _measured(errors)
+    found = [
+        f"{mm(e)} ({MM * e.low:.1f} to {MM * e.high:.1f})" if (e := measured[name]) else "cannot be told"
+        for name in known
+    ]
     loglik = errors.loglik_per_hit
     fixed = loglik.low == loglik.high == 0  # the scene that others are compared with
     return [*found, "0" if fixed else wording.between(loglik.value, loglik.low, loglik.high)]
@@ -260,6 +257,14 @@ def rest_error(errors: Errors) -> Interval:
     return found
 
 
+def rest_floor(verdict: Verdict) -> Interval | None:
+    """What noise alone leaves of the same; None where that cannot be told."""
+    assert verdict.fit is not None
+    floor = verdict.fit["noise_floor"]
+    by_command = verdict.fit["refitted"].command_rest_rmse_m is not None
+    return floor.command_rest_rmse_m if by_command else floor.rest_rmse_m
+
+
 def mm(error: Interval) -> str:
     """An error in mm."""
     return f"{MM * error.value:.1f}"
@@ -273,6 +278,11 @@ def _next(verdict: Verdict) -> str:
         ]
         if rivals:
             return f"No hits were worked out that would part {wording.listed(rivals)}."
+        if verdict.headline == "found_not_named":
+            return (
+                "No name is left whose rivals hits could part. Repeat some commands, and send hits where the "
+                "location map shows lacking pushes, from several directions and at several speeds."
+            )
         return "No rivals are left that further hits would have to part."
     hits = verdict.next_hits
     first = [wording.escaped(wording.title(name)) for name in hits[0].rivals]

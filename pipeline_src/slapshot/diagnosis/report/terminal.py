@@ -9,6 +9,7 @@ from slapshot.diagnosis.report.sentences import (
     mm,
     place,
     rest_error,
+    rest_floor,
     scenes,
 )
 from slapshot.diagnosis.verdict import Verdict
@@ -29,10 +30,18 @@ def terminal_text(verdict: Verdict) -> str:
         return _safe([*lines, f"  because    {verdict.cannot_tell}", *notes])
     mismatch = verdict.mismatch
     assert mismatch is not None
-    lines.append(
-        f"  mismatch   {'yes' if mismatch.found else 'no'}: p = {mismatch.p_value:.2g}, "
-        f"evidence {mismatch.log_evidence:.1f} nats, tracks {MM * mismatch.shift_m:.1f} mm"
+    tests = (
+        f"p = {mismatch.p_value:.2g}, evidence {mismatch.log_evidence:.1f} nats, "
+        f"tracks {MM * mismatch.shift_m:.1f} mm"
     )
+    if mismatch.decided_by == "held-out hits" and verdict.fit is not None:
+        chi2 = verdict.fit["refitted"].chi2_per_freedom
+        lines.append(
+            f"  mismatch   yes: held-out chi-squared {chi2.value:.2f} ({chi2.low:.2f} to {chi2.high:.2f}); "
+            f"single hypotheses alone {tests}"
+        )
+    else:
+        lines.append(f"  mismatch   {'yes' if mismatch.found else 'no'}: {tests}")
     if mismatch.found:
         lines.append(f"  where      {place(verdict)}")
     for effect in verdict.effects:
@@ -42,7 +51,13 @@ def terminal_text(verdict: Verdict) -> str:
             text = wording.parameter_text(p.name, p.unit, p.value, p.low, p.high)
             lines.append(f"             {wording.parameter_label(p.name, p.meaning)}: {text}")
     if verdict.fit is not None:
-        shown = [f"{wording.title(name)} {mm(rest_error(verdict.fit[name]))}" for name in scenes(verdict)]
+        shown = [
+            f"{wording.title(name)} {mm(rest_error(verdict.fit[name]))}"
+            for name in scenes(verdict)
+            if name != "noise_floor"
+        ]
+        floor = rest_floor(verdict)
+        shown.append(f"noise floor {'not known, errors in' if floor is None else mm(floor)}")
         lines.append(f"  rest error {', '.join(shown)} mm")
     if verdict.limits:
         lines.append(f"  limits     {wording.several(len(verdict.limits), 'line')} in {VERDICT_TEXT}")
