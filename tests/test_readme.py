@@ -40,7 +40,7 @@ def test_errors_on_rigs_and_in_simulation(text):
         f"Before the first hit the Kalman model errs by {recorded[0]:.0f} cm, after 4 hits by "
         f"{recorded[4]:.1f} cm, after 16 by {recorded[16]:.1f} cm" in text
     )
-    assert f"where nothing is concealed, {simulated[0]:.0f} cm become {simulated[16]:.0f}." in text
+    assert f"where nothing is concealed, {simulated[0]:.0f} cm become {simulated[16]:.0f} after 16." in text
 
 
 def test_the_circle_is_told_with_what_speaks_against_it(text):

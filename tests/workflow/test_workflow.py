@@ -212,7 +212,8 @@ def test_swapped_values_rerun_and_flipping_back_reruns_nothing(workspace):
     second = workspace.variant("swapped", swap)
     versions = workspace.plan(first)
     jobs = jobs_of(versions, downstream(versions, of_hockey(of_stages(versions, "evaluate"))))
-    assert jobs["figure_version"] == jobs["claim_version"] == 1
+    # C5 holds recorded errors against simulated ones.
+    assert (jobs["figure_version"], jobs["claim_version"]) == (1, 2)
     original = workspace.manifest()
     bytes_of = {name: (workspace.published / name).read_bytes() for name in original}
     assert job_counts(workspace.snakemake("figures", config=first).stdout) == jobs | {"figures": 1}
@@ -252,7 +253,7 @@ def test_an_edited_module_reruns_exactly_what_imports_it(workspace, file, stages
 
 def test_comments_and_modules_that_no_result_depends_on_rerun_nothing(workspace):
     with (
-        workspace.edited("config.py", no_operation),
+        workspace.edited("config/configuration.py", no_operation),
         workspace.edited("plan/results.py", no_operation),
         workspace.edited("publish.py", no_operation),
         workspace.edited("adaptation/scoring.py", comment),
