@@ -60,7 +60,7 @@ def draw(outcome: Outcome) -> Drawing:
         )
         draw_bins(b, own, variable)
         told = outcome.verdict.location.variable if outcome.verdict.location is not None else None
-        unseen = f" ({told} is not seen, and averages out here)" if told not in (None, variable) else ""
+        unseen = f"; {told} is not seen" if told not in (None, variable) else ""
         what = "push" if launches is None else "launch"
         b.set_title(f"(b) {what} by {axis_name(variable)}{unseen}", loc="left")
     mark_stand_in(figure, outcome.verdict)

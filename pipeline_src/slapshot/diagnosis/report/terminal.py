@@ -57,8 +57,9 @@ def terminal_text(verdict: Verdict) -> str:
             if name != "noise_floor"
         ]
         floor = rest_floor(verdict)
-        shown.append(f"noise floor {'not known, errors in' if floor is None else mm(floor)}")
-        lines.append(f"  rest error {', '.join(shown)} mm")
+        shown += [] if floor is None else [f"noise floor {mm(floor)}"]
+        unknown = "; the noise floor cannot be told" if floor is None else ""
+        lines.append(f"  rest error {', '.join(shown)} mm{unknown}")
     if verdict.limits:
         lines.append(f"  limits     {wording.several(len(verdict.limits), 'line')} in {VERDICT_TEXT}")
     if verdict.next_hits:
