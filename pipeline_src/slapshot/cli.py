@@ -22,6 +22,7 @@ from slapshot.store.housekeeping import collect_garbage, find_version, flatten
 from slapshot.store.recipe import Recipe
 from slapshot.store.verify import compare, find_problems, make_lock, problem_of, remove_damaged
 from slapshot.store.version_file import REPAIR, read_version_file
+from slapshot.text import printable
 
 LOCK = Path("data/pipeline.lock")
 CONFIGS = Path("config")
@@ -41,6 +42,12 @@ def main() -> None:
         sys.exit(args.run(args))
     except InputError as error:
         print(f"slapshot: {error}", file=sys.stderr)
+        sys.exit(1)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        print(
+            f"slapshot: {printable(f'{where}{error.strerror or error}')}; name another path", file=sys.stderr
+        )
         sys.exit(1)
     except KeyboardInterrupt:
         print("slapshot: interrupted", file=sys.stderr)
@@ -103,7 +110,7 @@ def _parser() -> argparse.ArgumentParser:
     diagnosing.add_argument("--config", type=Path, help="configuration that says the same, else the default")
     diagnosing.add_argument("--domain", default="hockey", help="domain of the configuration")
     diagnosing.add_argument("--signatures", type=Path, help="file with those of commands, made if missing")
-    diagnosing.add_argument("--seed", type=int, default=0, help="of the split into used and held-out hits")
+    diagnosing.add_argument("--seed", type=_seed, default=0, help="of the split into used and held-out hits")
     diagnosing.set_defaults(run=_diagnose)
     browse = commands.add_parser("browse", help="look at hits in the Rerun viewer")
     browse.add_argument("--config", type=Path, help="configuration whose hits are shown, else the default")
@@ -112,6 +119,14 @@ def _parser() -> argparse.ArgumentParser:
     browse.add_argument("--port", type=int, default=51234, help="of the gallery; 0 for any that is free")
     browse.set_defaults(run=_browse)
     return parser
+
+
+def _seed(text: str) -> int:
+    """A seed from the command line."""
+    seed = int(text)
+    if not 0 <= seed < 2**32:
+        raise ValueError
+    return seed
 
 
 def _browse(args: argparse.Namespace) -> int:
@@ -142,6 +157,11 @@ def _diagnose(args: argparse.Namespace) -> int:
         return run_diagnose(args)
 
 
+def _say(text: str) -> None:
+    """A line to the terminal, whatever files and folders in it are called."""
+    console.print(printable(text))
+
+
 def _table(*columns: str) -> Table:
     table = Table(box=None, pad_edge=False)
     for name in columns:
@@ -152,11 +172,11 @@ def _table(*columns: str) -> Table:
 def _config(args: argparse.Namespace) -> int:
     config = read_config([args.file])
     plan = make_plan(config.values, config.where)
-    console.print(f"{args.file}: {len(plan.recipes)} versions")
+    _say(f"{args.file}: {len(plan.recipes)} versions")
     for name, domain in config.values["domains"].items():
         if not is_built_in(domain["scene"]["domain"]):
             source = find_domain(domain["scene"]["domain"])
-            console.print(f"domains.{name}.scene.domain: {source} is code of its own, which stages will run")
+            _say(f"domains.{name}.scene.domain: {source} is code of its own, which stages will run")
     return 0
 
 
@@ -170,7 +190,7 @@ def _list(args: argparse.Namespace) -> int:
         table.add_row(
             recipe["stage"],
             version["id"],
-            version["made_at"],
+            printable(str(version["made_at"])),
             f"{version['seconds']:.0f} s",
             sources,
         )
@@ -197,8 +217,11 @@ def _print_difference(first: dict[str, Any], second: dict[str, Any], a: str, b: 
     table = _table("key", a, b)
     for key in sorted(set(first) | set(second)):
         if first.get(key) != second.get(key):
-            table.add_row(key, str(first.get(key, "-")), str(second.get(key, "-")))
-    console.print(table if table.row_count else "no difference")
+            table.add_row(*map(printable, (key, str(first.get(key, "-")), str(second.get(key, "-")))))
+    if table.row_count:
+        console.print(table)
+    else:
+        _say("no difference")
 
 
 def _why(args: argparse.Namespace) -> int:
@@ -210,14 +233,14 @@ def _why(args: argparse.Namespace) -> int:
     made = [v for _, v in store.versions() if v["recipe"]["stage"] == args.stage]
     for label, recipe in wanted.items():
         if store.is_whole(recipe.stage, recipe.id):
-            console.print(f"{label}: {recipe.id} is there")
+            _say(f"{label}: {recipe.id} is there")
             continue
         if not made:
-            console.print(f"{label}: {recipe.id} is to be made; there is no version of it yet")
+            _say(f"{label}: {recipe.id} is to be made; there is no version of it yet")
             continue
         ours = flatten(json.loads(recipe.to_json()))
         nearest = min(made, key=lambda v: _distance(ours, flatten(v["recipe"])))
-        console.print(f"{label}: {recipe.id} is to be made; the nearest version there is differs in")
+        _say(f"{label}: {recipe.id} is to be made; the nearest version there is differs in")
         _print_difference(flatten(nearest["recipe"]), ours, nearest["id"], recipe.id)
     return 0
 
@@ -231,9 +254,9 @@ def _gc(args: argparse.Namespace) -> int:
     keep = _plan_of(args.config or sorted(CONFIGS.glob("*.yaml"))).ids()
     removed = collect_garbage(Store(args.store), keep, really=args.yes)
     for folder, size in removed:
-        console.print(f"{folder}  {size / 1e6:.1f} MB")
+        _say(f"{folder}  {size / 1e6:.1f} MB")
     word = "removed" if args.yes else "would be removed; add --yes to do it"
-    console.print(f"{len(removed)} folders, {sum(s for _, s in removed) / 1e6:.1f} MB {word}")
+    _say(f"{len(removed)} folders, {sum(s for _, s in removed) / 1e6:.1f} MB {word}")
     return 0
 
 
@@ -246,7 +269,7 @@ def _lock(args: argparse.Namespace) -> int:
     with writing(LOCK):
         LOCK.parent.mkdir(parents=True, exist_ok=True)
         LOCK.write_text(text + "\n")
-    console.print(f"{LOCK}: {len(recipes)} versions")
+    _say(f"{LOCK}: {len(recipes)} versions")
     return 0
 
 
@@ -276,9 +299,9 @@ def _reproduces(store: Store, plan: Plan) -> bool:
     on_demand = {label: _state(store, plan.recipes[label]) for label in sorted(plan.on_demand)}
     verdicts |= {label: state for label, state in on_demand.items() if state not in {WHOLE, NOT_MADE}}
     for label, verdict in verdicts.items():
-        console.print(f"{label}: {verdict}")
+        _say(f"{label}: {verdict}")
     good = all(v.startswith(("identical", "equal")) for v in verdicts.values())
-    console.print("reproduced" if good else "not reproduced")
+    _say("reproduced" if good else "not reproduced")
     return good
 
 
@@ -287,9 +310,9 @@ def _all_whole(store: Store, plan: Plan) -> bool:
     states = {label: _state(store, recipe) for label, recipe in plan.recipes.items()}
     shown = {n: state for n, state in states.items() if state != NOT_MADE or n not in plan.on_demand}
     for label, state in shown.items():
-        console.print(f"{label}: {state}")
+        _say(f"{label}: {state}")
     good = set(shown.values()) <= {WHOLE}
-    console.print("all whole" if good else "not all whole")
+    _say("all whole" if good else "not all whole")
     return good
 
 
@@ -306,11 +329,11 @@ def _repair(store: Store, plan: Plan) -> int:
     problems = find_problems(store, asked)
     removed = remove_damaged(store, problems, plan.recipes.values())
     for (stage, version_id), why in removed.items():
-        console.print(f"removed {stage}/{version_id}: {why}")
+        _say(f"removed {stage}/{version_id}: {why}")
     busy = [f"{stage}/{version_id}" for stage, version_id in problems if (stage, version_id) not in removed]
     if busy:
         raise InputError(f"{', '.join(busy)}: being made just now; wait until it is, and run this again")
-    console.print(f"{len(removed)} versions removed" if removed else "nothing is damaged")
+    _say(f"{len(removed)} versions removed" if removed else "nothing is damaged")
     return 0
 
 

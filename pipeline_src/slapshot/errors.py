@@ -65,7 +65,7 @@ def check_writable(target: Path) -> None:
         InputError: what is above it is no folder, or must not be written to.
     """
     above = target.absolute().parent
-    while not above.exists() and above != above.parent:
+    while not (above.exists() or above.is_symlink()) and above != above.parent:
         above = above.parent
     if not above.is_dir():
         raise InputError(f"{target}: {above} is no folder; name another place")

@@ -226,10 +226,13 @@ def _described(
     shown = short(value)
     own = list(_schemas_at(schema, loc, schema))
     meaning = next((s["description"] for s in own if "description" in s), None)
-    hint = f" ({meaning})" if meaning else ""
+    # Of a docstring, what its first line says.
+    hint = f" ({meaning.splitlines()[0]})" if meaning else ""
     if kind in {"extra_forbidden", "unexpected_keyword_argument"}:
         key = str(loc[-1])
-        known = sorted({k for s in _schemas_at(schema, loc[:-1], schema) for k in s.get("properties", {})})
+        known = sorted(
+            {k for s in _schemas_at(schema, loc[:-1], schema) for k in s.get("properties", {})} - {key}
+        )
         close = difflib.get_close_matches(key, known, n=1)
         meant = f"write {close[0]!r}" if close else "remove it"
         return loc, f"unknown key {short(key)}; {meant}, or use one of: {', '.join(known)}"

@@ -184,7 +184,7 @@ def test_a_module_from_outside_the_package_is_brought_in(package):
     package.write("domain.py", "from slapshot.parquet import read_table\nfrom PKG import other\n")
     modules = ("slapshot.errors", f"{package.name}.domain")
     assert set(module_closure(*modules)) == {
-        "slapshot", "slapshot.errors", "slapshot.parquet",
+        "slapshot", "slapshot.errors", "slapshot.parquet", "slapshot.text",
         package.name, f"{package.name}.domain", f"{package.name}.other",
     }  # fmt: skip
     before, alone = code_digest(*modules), code_digest("slapshot.errors")
@@ -197,7 +197,7 @@ def test_a_module_alone_on_the_path(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     name = f"closure_example_{next(_numbers)}"
     (tmp_path / f"{name}.py").write_text("import slapshot.errors\n")
-    assert set(module_closure(name)) == {name, "slapshot", "slapshot.errors"}
+    assert set(module_closure(name)) == {name, "slapshot", "slapshot.errors", "slapshot.text"}
     (tmp_path / f"{name}_2.py").write_text("from slapshot.errors import InputError\n")
     assert set(module_closure(f"{name}_2")) == {f"{name}_2"}
 

@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import json
+import os
 import random
 import shutil
 from collections import Counter
@@ -24,7 +25,7 @@ from slapshot.parquet import write_table
 from slapshot.plan import make_plan
 from slapshot.scenes import __main__ as scene_stage
 from slapshot.store.closure import code_digest, imported_libraries
-from slapshot.store.folder import Store
+from slapshot.store.folder import STORE_MARK, Store
 from slapshot.store.recipe import Recipe, canonical_json
 from slapshot.store.verify import find_problems, problem_of, remove_damaged
 from slapshot.store.version_file import VERSION_FILE, damaged_files, read_version_file
@@ -325,3 +326,35 @@ def test_after_a_flip_and_a_repair_everything_is_as_if_there_had_been_none(
     assert {label: make(store, label) for label in STAGES} == expected
     assert run_command(monkeypatch, *verify, "--repair") == 0
     assert capsys.readouterr().out == "nothing is damaged\n"
+
+
+def test_repair_touches_only_a_store_and_what_it_made(tmp_path):
+    foreign = tmp_path / "photos" / "app"
+    foreign.mkdir(parents=True)
+    (foreign / "version.json").write_text("{}")
+    (foreign / "precious").write_text("kept")
+    store = Store(tmp_path)
+    with pytest.raises(InputError, match="so nothing is removed"):
+        remove_damaged(store, find_problems(store, []), [])
+    (tmp_path / STORE_MARK).touch()
+    linked = tmp_path / "elsewhere" / "0123456789ab"
+    linked.mkdir(parents=True)
+    (linked / "version.json").write_text("{}")
+    (tmp_path / "stage").symlink_to(tmp_path / "elsewhere")
+    own = tmp_path / "rollouts" / "ba9876543210"
+    own.mkdir(parents=True)
+    (own / "version.json").write_text("{}")
+    problems = find_problems(store, [])
+    assert set(problems) == {("rollouts", "ba9876543210"), ("elsewhere", "0123456789ab")}
+    assert set(remove_damaged(store, problems, [])) == set(problems)
+    assert (foreign / "precious").read_text() == "kept"
+
+
+def test_a_version_without_its_version_file_is_removed_and_a_pipe_is_not_waited_for(tmp_path):
+    store = Store(tmp_path)
+    (tmp_path / STORE_MARK).touch()
+    for stage in ("empty", "pipe"):
+        (tmp_path / stage / "0123456789ab").mkdir(parents=True)
+    os.mkfifo(tmp_path / "pipe" / "0123456789ab" / "version.json")
+    problems = find_problems(store, [("empty", "0123456789ab"), ("pipe", "0123456789ab")])
+    assert set(problems) == {("empty", "0123456789ab"), ("pipe", "0123456789ab")}

@@ -33,6 +33,11 @@ def run_diagnose(args: argparse.Namespace) -> int:
     if args.out.exists() or args.out.is_symlink():
         raise InputError(f"{args.out}: exists already; name a folder that does not, or remove it")
     check_writable(args.out)
+    if args.signatures is not None and args.out.absolute() in (
+        args.signatures.absolute(),
+        *args.signatures.absolute().parents,
+    ):
+        raise InputError(f"--signatures {args.signatures}: lies in --out {args.out}; name a file elsewhere")
     rig = _rig(args)
     for module, where in rig.effects.items():
         import_effects(module, where=where)

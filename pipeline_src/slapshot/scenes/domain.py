@@ -119,7 +119,10 @@ def load_domain(name: str, where: str = "scene.domain") -> Domain:
     Raises:
         InputError: there is no such module, it cannot be imported, or it is no domain.
     """
-    source = find_source(domain_module(name))
+    try:
+        source = find_source(domain_module(name))
+    except (ImportError, ValueError):  # what Python itself has no file of
+        source = None
     if source is None or ("." not in name and source.name != "__init__.py"):
         raise InputError(
             f"{where}: no domain {name!r}; use a folder of slapshot.scenes, or the dotted name "

@@ -8,6 +8,7 @@ that versions may be removed from it.
 
 import fcntl
 import os
+import re
 import shutil
 import time
 from collections.abc import Iterator
@@ -18,7 +19,7 @@ from typing import Any
 
 from slapshot.errors import InputError, writing
 from slapshot.store.lock import held
-from slapshot.store.recipe import Recipe
+from slapshot.store.recipe import ID_LENGTH, Recipe
 from slapshot.store.version_file import (
     REPAIR,
     VERSION_FILE,
@@ -28,6 +29,7 @@ from slapshot.store.version_file import (
     write_version_file,
 )
 
+_ID = re.compile(f"[0-9a-f]{{{ID_LENGTH}}}")
 STORE_MARK = ".slapshot-store"
 PARTIAL = ".partial-"
 
@@ -136,10 +138,25 @@ class Store:
         return folders
 
     def folders(self) -> Iterator[Path]:
-        """Folders of all finished versions, whole or damaged."""
+        """Folders of all finished versions, whole or damaged; never what a link leads to."""
         for path in sorted(self.root.glob(f"*/*/{VERSION_FILE}")):
-            if not path.parent.name.startswith("."):
-                yield path.parent
+            folder = path.parent
+            linked = folder.is_symlink() or folder.parent.is_symlink()
+            if _ID.fullmatch(folder.name) and not linked:
+                yield folder
+
+    def check_mark(self) -> None:
+        """Whether anything may be removed here: only from a folder that bears the store's mark.
+
+        Raises:
+            InputError: it is none.
+        """
+        if self.root.is_dir() and not (self.root / STORE_MARK).is_file():
+            raise InputError(
+                f"{self.root}: has no {STORE_MARK}, so nothing is removed from it; if it is a store of "
+                "earlier code, run a stage that writes there, or create that file: "
+                f"touch {self.root / STORE_MARK}"
+            )
 
     def versions(self) -> Iterator[tuple[Path, dict[str, Any]]]:
         """Every version whose version.json is what was written: its folder and that."""

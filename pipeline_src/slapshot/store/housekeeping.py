@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.errors import InputError, writing
-from slapshot.store.folder import PARTIAL, STORE_MARK, Store
+from slapshot.store.folder import PARTIAL, Store
 from slapshot.store.recipe import ID_LENGTH
 from slapshot.store.version_file import VERSION_FILE
 
@@ -50,11 +50,7 @@ def collect_garbage(store: Store, keep: Mapping[str, set[str]], really: bool) ->
     Raises:
         InputError: the folder is no store, or one of them cannot be removed.
     """
-    if store.root.is_dir() and not (store.root / STORE_MARK).is_file():
-        raise InputError(
-            f"{store.root}: has no {STORE_MARK}, so nothing is removed from it; if it is a store of earlier "
-            f"code, run a stage that writes there, or create that file: touch {store.root / STORE_MARK}"
-        )
+    store.check_mark()
     removed = []
     for folder, version_id in _own_folders(store):
         stage = folder.parent.name

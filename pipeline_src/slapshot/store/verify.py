@@ -49,9 +49,11 @@ def find_problems(store: Store, versions: Iterable[Version]) -> dict[Version, st
 
     Versions of anybody whose version.json is damaged are among them: nobody can tell what they are.
     """
+    versions = {*versions}
     there = {(folder.parent.name, folder.name) for folder in store.folders()}
+    there |= {version for version in versions if store.folder(*version).is_dir()}
     unreadable = there - {(folder.parent.name, folder.name) for folder, _ in store.versions()}
-    found = {version: problem_of(store, version) for version in sorted(there & {*versions} | unreadable)}
+    found = {version: problem_of(store, version) for version in sorted(there & versions | unreadable)}
     return {version: problem for version, problem in found.items() if problem is not None}
 
 
@@ -69,8 +71,9 @@ def remove_damaged(
         Version -> why it was removed. What a process is making right now stays: it has checked its inputs.
 
     Raises:
-        InputError: one of them cannot be removed.
+        InputError: the folder is no store, or one of them cannot be removed.
     """
+    store.check_mark()
     upstream = {(recipe.stage, recipe.id): {*recipe.upstream.values()} for recipe in recipes}
     for folder, written in store.versions():
         above = written["recipe"]["upstream"].values()

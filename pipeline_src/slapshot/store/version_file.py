@@ -67,6 +67,8 @@ def read_version_file(folder: Path) -> dict[str, Any]:
     """
     path = folder / VERSION_FILE
     try:
+        if not path.is_file():  # a pipe would be waited for without end
+            raise FileNotFoundError
         text = path.read_text("utf-8")
         version = json.loads(text)
         as_written = _is_as_written(version, text, folder)
@@ -87,7 +89,11 @@ def damaged_files(folder: Path) -> list[str]:
         return [VERSION_FILE]
     digest = file_digest if "bytes" in version else content_digest
     written = version.get("bytes", version["content"])
-    return [name for name in written if _digest_or_none(folder / name, digest) != written[name]]
+    return [
+        name
+        for name in written
+        if not (folder / name).is_file() or _digest_or_none(folder / name, digest) != written[name]
+    ]
 
 
 def digest_of_content(version: Mapping[str, Any]) -> str:

@@ -167,7 +167,7 @@ def _recording(rules: TrackMapping, kept: list[tuple[RawHit, Cut]]) -> Recording
 
 
 def _object_id(hit: RawHit, rules: TrackMapping) -> str:
-    object_id = fill(rules.object_id or next(iter(rules.objects)), hit.fields)
+    object_id = fill(rules.object_id, hit.fields) if rules.object_id else next(iter(rules.objects))
     if object_id not in rules.objects:
         raise InputError(
             f"{hit.name}: object_id {short(object_id)} is not among the objects of {rules.file} "
