@@ -25,6 +25,7 @@ from slapshot.store.version_file import REPAIR, read_version_file
 from slapshot.text import printable
 
 LOCK = Path("data/pipeline.lock")
+DEFAULT_STORE = Path("data/store")
 CONFIGS = Path("config")
 WHOLE, NOT_MADE = "whole", "not made yet"
 _MOST_NAMED = 2  # versions of one stage that a list names one by one
@@ -74,7 +75,7 @@ def _parser() -> argparse.ArgumentParser:
     ):
         command = versions.add_parser(name, help=text, description=text)
         command.set_defaults(run=run)
-        command.add_argument("--store", type=Path, default=Path("data/store"))
+        command.add_argument("--store", type=Path, default=DEFAULT_STORE)
         if name == "diff":
             command.add_argument("first", help="id, or the beginning of one")
             command.add_argument("second")
@@ -114,11 +115,24 @@ def _parser() -> argparse.ArgumentParser:
     diagnosing.set_defaults(run=_diagnose)
     browse = commands.add_parser("browse", help="look at hits in the Rerun viewer")
     browse.add_argument("--config", type=Path, help="configuration whose hits are shown, else the default")
-    browse.add_argument("--store", type=Path, default=Path("data/store"))
+    browse.add_argument("--store", type=Path, default=DEFAULT_STORE)
     browse.add_argument("--hit", help="open only this hit: a file, or part of its name")
     browse.add_argument("--port", type=int, default=51234, help="of the gallery; 0 for any that is free")
     browse.set_defaults(run=_browse)
     return parser
+
+
+def _store(args: argparse.Namespace) -> Store:
+    """The store that was named.
+
+    Raises:
+        InputError: one was named that is no folder; the usual one may be missing, and is empty then.
+    """
+    if args.store != DEFAULT_STORE and not args.store.is_dir():
+        raise InputError(
+            f"--store {args.store}: is no folder; name the folder of a store, such as data/store"
+        )
+    return Store(args.store)
 
 
 def _seed(text: str) -> int:
@@ -182,7 +196,7 @@ def _config(args: argparse.Namespace) -> int:
 
 def _list(args: argparse.Namespace) -> int:
     table = _table("stage", "id", "made at", "took", "from")
-    store = Store(args.store)
+    store = _store(args)
     _say_unreadable(store)
     for _, version in store.versions():
         recipe = version["recipe"]
@@ -206,7 +220,7 @@ def _sources(upstream: list[tuple[str, str]]) -> str:
 
 
 def _diff(args: argparse.Namespace) -> int:
-    store = Store(args.store)
+    store = _store(args)
     _say_unreadable(store)
     first, second = find_version(store, args.first), find_version(store, args.second)
     _print_difference(flatten(first["recipe"]), flatten(second["recipe"]), first["id"], second["id"])
@@ -225,7 +239,7 @@ def _print_difference(first: dict[str, Any], second: dict[str, Any], a: str, b: 
 
 
 def _why(args: argparse.Namespace) -> int:
-    store, plan = Store(args.store), _plan_of(args.config)
+    store, plan = _store(args), _plan_of(args.config)
     wanted = plan.of_stage(args.stage)
     if not wanted:
         raise InputError(f"no stage {args.stage!r}; stages: {', '.join(plan.ids())}")
@@ -252,7 +266,7 @@ def _distance(first: dict[str, Any], second: dict[str, Any]) -> int:
 def _gc(args: argparse.Namespace) -> int:
     # By default what any configuration of the project asks for stays: a tiny run takes minutes, too.
     keep = _plan_of(args.config or sorted(CONFIGS.glob("*.yaml"))).ids()
-    removed = collect_garbage(Store(args.store), keep, really=args.yes)
+    removed = collect_garbage(_store(args), keep, really=args.yes)
     for folder, size in removed:
         _say(f"{folder}  {size / 1e6:.1f} MB")
     word = "removed" if args.yes else "would be removed; add --yes to do it"
@@ -261,7 +275,7 @@ def _gc(args: argparse.Namespace) -> int:
 
 
 def _lock(args: argparse.Namespace) -> int:
-    recipes, store = load_plan().of_figures(), Store(args.store)
+    recipes, store = load_plan().of_figures(), _store(args)
     for label, recipe in recipes.items():
         if not store.is_whole(recipe.stage, recipe.id):
             raise InputError(f"{label} is not made yet: run `snakemake figures` first")
@@ -274,7 +288,7 @@ def _lock(args: argparse.Namespace) -> int:
 
 
 def _verify(args: argparse.Namespace) -> int:
-    store = Store(args.store)
+    store = _store(args)
     if args.repair:
         return _repair(store, _plan_of(args.config))
     default = [path for path in args.config or [DEFAULT_CONFIG] if path.resolve() == DEFAULT_CONFIG.resolve()]

@@ -14,6 +14,7 @@ from slapshot.validation import Model, read_json, validated
 from slapshot.whole_file import write_whole
 
 VERDICT_FILE = "verdict.json"
+SCENES = {"nominal", "refitted", "augmented", "noise_floor"}  # of which there are errors
 
 
 class _Whole(Model):
@@ -28,7 +29,29 @@ class _Whole(Model):
                 raise ValueError(f"where cannot_tell is {said}, {key} must {needed}")
         if (self.headline == "cannot_tell") is not untold:  # type: ignore[attr-defined]
             raise ValueError("headline is cannot_tell just where cannot_tell says why")
+        if self.used > self.hits:  # type: ignore[attr-defined]
+            raise ValueError("used is more than hits; write at most as many")
+        if bool(self.effects) != (self.headline == "found"):  # type: ignore[attr-defined]
+            raise ValueError("effects are named just where headline is found")
+        if not untold:
+            self._consistent()
         return self
+
+    def _consistent(self) -> None:
+        """What was found goes together.
+
+        Raises:
+            ValueError: it does not.
+        """
+        mismatch, fit = self.mismatch, self.fit  # type: ignore[attr-defined]
+        if mismatch.found is not (self.headline != "nothing_found"):  # type: ignore[attr-defined]
+            raise ValueError("mismatch.found is false just where headline is nothing_found")
+        if set(fit) != SCENES:
+            raise ValueError(f"fit has {', '.join(sorted(fit))}; write {', '.join(sorted(SCENES))}")
+        for errors in fit.values():
+            for interval in vars(errors).values():
+                if interval is not None and not interval.low <= interval.value <= interval.high:
+                    raise ValueError("fit holds a value outside its interval; write low <= value <= high")
 
 
 # The fields of the verdict, all of which a file must have, and the versions that it came from.
