@@ -38,7 +38,7 @@ def main() -> None:
     """Entry point."""
     args = _parser().parse_args()
     # So that whoever holds something unfinished removes it.
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    before = signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
     try:
         sys.exit(args.run(args))
     except InputError as error:
@@ -53,6 +53,8 @@ def main() -> None:
     except KeyboardInterrupt:
         print("slapshot: interrupted", file=sys.stderr)
         sys.exit(128 + signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _parser() -> argparse.ArgumentParser:
