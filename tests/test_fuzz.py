@@ -106,7 +106,7 @@ def damaged(text: str, rng: np.random.Generator) -> str:
 
 
 @pytest.mark.parametrize("first", range(0, CASES, TOGETHER))
-@pytest.mark.parametrize("door", doors())
+@pytest.mark.parametrize("door", tuple(doors()))
 def test_what_is_changed_is_refused_in_one_line_or_read(
     door: Door, first: int, tmp_path, monkeypatch
 ) -> None:
