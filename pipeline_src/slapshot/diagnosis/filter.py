@@ -1,0 +1,231 @@
+"""A Kalman filter over many segments at once, in innovations form, and its smoother.
+
+In every segment the change δ_t from the path obeys
+
+    δ_{t+1} = A_t δ_t + d_t + W_t θ + B_t f_t,      f_t ~ N(0, diag(q))
+    r_t     = C_t δ_t + Ψ_t θ + n_t + v_t,          v_t ~ N(0, diag(R_t))
+    n_{t+1} = diag(φ) n_t + noise,                  n_t ~ N(0, diag(ω²))
+
+with coloured observation noise n (Ornstein-Uhlenbeck) as further states. Innovations are linear in θ, so that
+one pass gives whitened innovations e and whitened columns Z with e - Z θ ~ N(0, I), and the log determinant of
+their covariance. Observations enter one at a time (R is diagonal), so that nothing is inverted.
+
+The smoother is that of Bryson and Frazier (1963; Bierman 1973), which needs no inverse of a covariance either:
+without process noise that would be singular.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A linear system about a path: S segments of L nodes, n = 2 nv + na, p columns.
+
+    Attributes:
+        A: (S, L, n, n) transition.
+        B: (S, L, n, nv) what a force held over the interval does.
+        d: (S, L, n) where the model goes from the path's node, less the path's next node.
+        C: (S, L, ny, n) observation.
+        r: (S, L, ny) recorded less observed on the path; NaN where nothing was recorded.
+        W: (S, L, n, p) change of the transition by each parameter.
+        psi: (S, L, ny, p) change of the observation by each parameter.
+    """
+
+    A: Array
+    B: Array
+    d: Array
+    C: Array
+    r: Array
+    W: Array
+    psi: Array
+
+    def select(self, segments: NDArray[np.intp] | NDArray[np.bool_]) -> "Linear":
+        """The same of some segments."""
+        return Linear(*(getattr(self, name)[segments] for name in self.__dataclass_fields__))
+
+    def moved(self, theta: Array) -> "Linear":
+        """The same with the parameters changed by theta, to first order."""
+        return Linear(
+            self.A, self.B, self.d + self.W @ theta, self.C, self.r - self.psi @ theta, self.W, self.psi
+        )
+
+    def without_columns(self) -> "Linear":
+        """The same with p = 0."""
+        return Linear(self.A, self.B, self.d, self.C, self.r, self.W[..., :0], self.psi[..., :0])
+
+    def with_columns(self, W: Array, psi: Array) -> "Linear":
+        """The same with other columns."""
+        return Linear(self.A, self.B, self.d, self.C, self.r, W, psi)
+
+
+@dataclass(frozen=True)
+class Covariances:
+    """What the filter takes as known.
+
+    Attributes:
+        initial: (n,) variances of a segment's first δ: wide.
+        force: (nv,) variances of the process force, held over one interval.
+        white: (S, L, ny) variances R of white observation noise.
+        coloured: (ny,) variances ω² of coloured observation noise; 0 for none.
+        decay: (ny,) φ, its correlation over one interval.
+    """
+
+    initial: Array
+    force: Array
+    white: Array
+    coloured: Array
+    decay: Array
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """Whitened innovations.
+
+    Attributes:
+        e: (S, L, ny); 0 where nothing was recorded.
+        Z: (S, L, ny, p) columns.
+        logdet: (S,) log determinant of each segment's innovation covariance.
+        count: number of observations.
+    """
+
+    e: Array
+    Z: Array
+    logdet: Array
+    count: int
+
+
+def innovations(system: Linear, noise: Covariances) -> Innovations:
+    """Whitened innovations of all segments."""
+    e, z, logdet, *_ = _forward(*_arguments(system, noise), False)
+    return Innovations(e, z, logdet, int(np.isfinite(system.r).sum()))
+
+
+def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array]:
+    """Smoothed changes from the path, and smoothed process forces.
+
+    Returns:
+        (S, L, n) and (S, L, nv); the force of the last node, which leads nowhere, is 0.
+    """
+    arguments = _arguments(system, noise)
+    _, _, _, x, P, K, s, innovation = _forward(*arguments, True)
+    n = system.d.shape[-1]
+    delta, adjoint = _backward(arguments[0], arguments[3], x, P, K, s, innovation)
+    force = np.zeros((*system.d.shape[:2], system.B.shape[-1]))
+    force[:, :-1] = -noise.force * np.einsum("stij,sti->stj", system.B[:, :-1], adjoint[:, 1:, :n])
+    return delta[..., :n], force
+
+
+def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
+    """Arrays of the extended state (δ, n); coloured channels alone add states."""
+    segments, nodes, n = system.d.shape
+    channels = np.flatnonzero(noise.coloured > 0)
+    m = len(channels)
+    A = np.zeros((segments, nodes, n + m, n + m))
+    A[..., :n, :n] = system.A
+    A[..., range(n, n + m), range(n, n + m)] = noise.decay[channels]
+    B = np.zeros((segments, nodes, n + m, system.B.shape[-1] + m))
+    B[..., :n, : system.B.shape[-1]] = system.B
+    B[..., range(n, n + m), range(system.B.shape[-1], system.B.shape[-1] + m)] = 1
+    q = np.concatenate([noise.force, (noise.coloured * (1 - noise.decay**2))[channels]])
+    C = np.zeros((segments, nodes, system.C.shape[2], n + m))
+    C[..., :n] = system.C
+    C[..., channels, range(n, n + m)] = 1
+    d = np.zeros((segments, nodes, n + m))
+    d[..., :n] = system.d
+    W = np.zeros((segments, nodes, n + m, system.W.shape[-1]))
+    W[..., :n, :] = system.W
+    initial = np.concatenate([noise.initial, noise.coloured[channels]])
+    psi = np.ascontiguousarray(system.psi)
+    return A, B, d, C, np.ascontiguousarray(system.r), W, psi, noise.white, initial, q
+
+
+@njit(cache=True, parallel=True, fastmath={"contract", "reassoc", "arcp", "nsz"})
+def _forward(A, B, d, C, r, W, psi, R, initial, q, keep):  # type: ignore[no-untyped-def]
+    S, L, n = d.shape
+    ny, p, nf = r.shape[2], W.shape[3], B.shape[3]
+    e, z, logdet = np.zeros((S, L, ny)), np.zeros((S, L, ny, p)), np.zeros(S)
+    kept = L if keep else 0
+    x_at, P_at = np.zeros((S, kept, n)), np.zeros((S, kept, n, n))
+    K_at, s_at, i_at = np.zeros((S, kept, ny, n)), np.zeros((S, kept, ny)), np.zeros((S, kept, ny))
+    for k in prange(S):
+        x, X, P = np.zeros(n), np.zeros((n, p)), np.diag(initial)
+        g, PA = np.zeros(n), np.zeros((n, n))
+        for t in range(L):
+            if keep:
+                x_at[k, t], P_at[k, t] = x, P
+            for c in range(ny):
+                if np.isnan(r[k, t, c]):
+                    if keep:
+                        s_at[k, t, c] = np.inf
+                    continue
+                row = C[k, t, c]
+                s, innovation = R[k, t, c], r[k, t, c]
+                for i in range(n):
+                    g[i] = 0.0
+                    for j in range(n):
+                        g[i] += P[i, j] * row[j]
+                    innovation -= row[i] * x[i]
+                for i in range(n):
+                    s += row[i] * g[i]
+                root = np.sqrt(s)
+                e[k, t, c] = innovation / root
+                logdet[k] += np.log(s)
+                for a in range(p):
+                    value = psi[k, t, c, a]
+                    for i in range(n):
+                        value += row[i] * X[i, a]
+                    z[k, t, c, a] = value / root
+                    for i in range(n):
+                        X[i, a] -= g[i] * (value / s)
+                for i in range(n):
+                    x[i] += g[i] * (innovation / s)
+                    for j in range(n):
+                        P[i, j] -= g[i] * g[j] / s
+                if keep:
+                    s_at[k, t, c], i_at[k, t, c] = s, innovation
+                    K_at[k, t, c] = g / s
+            if t == L - 1:
+                break
+            At, Bt = A[k, t], B[k, t]
+            x = At @ x + d[k, t]
+            if p > 0:
+                X = At @ X + W[k, t]
+            PA = P @ At.T
+            P = At @ PA
+            for i in range(n):
+                for j in range(i + 1):
+                    value = 0.5 * (P[i, j] + P[j, i])
+                    for f in range(nf):
+                        value += Bt[i, f] * q[f] * Bt[j, f]
+                    P[i, j] = value
+                    P[j, i] = value
+    return e, z, logdet, x_at, P_at, K_at, s_at, i_at
+
+
+@njit(cache=True, parallel=True)
+def _backward(A, C, x_at, P_at, K_at, s_at, i_at):  # type: ignore[no-untyped-def]
+    S, L, n = x_at.shape
+    ny = s_at.shape[2]
+    smoothed, adjoint = np.zeros((S, L, n)), np.zeros((S, L, n))
+    for k in prange(S):
+        a = np.zeros(n)
+        for t in range(L - 1, -1, -1):
+            if t < L - 1:
+                a = A[k, t].T @ a
+            for c in range(ny - 1, -1, -1):
+                if np.isinf(s_at[k, t, c]):
+                    continue
+                along = i_at[k, t, c] / s_at[k, t, c]
+                for i in range(n):
+                    along += K_at[k, t, c, i] * a[i]
+                for i in range(n):
+                    a[i] -= C[k, t, c, i] * along
+            adjoint[k, t] = a
+            smoothed[k, t] = x_at[k, t] - P_at[k, t] @ a
+    return smoothed, adjoint

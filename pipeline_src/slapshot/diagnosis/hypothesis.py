@@ -1,0 +1,256 @@
+"""A hypothesis: the nominal model with some effects, and how it is simulated from many states at once."""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.rig import Rig
+from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.tangent import Tangent
+from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, State, overrides
+
+Array = NDArray[np.float64]
+
+_CONTROL = mujoco.mjtState.mjSTATE_CTRL.value | mujoco.mjtState.mjSTATE_QFRC_APPLIED.value
+_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Effects in a rig; their values stand in one vector, in order.
+
+    Attributes:
+        rig: nominal, or restructured by effects with states of their own.
+        effects: present.
+    """
+
+    rig: Rig
+    effects: tuple[JointEffect, ...] = ()
+
+    @cached_property
+    def tangent(self) -> Tangent:
+        """Of the rig's states."""
+        return Tangent(self.rig.model)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Of all effects."""
+        return tuple(parameter for effect in self.effects for parameter in effect.parameters)
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """Where the values of each effect stand."""
+        ends = np.cumsum([len(effect.parameters) for effect in self.effects])
+        return tuple(
+            slice(int(end) - len(effect.parameters), int(end))
+            for effect, end in zip(self.effects, ends, strict=True)
+        )
+
+    @cached_property
+    def start(self) -> Array:
+        """Values at which fits begin."""
+        return np.array([parameter.start for parameter in self.parameters])
+
+    @cached_property
+    def prior_sd(self) -> Array:
+        """Standard deviations of the priors."""
+        return np.array([parameter.scale for parameter in self.parameters])
+
+    def within(self, theta: Array) -> Array:
+        """Values moved inside what is possible."""
+        low = np.array([parameter.low for parameter in self.parameters])
+        high = np.array([parameter.high for parameter in self.parameters])
+        return np.clip(theta, low, high)
+
+    def with_effect(self, effect: JointEffect) -> "Hypothesis":
+        """One effect more."""
+        return Hypothesis(self.rig, (*self.effects, effect))
+
+    def compiled(self, theta: Array, step: float) -> mujoco.MjModel:
+        """The model with all numbers changed, at a time step in s."""
+        model = copy.copy(self.rig.model)
+        model.opt.timestep = step
+        edited = False
+        for effect, part in zip(self.effects, self.slices, strict=True):
+            if overrides(effect, "edit"):
+                effect.edit(model, theta[part])
+                edited = True
+        if edited:
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+        return model
+
+    def control(self, segments: Segments, theta: Array) -> Array:
+        """Controls with their effects, (S, L, substeps, nu)."""
+        acting = [
+            (e, part) for e, part in zip(self.effects, self.slices, strict=True) if overrides(e, "control")
+        ]
+        if not acting:
+            return segments.control()
+
+        def edit(u: Array, step: float) -> Array:
+            for effect, part in acting:
+                u = effect.control(u, step, theta[part])
+            return u
+
+        return segments.control(edit)
+
+    def force(self, state: State, theta: Array) -> Array | None:
+        """Sum of all generalised forces, (n, nv); None where no effect has any."""
+        total: Array | None = None
+        for effect, part in zip(self.effects, self.slices, strict=True):
+            if overrides(effect, "force"):
+                force = effect.force(state, theta[part])
+                if force is not None:
+                    total = force if total is None else total + force
+        return total
+
+    def observe(self, seen: Observed, theta: Array) -> Array:
+        """What all effects add to observations, (n, ny)."""
+        total = np.zeros_like(seen.y)
+        for effect, part in zip(self.effects, self.slices, strict=True):
+            if overrides(effect, "observe"):
+                added = effect.observe(seen, theta[part])
+                if added is not None:
+                    total = total + added
+        return total
+
+    @cached_property
+    def has_force(self) -> bool:
+        """Whether an effect is a force law."""
+        return any(overrides(effect, "force") for effect in self.effects)
+
+
+class Simulator:
+    """One interval of a model from n states at once.
+
+    Args:
+        rig: whose sensors are read.
+        threads: for simulation.
+    """
+
+    def __init__(self, rig: Rig, threads: int = 1) -> None:
+        self.rig = rig
+        self.tangent = Tangent(rig.model)
+        self._data = [mujoco.MjData(rig.model) for _ in range(threads)]
+        self._columns = np.array([o.address for o in rig.observations])
+        self._loads = rig.load
+
+    def run(
+        self,
+        model: mujoco.MjModel,
+        x: Array,
+        u: Array,
+        force: Array | None = None,
+    ) -> tuple[Array, Array, Array]:
+        """Steps of the model under controls and held forces.
+
+        Args:
+            model: of the rig's sizes.
+            x: (n, nq + nv + na).
+            u: (n, steps, nu).
+            force: (n, nv) generalised force; None for none.
+
+        Returns:
+            (n, nq + nv + na) next states, (n, ny) observations and (n, nv) actuator forces of the first states.
+        """
+        n, steps, nu = u.shape
+        nv = model.nv
+        initial = np.zeros((n, mujoco.mj_stateSize(model, _STATE)))
+        initial[:, 1 : 1 + x.shape[1]] = x
+        control = np.zeros((n, steps, nu + nv))
+        control[..., :nu] = u
+        if force is not None:
+            control[..., nu:] = force[:, None]
+        state, sensed = rollout.rollout(
+            model, self._data, initial, control, control_spec=_CONTROL, skip_checks=False
+        )
+        first = sensed[:, 0]
+        torque = np.where(self._loads >= 0, first[:, np.maximum(self._loads, 0)], 0.0)
+        return state[:, -1, 1 : 1 + x.shape[1]].copy(), first[:, self._columns], torque
+
+    def advance(
+        self,
+        hypothesis: Hypothesis,
+        theta: Array,
+        model: mujoco.MjModel,
+        x: Array,
+        u: Array,
+        time: Array,
+        order: Array,
+        extra: Array | None = None,
+    ) -> tuple[Array, Array, Array]:
+        """One interval with the force laws of a hypothesis, which act anew in every step.
+
+        Args:
+            hypothesis: whose forces act.
+            theta: values.
+            model: compiled with them.
+            x: (n, nq + nv + na).
+            u: (n, steps, nu).
+            time: (n,) s from the episode's start.
+            order: (n,) place in the session.
+            extra: (n, nv) further force, held over the interval.
+
+        Returns:
+            As `run`.
+        """
+        if not hypothesis.has_force:
+            return self.run(model, x, u, extra)
+        nq, nv = self.tangent.nq, self.tangent.nv
+        observed = torque = None
+        for step in range(u.shape[1]):
+            now = u[:, step : step + 1]
+            load = self._torque(model, x, now)
+            state = State(x[:, :nq], x[:, nq : nq + nv], load, time + step * model.opt.timestep, order)
+            force = hypothesis.force(state, theta)
+            if extra is not None:
+                force = extra if force is None else force + extra
+            x, y, _ = self.run(model, x, now, force)
+            if observed is None:
+                observed, torque = y, load
+        assert observed is not None and torque is not None
+        return x, observed, torque
+
+    def _torque(self, model: mujoco.MjModel, x: Array, u: Array) -> Array:
+        """Actuator forces at states; of stateless linear actuators on joints without a simulation."""
+        return actuator_torque(model, x, u[:, 0], self._loads)
+
+
+def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np.intp]) -> Array:
+    """Torque of actuators on each hinge and slide, by their affine laws, (n, nv).
+
+    Actuators on other transmissions, or with other laws, count as none: what needs a load has none there.
+    """
+    n, torque = len(x), np.zeros((len(x), model.nv))
+    for i in range(model.nu):
+        if model.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
+            continue
+        j = model.actuator_trnid[i, 0]
+        v = model.jnt_dofadr[j]
+        if loads[v] < 0:
+            continue
+        gear = model.actuator_gear[i, 0]
+        drive = u[:, i]
+        if model.actuator_ctrllimited[i]:
+            drive = np.clip(drive, *model.actuator_ctrlrange[i])
+        if model.actuator_actnum[i] > 0:
+            last = model.actuator_actadr[i] + model.actuator_actnum[i] - 1
+            drive = x[:, model.nq + model.nv + last]
+        length = gear * x[:, model.jnt_qposadr[j]]
+        rate = gear * x[:, model.nq + v]
+        gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
+        force = gain[0] * drive
+        if model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_AFFINE:
+            force = (gain[0] + gain[1] * length + gain[2] * rate) * drive
+        if model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE:
+            force = force + bias[0] + bias[1] * length + bias[2] * rate
+        if model.actuator_forcelimited[i]:
+            force = np.clip(force, *model.actuator_forcerange[i])
+        torque[:, v] += gear * force
+    return torque.reshape(n, model.nv)

@@ -1,0 +1,187 @@
+"""One linear system about a path: transitions, observations, and one input column for every parameter.
+
+Derivatives are differences of whole intervals of simulation, many nodes at once. A force law that no state of
+its own belongs to is a product with the effect B of a held force, and needs no simulation.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.filter import Linear
+from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.segments import Segments
+from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
+
+Array = NDArray[np.float64]
+
+_POSITION_STEP, _VELOCITY_STEP = 1e-6, 1e-5
+_FORCE_STEP = 1e-2  # share of the rms torque
+
+
+@dataclass(frozen=True)
+class Look:
+    """A first look at an effect that is not in the hypothesis: at these values, per `probe`."""
+
+    effect: JointEffect
+    values: tuple[float, ...]
+    probe: float
+
+
+def looks_at(effects: Sequence[JointEffect]) -> list[Look]:
+    """All first looks at some effects."""
+    return [
+        Look(effect, values, sum(v - p.start for v, p in zip(values, effect.parameters, strict=True)))
+        for effect in effects
+        for values in effect.starts
+    ]
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A linear system, and what else is known along the path.
+
+    Attributes:
+        system: with the columns of the hypothesis' own parameters first, then those of the looks.
+        torque: (S, L, nv) actuator forces.
+        predicted: (S, L, ny) observations on the path.
+    """
+
+    system: Linear
+    torque: Array
+    predicted: Array
+
+
+def linearise(
+    simulator: Simulator,
+    hypothesis: Hypothesis,
+    theta: Array,
+    segments: Segments,
+    path: Array,
+    looks: Sequence[Look] = (),
+    *,
+    torque_scale: Array | None = None,
+) -> Linearised:
+    """Linearise a hypothesis about a path.
+
+    Args:
+        simulator: of the hypothesis' rig.
+        hypothesis: effects that are present.
+        theta: their values.
+        segments: data.
+        path: (S, L, nq + nv + na).
+        looks: further columns.
+        torque_scale: (nv,) size of forces, for differences; 1 where it is not known.
+    """
+    (S, L), tangent = segments.shape, simulator.tangent
+    n, nv, dim = S * L, tangent.nv, tangent.dim
+    x = path.reshape(n, -1)
+    time, order = segments.time.reshape(n), np.repeat(segments.order, L)
+    model = hypothesis.compiled(theta, segments.step)
+    control = hypothesis.control(segments, theta).reshape(n, segments.substeps, -1)
+    ny = segments.y.shape[2]
+
+    def advance(
+        h: Hypothesis, values: Array, m: object, states: Array, u: Array, extra: Array | None = None
+    ) -> tuple[Array, Array, Array]:
+        return simulator.advance(h, values, m, states, u, time, order, extra)  # type: ignore[arg-type]
+
+    def seen(y: Array) -> Observed:
+        y = y.reshape(S, L, ny)
+        rate = _gradient(y, segments)
+        bend = _gradient(rate, segments)
+        flat = (y.reshape(n, ny), rate.reshape(n, ny), bend.reshape(n, ny))
+        return Observed(*flat, order)
+
+    base, y, torque = advance(hypothesis, theta, model, x, control)
+    A, C = np.empty((n, dim, dim)), np.empty((n, ny, dim))
+    for i in range(dim):
+        step = _POSITION_STEP if i < nv else _VELOCITY_STEP
+        delta = np.zeros(dim)
+        delta[i] = step
+        moved, changed, _ = advance(hypothesis, theta, model, tangent.add(x, delta), control)
+        A[:, :, i] = tangent.subtract(moved, base) / step
+        C[:, :, i] = (changed - y) / step
+    B = np.empty((n, dim, nv))
+    scale = np.ones(nv) if torque_scale is None else np.maximum(torque_scale, 1e-9)
+    for j in range(nv):
+        force = np.zeros((n, nv))
+        force[:, j] = _FORCE_STEP * scale[j]
+        moved, _, _ = advance(hypothesis, theta, model, x, control, force)
+        B[:, :, j] = tangent.subtract(moved, base) / (_FORCE_STEP * scale[j])
+
+    observed = seen(y)
+    added = hypothesis.observe(observed, theta)
+    shift = segments.shift.reshape(n, ny)
+    predicted = y + shift * observed.rate + shift**2 / 2 * observed.bend + added
+    following = np.concatenate([path[:, 1:], path[:, -1:]], axis=1).reshape(n, -1)
+    defect = tangent.subtract(base, following).reshape(S, L, dim)
+    # Beyond the end of an episode nothing is known and nothing shall grow.
+    defect[:, :-1][~segments.inside[:, 1:]] = 0
+
+    p = len(theta)
+    W, psi = np.zeros((n, dim, p + len(looks))), np.zeros((n, ny, p + len(looks)))
+
+    def column(k: int, h: Hypothesis, values: Array, step: float, changed_effect: JointEffect) -> None:
+        if overrides(changed_effect, "edit") or overrides(changed_effect, "control"):
+            m = h.compiled(values, segments.step)
+            u = control
+            if overrides(changed_effect, "control"):
+                u = h.control(segments, values).reshape(n, segments.substeps, -1)
+            moved, other, _ = advance(h, values, m, x, u)
+            W[:, :, k] = tangent.subtract(moved, base) / step
+            difference = other - y
+            if np.abs(difference).max(initial=0.0) > 0:
+                psi[:, :, k] = difference / step
+        elif overrides(changed_effect, "force"):
+            moved, _, _ = advance(h, values, model, x, control)
+            W[:, :, k] = tangent.subtract(moved, base) / step
+        if overrides(changed_effect, "observe"):
+            psi[:, :, k] += (h.observe(observed, values) - added) / step
+
+    for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
+        for k in range(part.start, part.stop):
+            parameter = effect.parameters[k - part.start]
+            step = 1e-3 * parameter.scale
+            if theta[k] + step > parameter.high:
+                step = -step
+            values = theta.copy()
+            values[k] += step
+            column(k, hypothesis, values, step, effect)
+    state = State(x[:, : tangent.nq], x[:, tangent.nq : tangent.nq + nv], torque, time, order)
+    for k, look in enumerate(looks, start=p):
+        if overrides(look.effect, "force") and not overrides(look.effect, "edit"):
+            start = np.array([parameter.start for parameter in look.effect.parameters])
+            law, rest = look.effect.force(state, np.array(look.values)), look.effect.force(state, start)
+            if law is not None and rest is not None:
+                held = _over_interval((law - rest).reshape(S, L, nv)).reshape(n, nv)
+                W[:, :, k] = np.einsum("nij,nj->ni", B, held) / look.probe
+        else:
+            h = hypothesis.with_effect(look.effect)
+            column(k, h, np.concatenate([theta, look.values]), look.probe, look.effect)
+    residual = segments.y - predicted.reshape(S, L, ny)
+    shapes = (S, L)
+    W, psi = W.reshape(*shapes, dim, -1), psi.reshape(*shapes, ny, -1)
+    W[:, :-1][~segments.inside[:, 1:]] = 0
+    system = Linear(
+        A.reshape(*shapes, dim, dim), B.reshape(*shapes, dim, nv), defect,
+        C.reshape(*shapes, ny, dim), residual, W, psi,
+    )  # fmt: skip
+    return Linearised(system, torque.reshape(*shapes, nv), predicted.reshape(*shapes, ny))
+
+
+def _over_interval(values: Array) -> Array:
+    """Mean of a law over an interval, from its values at the nodes, (S, L, nv)."""
+    following = np.concatenate([values[:, 1:], values[:, -1:]], axis=1)
+    return (values + following) / 2
+
+
+def _gradient(y: Array, segments: Segments) -> Array:
+    """Derivative by time along each segment, (S, L, ny)."""
+    if y.shape[1] < 3:
+        return np.zeros_like(y)
+    rate: Array = np.gradient(y, segments.interval, axis=1, edge_order=2)
+    rate[~segments.inside] = 0
+    return rate

@@ -1,0 +1,223 @@
+"""Recorded signals on a regular grid of nodes, cut into segments.
+
+Nodes lie one interval apart. A sample between two nodes is read at the nearer one and brought there along the
+path (its distance in time is kept in `shift`), so that clocks need neither agree nor tick evenly. Between nodes
+the model takes `substeps` steps; each has the mean of the controls over its time.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.rig import Rig
+from slapshot.errors import InputError
+from slapshot.recordings.signals import SignalRecording
+
+Array = NDArray[np.float64]
+
+SHORTEST_INTERVAL_S = 1e-3  # no mechanism of a robot moves faster than can be told at that
+SEGMENT_S = 0.5
+
+
+@dataclass(frozen=True)
+class ControlSignal:
+    """What one actuator was told in one episode.
+
+    Attributes:
+        t: (n,) s, of the samples.
+        value: (n,)
+        linear: interpolated between samples; else each holds until the next.
+    """
+
+    t: Array
+    value: Array
+    linear: bool
+
+    def means(self, edges: Array) -> Array:
+        """Means over the times between edges; before the first sample and after the last they hold.
+
+        Args:
+            edges: (m + 1,) s, increasing.
+
+        Returns:
+            (m,)
+        """
+        width = np.diff(edges)
+        if self.linear:
+            knots = np.union1d(self.t, edges)
+            values = np.interp(knots, self.t, self.value)
+            integral = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (values[1:] + values[:-1]) / 2)])
+            return np.diff(np.interp(edges, knots, integral)) / width
+        # The integral of a step function, with its first value before the first sample.
+        first = min(self.t[0], edges[0]) - 1.0
+        last = max(self.t[-1], edges[-1]) + 1.0
+        knots = np.concatenate([[first], self.t[1:], [last]])
+        integral = np.concatenate([[0.0], np.cumsum(np.diff(knots) * self.value)])
+        return np.diff(np.interp(edges, knots, integral)) / width
+
+
+ControlEdit = Callable[[Array, float], Array]
+
+
+@dataclass(frozen=True)
+class Segments:
+    """Data of S segments of L nodes; ny channels, nu actuators.
+
+    Attributes:
+        interval: s between nodes.
+        substeps: steps of the model in an interval.
+        y: (S, L, ny) recorded; NaN where nothing was.
+        shift: (S, L, ny) s from the node to the sample.
+        inside: (S, L) whether the node belongs to the episode; others fill the last segment up.
+        time: (S, L) s from the episode's start.
+        episode: (S,) index of the episode.
+        first: (S,) node of the episode at which the segment begins.
+        order: (S,) place of the episode in the session, from -1/2 to 1/2.
+        controls: one (nodes * substeps, nu) array for each episode: means over model steps.
+        ids: identifiers of the episodes, as recorded.
+    """
+
+    interval: float
+    substeps: int
+    y: Array
+    shift: Array
+    inside: NDArray[np.bool_]
+    time: Array
+    episode: NDArray[np.intp]
+    first: NDArray[np.intp]
+    order: Array
+    controls: tuple[Array, ...]
+    ids: NDArray[np.int64]
+
+    @property
+    def step(self) -> float:
+        """Time step of the model in s."""
+        return self.interval / self.substeps
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """S, L."""
+        return self.y.shape[0], self.y.shape[1]
+
+    def control(self, edit: Callable[[Array, float], Array] | None = None) -> Array:
+        """Controls of every model step, (S, L, substeps, nu).
+
+        Args:
+            edit: changes the controls of a whole episode, (steps, nu) at a time step in s.
+        """
+        (S, L), n = self.shape, self.substeps
+        whole = [u if edit is None else edit(u, self.step) for u in self.controls]
+        out = np.empty((S, L, n, whole[0].shape[1]))
+        for k in range(S):
+            u = whole[self.episode[k]]
+            part = u[self.first[k] * n : (self.first[k] + L) * n]
+            steps = np.minimum(np.arange(L * n), len(part) - 1)
+            out[k] = part[steps].reshape(L, n, -1)
+        return out
+
+
+def median_interval(recording: SignalRecording, rig: Rig) -> float:
+    """Median time in s between samples of the fastest clock that observes."""
+    clocks = {recording.channels[o.channel].clock for o in rig.observations}
+    intervals = []
+    for clock in clocks:
+        table = recording.signals[clock]
+        gaps = table.groupby("episode")["t"].diff().dropna()
+        if len(gaps):
+            intervals.append(float(gaps.median()))
+    if not intervals:
+        raise InputError("signals: no episode has two samples; record motions")
+    return max(min(intervals), SHORTEST_INTERVAL_S)
+
+
+def cut(
+    recording: SignalRecording, rig: Rig, *, segment_s: float = SEGMENT_S, finer: int = 1
+) -> Segments:
+    """Put a recording on a grid and cut it.
+
+    Args:
+        recording: of the rig's channels.
+        rig: what they are.
+        segment_s: length of a segment in s.
+        finer: factor by which model steps are shorter than the model says.
+
+    Raises:
+        InputError: an episode has no observation.
+    """
+    interval = median_interval(recording, rig)
+    substeps = max(1, int(np.ceil(interval / rig.model.opt.timestep - 1e-6))) * finer
+    L = max(4, round(segment_s / interval))
+    episodes = recording.episodes.sort_values("order")
+    count = len(episodes)
+    orders = np.linspace(-0.5, 0.5, count) if count > 1 else np.zeros(1)
+    y, shift, inside, time, owner, first, order = [], [], [], [], [], [], []
+    controls, ids = [], []
+    for index, episode in enumerate(episodes["episode"]):
+        t, values, offset = _on_grid(recording, rig, int(episode), interval)
+        edges = t[0] + np.arange(len(t) * substeps + 1) * (interval / substeps)
+        controls.append(
+            np.stack(
+                [_signal(recording, c.channel, int(episode)).means(edges) * c.factor for c in rig.controls]
+                or [np.zeros(len(edges) - 1)],
+                axis=1,
+            )[:, : len(rig.controls)]
+        )
+        ids.append(int(episode))
+        for start in range(0, len(t), L):
+            length = min(L, len(t) - start)
+            if start and length < L // 4:  # a few samples cannot tell a state of their own
+                continue
+            pad = ((0, L - length), (0, 0))
+            y.append(np.pad(values[start : start + L], pad, constant_values=np.nan))
+            shift.append(np.pad(offset[start : start + L], pad))
+            inside.append(np.arange(L) < length)
+            time.append(t[start] - t[0] + np.arange(L) * interval)
+            owner.append(index)
+            first.append(start)
+            order.append(orders[index])
+    return Segments(
+        interval, substeps, np.array(y), np.array(shift), np.array(inside), np.array(time),
+        np.array(owner), np.array(first), np.array(order), tuple(controls), np.array(ids, np.int64),
+    )  # fmt: skip
+
+
+def _on_grid(
+    recording: SignalRecording, rig: Rig, episode: int, interval: float
+) -> tuple[Array, Array, Array]:
+    """Times of an episode's nodes, samples at them (NaN for none), and how much later each was taken."""
+    samples = []
+    for observation in rig.observations:
+        table = recording.signals[recording.channels[observation.channel].clock]
+        table = table[table["episode"] == episode]
+        taken = table["t"].to_numpy(float), table[observation.channel].to_numpy(float)
+        there = np.isfinite(taken[1])
+        samples.append((taken[0][there], taken[1][there]))
+    begin = min((t[0] for t, _ in samples if len(t)), default=None)
+    if begin is None:
+        raise InputError(f"episode {episode}: nothing was observed; leave the episode out")
+    end = max(t[-1] for t, _ in samples if len(t))
+    nodes = int(np.floor((end - begin) / interval + 0.5)) + 1
+    grid = begin + np.arange(nodes) * interval
+    values = np.full((nodes, len(samples)), np.nan)
+    offset = np.zeros((nodes, len(samples)))
+    for c, (t, value) in enumerate(samples):
+        nearest = np.clip(np.rint((t - begin) / interval).astype(int), 0, nodes - 1)
+        late = t - grid[nearest]
+        # Of two samples at one node the nearer stays: written last.
+        for i in np.argsort(-np.abs(late), kind="stable"):
+            values[nearest[i], c], offset[nearest[i], c] = value[i], late[i]
+    return grid, values, offset
+
+
+def _signal(recording: SignalRecording, channel: str | None, episode: int) -> ControlSignal:
+    if channel is None:
+        return ControlSignal(np.zeros(1), np.zeros(1), False)
+    table = recording.signals[recording.channels[channel].clock]
+    table = table[table["episode"] == episode]
+    t, value = table["t"].to_numpy(float), table[channel].to_numpy(float)
+    there = np.isfinite(value)
+    if not there.any():
+        raise InputError(f"episode {episode}: channel {channel} has no value; leave the episode out")
+    return ControlSignal(t[there], value[there], recording.channels[channel].hold == "linear")

@@ -1,0 +1,1 @@
+"""What a model of joints and bodies may leave out: one file an effect."""
