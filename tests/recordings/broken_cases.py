@@ -53,8 +53,15 @@ CASES: dict[str, tuple[Breaker, list[str]]] = {
     "a list": (text("[1, 2]"), ["recording.json: top level: [1, 2] is not a mapping; write a mapping"]),
     "no version": (header(format_version=None), ["'format_version' is missing"]),
     "next version": (
-        both(header(format_version=2, new_key=1)),
-        ["format_version is 2", "reads version 1"],
+        both(header(format_version=3, new_key=1)),
+        ["format_version is 3", "reads version 1, 2"],
+    ),
+    "version of another kind of recording": (
+        header(format_version=2),
+        [
+            "format_version is 2 (joints and bodies)",
+            "needs a recording of version 1 (hits of a sliding object)",
+        ],
     ),
     "version true": (header(format_version=True), ["format_version is True"]),
     "version text": (header(format_version="1"), ["format_version is '1'"]),

@@ -67,7 +67,8 @@ def check_recording(recording: Recording, folder: Path) -> None:
     check_usable(recording, folder)
     if recording.tracks is not None:
         file = folder / TRACKS_FILE
-        check_timed_rows(recording.tracks, hits, file)
+        check_timed_rows(recording.tracks, hits["hit"], file)
+        check_shows_motion(recording.tracks, file)
         check_possible(recording.tracks, ["x", "y"], IMPOSSIBLE_M, "a place in m", file)
         check_possible(recording.tracks, ["yaw"], IMPOSSIBLE_YAW_RAD, "an angle in rad", file)
         check_begin(recording.tracks, file)
@@ -77,7 +78,8 @@ def check_recording(recording: Recording, folder: Path) -> None:
         check_dense_hits(recording.tracks, recording.camera_rate_hz, file)
     for table, name in ((recording.commands, COMMANDS_FILE), (recording.joints, JOINTS_FILE)):
         if table is not None:
-            check_timed_rows(table, hits, folder / name)
+            check_timed_rows(table, hits["hit"], folder / name)
+            check_shows_motion(table, folder / name)
             joint_names = joint_columns(table)
             check_possible(
                 table, joint_names, IMPOSSIBLE_JOINT_RAD, "the angle of a joint in rad", folder / name
@@ -185,42 +187,56 @@ def check_usable(recording: Recording, folder: Path) -> None:
         )
 
 
-def check_timed_rows(table: pd.DataFrame, hits: pd.DataFrame, file: Path) -> None:
-    """Refuse an empty table, rows of unknown hits, and times that do not increase within a hit."""
+def check_timed_rows(
+    table: pd.DataFrame, numbers: pd.Series, file: Path, of: str = "hit", listed_in: str = HITS_FILE
+) -> None:
+    """Refuse an empty table, rows of unknown hits, and times that do not increase within a hit.
+
+    Args:
+        table: With columns t and `of`.
+        numbers: Of the hits or episodes that there are.
+        file: Named in errors.
+        of: What the rows are of: hit or episode.
+        listed_in: File that has those.
+    """
     if table.empty:
         raise InputError(f"{file}: has no rows: remove the file or export it again")
-    number = table["hit"].to_numpy()
-    unknown = ~np.isin(number, hits["hit"].to_numpy())
+    number = table[of].to_numpy()
+    unknown = ~np.isin(number, numbers.to_numpy())
     if unknown.any():
         row = int(np.flatnonzero(unknown)[0])
         raise InputError(
-            f"{file}: row {row} (the first is 0): hit {number[row]} is not in {HITS_FILE}: add it "
+            f"{file}: row {row} (the first is 0): {of} {number[row]} is not in {listed_in}: add it "
             "there or remove its rows here"
-        )
-    if not table["hit"].duplicated().any():
-        raise InputError(
-            f"{file}: has one row a hit at most, which shows no motion: export all rows, or remove the file"
         )
     t = table["t"].to_numpy()
     negative = t < 0
     if negative.any():
         row = int(np.flatnonzero(negative)[0])
         raise InputError(
-            f"{file}: row {row} (the first is 0), hit {number[row]}: t is {t[row]:g} s, before the "
-            "hit's start: shift the times so that the hit starts at 0"
+            f"{file}: row {row} (the first is 0), {of} {number[row]}: t is {t[row]:g} s, before the "
+            f"{of}'s start: shift the times so that the {of} starts at 0"
         )
-    check_possible(table, ["t"], IMPOSSIBLE_S, "a time from the hit's start in s", file)
+    check_possible(table, ["t"], IMPOSSIBLE_S, f"a time from the {of}'s start in s", file, of)
     rows = np.argsort(number, kind="stable")  # rows of a hit side by side, in the file's order
     same_hit = np.diff(number[rows]) == 0
     wrong = np.flatnonzero(same_hit & (np.diff(t[rows]) <= 0))
     if wrong.size:
         before, row = rows[wrong[0]], rows[wrong[0] + 1]
-        where = f"{file}: row {row} (the first is 0), hit {number[row]}:"
+        where = f"{file}: row {row} (the first is 0), {of} {number[row]}:"
         if t[row] == t[before]:
             raise InputError(f"{where} the same time twice (t = {t[row]:g} s): remove one row")
         raise InputError(
             f"{where} time goes backwards (from {t[before]:g} s to {t[row]:g} s): sort the rows or "
             "correct the clock"
+        )
+
+
+def check_shows_motion(table: pd.DataFrame, file: Path, of: str = "hit") -> None:
+    """Refuse a table without two rows of one hit."""
+    if not table[of].duplicated().any():
+        raise InputError(
+            f"{file}: has one row a {of} at most, which shows no motion: export all rows, or remove the file"
         )
 
 

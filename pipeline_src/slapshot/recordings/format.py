@@ -8,7 +8,8 @@
 | commands.parquet | one joint command of a hit | see joint_schema                             |
 | joints.parquet   | one joint reading of a hit | see joint_schema                             |
 
-Only recording.json and hits.parquet are always there. The world frame is right-handed with z up.
+It is of an object that was hit and slid. Only recording.json and hits.parquet are always there. The world
+frame is right-handed with z up. Version 2, of joints and bodies of any MuJoCo model, stands in `signals`.
 """
 
 from dataclasses import dataclass
@@ -139,7 +140,7 @@ class Recording:
         return "tracks only" if self.commands is None else "full"
 
 
-def _column(name: str, type_: pa.DataType, unit: str, description: str, nullable: bool = False) -> pa.Field:
+def column(name: str, type_: pa.DataType, unit: str, description: str, nullable: bool = False) -> pa.Field:
     """One column with its unit ("1": a number without one; "": not a quantity)."""
     metadata = {b"unit": unit.encode(), b"description": description.encode()}
     return pa.field(name, type_, nullable=nullable, metadata=metadata)
@@ -147,26 +148,26 @@ def _column(name: str, type_: pa.DataType, unit: str, description: str, nullable
 
 HITS_SCHEMA = pa.schema(
     [
-        _column("hit", pa.int64(), "", "number of the hit, unique"),
-        _column("object_id", pa.string(), "", "which object of recording.json was hit"),
-        _column("order", pa.int64(), "1", "place of the hit in the order of execution"),
-        _column("recorded_at", pa.timestamp("us", "UTC"), "", "when the hit was executed", True),
-        _column("command_id", pa.int64(), "", "equal for repeats of one command", True),
-        _column("start_x", pa.float64(), "m", "object before the hit"),
-        _column("start_y", pa.float64(), "m", "object before the hit"),
-        _column("rest_x", pa.float64(), "m", "object at rest; null if not seen", True),
-        _column("rest_y", pa.float64(), "m", "object at rest; null if not seen", True),
-        _column("latent", pa.list_(pa.float64()), "1", "latent of the trajectory model", True),
+        column("hit", pa.int64(), "", "number of the hit, unique"),
+        column("object_id", pa.string(), "", "which object of recording.json was hit"),
+        column("order", pa.int64(), "1", "place of the hit in the order of execution"),
+        column("recorded_at", pa.timestamp("us", "UTC"), "", "when the hit was executed", True),
+        column("command_id", pa.int64(), "", "equal for repeats of one command", True),
+        column("start_x", pa.float64(), "m", "object before the hit"),
+        column("start_y", pa.float64(), "m", "object before the hit"),
+        column("rest_x", pa.float64(), "m", "object at rest; null if not seen", True),
+        column("rest_y", pa.float64(), "m", "object at rest; null if not seen", True),
+        column("latent", pa.list_(pa.float64()), "1", "latent of the trajectory model", True),
     ]
 )
 
 TRACKS_SCHEMA = pa.schema(
     [
-        _column("hit", pa.int64(), "", "number of the hit"),
-        _column("t", pa.float64(), "s", "time from the hit's start"),
-        _column("x", pa.float64(), "m", "object as the camera saw it"),
-        _column("y", pa.float64(), "m", "object as the camera saw it"),
-        _column("yaw", pa.float64(), "rad", "turn about z; null where not measured", True),
+        column("hit", pa.int64(), "", "number of the hit"),
+        column("t", pa.float64(), "s", "time from the hit's start"),
+        column("x", pa.float64(), "m", "object as the camera saw it"),
+        column("y", pa.float64(), "m", "object as the camera saw it"),
+        column("yaw", pa.float64(), "rad", "turn about z; null where not measured", True),
     ]
 )
 
@@ -178,9 +179,9 @@ def joint_schema(n_joints: int) -> pa.Schema:
     """Schema of commands.parquet and joints.parquet for an arm with `n_joints` joints."""
     return pa.schema(
         [
-            _column("hit", pa.int64(), "", "number of the hit"),
-            _column("t", pa.float64(), "s", "time from the hit's start"),
-            *(_column(f"q{j}", pa.float64(), "rad", f"position of joint {j}") for j in range(n_joints)),
+            column("hit", pa.int64(), "", "number of the hit"),
+            column("t", pa.float64(), "s", "time from the hit's start"),
+            *(column(f"q{j}", pa.float64(), "rad", f"position of joint {j}") for j in range(n_joints)),
         ]
     )
 

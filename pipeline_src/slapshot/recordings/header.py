@@ -1,18 +1,19 @@
-"""recording.json: what it may say, and to and from it."""
+"""recording.json: what it may say in each version of the format, and to and from it."""
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from slapshot.errors import InputError
-from slapshot.recordings.format import FORMAT_VERSION, LONGEST_ID, ObjectInfo, Recording
-from slapshot.validation import Model, read_json, short, validated
+from slapshot.recordings.channels import Channel, Name, check_channels
+from slapshot.recordings.format import FORMAT_VERSION, HEADER_FILE, LONGEST_ID, ObjectInfo, Recording
+from slapshot.validation import Model, ProblemAtError, read_json, short, validated
 
 _LONGEST_LINE, _LONGEST_NOTE = 200, 20_000  # characters
 _LONGEST_FILE = 4_000_000  # bytes
-_MOST_OBJECTS = 1000
+_MOST_OBJECTS, _MOST_CHANNELS = 1000, 500
 
 
 def one_line(text: str) -> str:
@@ -50,22 +51,19 @@ class Described(Model):
     frame_note: Note = Field(description="where the world frame lies on the rig")
 
 
-class Header(Described):
-    """recording.json: all of a recording but its tables."""
+Stand = Annotated[bool, Field(description="true for a simulated stand-in, false for a real robot")]
+Seal = Annotated[
+    str | None,
+    Field(default=None, pattern="^[0-9a-f]{64}$", description="SHA-256 of the sealed truth, 64 hex digits"),
+]
 
-    format_version: Literal[1] = Field(description=f"now {FORMAT_VERSION}")
-    stand_in: bool = Field(description="true for a simulated stand-in, false for a real robot")
-    note: FreeText = ""
-    trajectory_model: Line | None = Field(
-        default=None, description="version of the trajectory model, if latents are given"
-    )
-    sealed_truth_sha256: str | None = Field(
-        default=None, pattern="^[0-9a-f]{64}$", description="SHA-256 of the sealed truth, 64 hex digits"
-    )
+
+class _Json(Model):
+    """What every version's recording.json can do."""
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Attributes of a `Recording`."""
+        """Attributes of the recording."""
         return {name: value for name, value in self if name != "format_version"}
 
     def to_json(self) -> str:
@@ -75,37 +73,104 @@ class Header(Described):
         return json.dumps(first | values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-_OF_VERSION: dict[int, type[Header]] = {FORMAT_VERSION: Header}
+class Header(Described, _Json):
+    """recording.json of version 1: all of a recording of hits but its tables."""
+
+    format_version: Literal[1] = Field(description="1: hits of a sliding object")
+    stand_in: Stand
+    note: FreeText = ""
+    trajectory_model: Line | None = Field(
+        default=None, description="version of the trajectory model, if latents are given"
+    )
+    sealed_truth_sha256: Seal
 
 
-def read_header(file: Path) -> Header:
-    """Read and check recording.json.
+class SignalHeader(_Json):
+    """recording.json of version 2: all of a recording of signals but its tables."""
+
+    format_version: Literal[2] = Field(description="2: joints and bodies of any model")
+    rig: Line = Field(description="name of the set-up")
+    stand_in: Stand
+    note: FreeText = ""
+    sealed_truth_sha256: Seal
+    channels: dict[Name, Channel] = Field(
+        min_length=1, max_length=_MOST_CHANNELS, description="name of a column -> what stands in it"
+    )
+
+    @model_validator(mode="after")
+    def _holds_together(self) -> Self:
+        try:
+            check_channels(self.channels)
+        except ProblemAtError as problem:
+            raise ProblemAtError(("channels", *problem.loc), str(problem)) from None
+        return self
+
+
+_OF_VERSION: dict[int, type[Header] | type[SignalHeader]] = {1: Header, 2: SignalHeader}
+_WHAT = {1: "hits of a sliding object", 2: "joints and bodies"}
+
+H = TypeVar("H", Header, SignalHeader)
+
+
+def format_version(folder: Path) -> int:
+    """Which version of the format a recording is in, of those that are known.
 
     Raises:
-        InputError: The file cannot be read, is not JSON, or says what cannot be.
+        InputError: Its recording.json cannot be read, or is in another version.
     """
-    remedy = f"put the recording's {file.name} there, or name the folder that holds it"
-    return check_header(read_json(file, remedy, _LONGEST_FILE), file)
+    file = folder / HEADER_FILE
+    return _version_of(_read(file), file)
 
 
-def check_header(values: Any, file: Path) -> Header:
+def read_header(file: Path, model: type[H]) -> H:
+    """Read and check recording.json.
+
+    Args:
+        file: To read.
+        model: Header of the version that it must be in.
+
+    Raises:
+        InputError: The file cannot be read, is not JSON, is of another version, or says what cannot be.
+    """
+    return check_header(_read(file), file, model)
+
+
+def check_header(values: Any, file: Path, model: type[H]) -> H:
     """What recording.json says, checked.
 
     Args:
         values: As JSON has them.
         file: Named in errors.
+        model: Header of the version that it must be in.
 
     Raises:
-        InputError: A key is unknown, missing, of the wrong type or out of range.
+        InputError: A key is unknown, missing, of the wrong type or out of range, or the version is another.
     """
-    # The version comes first: another version may have other keys, which are then no mistakes.
-    version = values.get("format_version", FORMAT_VERSION) if isinstance(values, dict) else FORMAT_VERSION
+    # The version comes first: another version has other keys, which are then no mistakes.
+    version = _version_of(values, file, default=next(v for v, m in _OF_VERSION.items() if m is model))
+    if _OF_VERSION[version] is not model:
+        wanted = next(v for v, m in _OF_VERSION.items() if m is model)
+        raise InputError(
+            f"{file}: format_version is {version} ({_WHAT[version]}), and this needs a recording of version "
+            f"{wanted} ({_WHAT[wanted]}); name such a recording"
+        )
+    return validated(model, values, file)
+
+
+def _read(file: Path) -> Any:
+    remedy = f"put the recording's {file.name} there, or name the folder that holds it"
+    return read_json(file, remedy, _LONGEST_FILE)
+
+
+def _version_of(values: Any, file: Path, default: int = 1) -> int:
+    """The version that a file says; the default where it says none, which its check then tells."""
+    version = values.get("format_version", default) if isinstance(values, dict) else default
     if type(version) is not int or version not in _OF_VERSION:
         raise InputError(
             f"{file}: format_version is {short(version)}, but this slapshot reads version "
             f"{', '.join(map(str, _OF_VERSION))}; write the recording in that one, or use a newer slapshot"
         )
-    return validated(_OF_VERSION[version], values, file)
+    return version
 
 
 def header_of(recording: Recording, file: Path) -> Header:
@@ -116,4 +181,4 @@ def header_of(recording: Recording, file: Path) -> Header:
     """
     values = {name: getattr(recording, name) for name in Header.model_fields if name != "format_version"}
     values["objects"] = {name: info.model_dump() for name, info in recording.objects.items()}
-    return check_header({"format_version": FORMAT_VERSION, **values}, file)
+    return check_header({"format_version": FORMAT_VERSION, **values}, file, Header)

@@ -17,7 +17,7 @@ from slapshot.recordings.format import (
     TRACKS_SCHEMA,
     Recording,
 )
-from slapshot.recordings.header import read_header
+from slapshot.recordings.header import Header, read_header
 from slapshot.recordings.tables import conform, frame_from_table, joint_schema_for, read_parquet
 
 
@@ -34,13 +34,8 @@ def read_recording(folder: Path) -> Recording:
         InputError: If anything is missing, damaged or implausible; one line for a person.
     """
     folder = Path(folder)
-    try:
-        _check_folder(folder)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: cannot be read ({error.strerror}): check the path and its permissions"
-        ) from error
-    header = read_header(folder / HEADER_FILE)
+    check_folder(folder)
+    header = read_header(folder / HEADER_FILE, Header)
     hits = _read_table(folder / HITS_FILE, HITS_SCHEMA)
     if hits is None:
         raise InputError(f"{folder / HITS_FILE}: is missing: add the table of hits")
@@ -55,13 +50,23 @@ def read_recording(folder: Path) -> Recording:
     return recording
 
 
-def _check_folder(folder: Path) -> None:
-    if not folder.exists():
-        raise InputError(f"{folder}: folder is missing: check the path")
-    if not folder.is_dir():
-        raise InputError(f"{folder}: is not a folder: name the folder that holds {HEADER_FILE}")
-    if not any(folder.iterdir()):
-        raise InputError(f"{folder}: folder is empty: put a recording there, {HEADER_FILE} first")
+def check_folder(folder: Path) -> None:
+    """Refuse what is no folder, or an empty one.
+
+    Raises:
+        InputError: One line for a person.
+    """
+    try:
+        if not folder.exists():
+            raise InputError(f"{folder}: folder is missing: check the path")
+        if not folder.is_dir():
+            raise InputError(f"{folder}: is not a folder: name the folder that holds {HEADER_FILE}")
+        if not any(folder.iterdir()):
+            raise InputError(f"{folder}: folder is empty: put a recording there, {HEADER_FILE} first")
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be read ({error.strerror}): check the path and its permissions"
+        ) from error
 
 
 def _read_table(file: Path, schema: pa.Schema | None) -> pd.DataFrame | None:

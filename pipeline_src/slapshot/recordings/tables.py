@@ -7,7 +7,7 @@ categories, NaN for null where null is allowed. Everything else is refused with 
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -150,13 +150,21 @@ def joint_schema_for(names: Sequence[str], file: Path) -> pa.Schema:
     return joint_schema(len(numbers))
 
 
-def conform(table: pa.Table, schema: pa.Schema, file: Path) -> pa.Table:
+def conform(
+    table: pa.Table,
+    schema: pa.Schema,
+    file: Path,
+    optional: Container[str] = OPTIONAL_COLUMNS,
+    unknown: str = "remove it",
+) -> pa.Table:
     """The same table with exactly the columns, types and order of `schema`.
 
     Args:
         table: As read, with columns in any order.
-        schema: HITS_SCHEMA, TRACKS_SCHEMA or a joint_schema.
+        schema: What it should be.
         file: Named in errors.
+        optional: Columns that may be absent, which are then null.
+        unknown: What to do about a column that is not in the schema.
 
     Returns:
         A table in which floats are finite, and nulls stand only where the schema allows them.
@@ -164,7 +172,7 @@ def conform(table: pa.Table, schema: pa.Schema, file: Path) -> pa.Table:
     Raises:
         InputError: If a column is missing, unknown, of the wrong type or has a bad value.
     """
-    _check_column_names(table.column_names, schema, file)
+    _check_column_names(table.column_names, schema, file, optional, unknown)
     columns = []
     for field in schema:
         if field.name in table.column_names:
@@ -180,17 +188,19 @@ def _check_names_unique(names: Sequence[str], file: Path) -> None:
             raise InputError(f"{file}: column {short(name)} stands there twice: remove one of them")
 
 
-def _check_column_names(names: Sequence[str], schema: pa.Schema, file: Path) -> None:
+def _check_column_names(
+    names: Sequence[str], schema: pa.Schema, file: Path, optional: Container[str], unknown: str
+) -> None:
     _check_names_unique(names, file)
     for name in schema.names:
-        if name not in names and name not in OPTIONAL_COLUMNS:
+        if name not in names and name not in optional:
             unit = schema.field(name).metadata[b"unit"].decode()
             what = schema.field(name).metadata[b"description"].decode()
             in_unit = f", in {unit}" if unit not in ("", "1") else ""
             raise InputError(f"{file}: column {name!r} is missing: add it ({what}{in_unit})")
     for name in names:
         if name not in schema.names:
-            hint = "write with index=False" if name.startswith("__index") else "remove it"
+            hint = "write with index=False" if name.startswith("__index") else unknown
             raise InputError(
                 f"{file}: column {short(name)} is not in the format: {hint} "
                 f"(known: {', '.join(schema.names)})"

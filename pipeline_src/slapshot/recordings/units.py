@@ -27,22 +27,25 @@ EARLIEST, LATEST = pd.Timestamp("1990-01-01", tz="UTC"), pd.Timestamp("2100-01-0
 _MILLIMETRES = "if these are millimetres, divide by 1000 (centimetres: by 100)"
 
 
-def check_possible(table: pd.DataFrame, columns: Sequence[str], limit: float, what: str, file: Path) -> None:
+def check_possible(
+    table: pd.DataFrame, columns: Sequence[str], limit: float, what: str, file: Path, of: str = "hit"
+) -> None:
     """Refuse single values that nothing can have, such as memory that nobody wrote to.
 
     Args:
-        table: With column hit.
+        table: With a column `of`.
         columns: To check; NaN passes.
         limit: Largest size that a value may have.
         what: They are, with the unit, for the message.
         file: Named in errors.
+        of: What the rows are of: hit or episode.
     """
     values = table[list(columns)].to_numpy(np.float64)  # (n_rows, n_columns)
     wrong = np.argwhere(np.abs(values) > limit)
     if len(wrong):
         row, column = wrong[0]
         raise InputError(
-            f"{file}: row {row} (the first is 0), hit {table['hit'].iloc[row]}: {columns[column]} is "
+            f"{file}: row {row} (the first is 0), {of} {table[of].iloc[row]}: {columns[column]} is "
             f"{values[row, column]:.6g}, beyond what {what} can be ({limit:g}): correct it or remove the row"
         )
 
@@ -123,24 +126,24 @@ def check_swing_length(table: pd.DataFrame, file: Path) -> None:
         )
 
 
-def check_begin(table: pd.DataFrame, file: Path) -> None:
-    """Refuse times that do not count from the hits' starts."""
-    typical = _median(table.groupby("hit")["t"].min().to_numpy())
+def check_begin(table: pd.DataFrame, file: Path, of: str = "hit") -> None:
+    """Refuse times that do not count from the starts of the hits or episodes."""
+    typical = _median(table.groupby(of)["t"].min().to_numpy())
     if typical > LATEST_BEGIN_S:
         raise InputError(
-            f"{file}: column 't': hits begin at {typical:.6g} s (median), not near 0: subtract from the "
-            "times of each hit the moment at which it starts, in all tables the same"
+            f"{file}: column 't': {of}s begin at {typical:.6g} s (median), not near 0: subtract from the "
+            f"times of each {of} the moment at which it starts, in all tables the same"
         )
 
 
-def check_dates(hits: pd.DataFrame, file: Path) -> None:
+def check_dates(table: pd.DataFrame, file: Path, of: str = "hit") -> None:
     """Refuse dates that come from a counter of another unit or origin."""
-    when = hits["recorded_at"]
+    when = table["recorded_at"]
     wrong = ((when < EARLIEST) | (when > LATEST)).to_numpy()
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])
         raise InputError(
-            f"{file}: row {row} (the first is 0), hit {hits['hit'].iloc[row]}: recorded_at is not "
+            f"{file}: row {row} (the first is 0), {of} {table[of].iloc[row]}: recorded_at is not "
             f"between {EARLIEST.year} and {LATEST.year}: correct it, or use null if it is not known"
         )
 

@@ -3,6 +3,7 @@
 import dataclasses
 import shutil
 import uuid
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -46,12 +47,24 @@ def write_recording(recording: Recording, folder: Path) -> None:
     folder = Path(folder)
     check_new(folder)
     header = header_of(recording, folder / HEADER_FILE)
-    tables = _checked_tables(recording, folder)
+    write_files(header.to_json(), _checked_tables(recording, folder), folder)
 
+
+def write_files(header: str, tables: Mapping[str, pa.Table], folder: Path) -> None:
+    """Write what has been checked to a new folder, whole or not at all.
+
+    Args:
+        header: Text of recording.json.
+        tables: By file name.
+        folder: Must not exist yet.
+
+    Raises:
+        InputError: If it cannot be written.
+    """
     partial = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}.partial")
     try:
         partial.mkdir(parents=True)
-        (partial / HEADER_FILE).write_text(header.to_json(), encoding="utf-8")
+        (partial / HEADER_FILE).write_text(header, encoding="utf-8")
         for name, table in tables.items():
             write_parquet(table, partial / name)
         partial.rename(folder)
