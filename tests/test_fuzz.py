@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 import yaml
 from slapshot.config import read_config
-from slapshot.diagnosis.rig_file import read_rig
-from slapshot.diagnosis.verdict_file import VERDICT_FILE, read_verdict
+from slapshot.diagnosis.pucks.rig_file import read_rig
+from slapshot.diagnosis.pucks.verdict_file import VERDICT_FILE, read_verdict
 from slapshot.errors import InputError
 from slapshot.recordings.importing.mapping import load_mapping
 

@@ -23,6 +23,7 @@ from slapshot.store.recipe import Recipe
 from slapshot.store.verify import compare, find_problems, make_lock, problem_of, remove_damaged
 from slapshot.store.version_file import REPAIR, read_version_file
 from slapshot.text import printable
+from slapshot.validation import read_json, short
 
 LOCK = Path("data/pipeline.lock")
 DEFAULT_STORE = Path("data/store")
@@ -167,10 +168,27 @@ def _import(args: argparse.Namespace) -> int:
 
 def _diagnose(args: argparse.Namespace) -> int:
     os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is rendered: no display is looked for
-    from slapshot.diagnosis.command import run_diagnose  # MuJoCo, figures: the other commands start faster
-
+    header = args.recording / "recording.json"
+    match _format_version(header):  # MuJoCo, figures: the other commands start faster
+        case 1 | None:  # what says no version is refused where it is read, with the reason
+            from slapshot.diagnosis.pucks.command import run_diagnose
+        case version:
+            raise InputError(
+                f"{header}: format_version is {short(version)}, and no diagnosis reads that version; "
+                "write the recording in another, or use a newer slapshot"
+            )
     with own_code_may_run():  # effects that a rig file names
         return run_diagnose(args)
+
+
+def _format_version(file: Path) -> int | None:
+    """Version of the format that recording.json is written in; None if it cannot be read or says none."""
+    try:
+        values = read_json(file, "put it there")
+    except InputError:
+        return None
+    version = values.get("format_version") if isinstance(values, dict) else None
+    return version if type(version) is int else None
 
 
 def _say(text: str) -> None:

@@ -7,7 +7,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from slapshot.command import Run
-from slapshot.diagnosis.augmented import AUGMENTED, write_augmented
+from slapshot.diagnosis.pucks.augmented import AUGMENTED, write_augmented
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.slide_law import slide
 from slapshot.errors import InputError

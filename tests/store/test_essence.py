@@ -140,9 +140,9 @@ MAY_IMPORT = {"tqdm", "slapshot.text", "pyarrow", "slapshot.parquet", "slapshot.
 # Handlers that go on after anything, and note what it said: whatever an effect of anybody raises, and a
 # figure that cannot be drawn. Nothing of the package that runs there raises InputError but of bad input.
 NOTED = {
-    "slapshot.diagnosis.report",
-    "slapshot.diagnosis.signatures",
-    "slapshot.diagnosis.trial",
+    "slapshot.diagnosis.pucks.report",
+    "slapshot.diagnosis.pucks.signatures",
+    "slapshot.diagnosis.pucks.trial",
     "slapshot.text",  # whose __str__ fails is called by its type
 }
 

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.command import Run
-from slapshot.diagnosis.stage_verdict import produce
+from slapshot.diagnosis.pucks.stage_verdict import produce
 from slapshot.store.recipe import Recipe
 from workspace import Version, Workspace, downstream, job_counts, snakemake_command
 

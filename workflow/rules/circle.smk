@@ -20,7 +20,7 @@ rule findings_version:
     params:
         recipe=recipe("findings"),
     shell:
-        "python -m slapshot.diagnosis.stage_findings --recipe {params.recipe:q} --cores {threads} --log {log}"
+        "python -m slapshot.diagnosis.pucks.stage_findings --recipe {params.recipe:q} --cores {threads} --log {log}"
 
 
 rule arm_rollouts:

@@ -17,4 +17,4 @@ rule diagnosis_version:
     params:
         recipe=recipe("diagnosis"),
     shell:
-        "python -m slapshot.diagnosis.stage_report --recipe {params.recipe:q} --cores {threads} --log {log}"
+        "python -m slapshot.diagnosis.pucks.stage_report --recipe {params.recipe:q} --cores {threads} --log {log}"

@@ -32,7 +32,7 @@ rule signatures_version:
     params:
         recipe=recipe("signatures"),
     shell:
-        "python -m slapshot.diagnosis.stage_signatures --recipe {params.recipe:q} --cores {threads} --log {log}"
+        "python -m slapshot.diagnosis.pucks.stage_signatures --recipe {params.recipe:q} --cores {threads} --log {log}"
 
 
 rule case:
@@ -77,7 +77,7 @@ rule verdict_version:
         recipe=recipe("verdict"),
     shell:
         "OPENBLAS_NUM_THREADS={threads} OMP_NUM_THREADS={threads} "
-        "python -m slapshot.diagnosis.stage_verdict --recipe {params.recipe:q} --cores {threads} --log {log}"
+        "python -m slapshot.diagnosis.pucks.stage_verdict --recipe {params.recipe:q} --cores {threads} --log {log}"
 
 
 rule score:

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from slapshot.benchmark.measures import Measure
 from slapshot.config import merge
-from slapshot.diagnosis.held_out import FittedScene, first_frames, predict_held_out, split_hits
-from slapshot.diagnosis.noise import estimate_noise
-from slapshot.diagnosis.slide_fit import SlideFitter
-from slapshot.diagnosis.slide_model import Point, SlideModel
-from slapshot.diagnosis.tracks import HitTracks, hit_tracks
+from slapshot.diagnosis.pucks.held_out import FittedScene, first_frames, predict_held_out, split_hits
+from slapshot.diagnosis.pucks.noise import estimate_noise
+from slapshot.diagnosis.pucks.slide_fit import SlideFitter
+from slapshot.diagnosis.pucks.slide_model import Point, SlideModel
+from slapshot.diagnosis.pucks.tracks import HitTracks, hit_tracks
 from slapshot.effects.tilt import Tilt
 from slapshot.errors import InputError
 from slapshot.lab.__main__ import record

@@ -3,8 +3,8 @@
 import json
 
 from slapshot.command import Run, stage_command
-from slapshot.diagnosis.rig_file import setting_of
-from slapshot.diagnosis.signatures import Signatures
+from slapshot.diagnosis.pucks.rig_file import setting_of
+from slapshot.diagnosis.pucks.signatures import Signatures
 from slapshot.progress import progress
 from slapshot.proof.case_table import write_cases_table
 from slapshot.proof.draw import draw_proof

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.result import Setting
-from slapshot.diagnosis.signatures import Signatures
+from slapshot.diagnosis.pucks.diagnose import diagnose
+from slapshot.diagnosis.pucks.result import Setting
+from slapshot.diagnosis.pucks.signatures import Signatures
 from slapshot.effects.catalogue import catalogue
 from slapshot.recordings.read import read_recording
 

@@ -25,7 +25,7 @@ SHORT = 0.02  # s of tracks that nobody looks at
 
 
 class AugmentedCollector:
-    """Simulates hits of an augmented scene (see `slapshot.diagnosis.augmented`)."""
+    """Simulates hits of an augmented scene (see `slapshot.diagnosis.pucks.augmented`)."""
 
     def __init__(
         self, scene: Scene, swings: Swings, effects: Found, camera: Array, threads: int, size: int = BATCH

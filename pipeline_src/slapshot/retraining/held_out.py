@@ -6,7 +6,7 @@ from dataclasses import replace
 import pandas as pd
 
 from slapshot.command import Run, stage_command
-from slapshot.diagnosis.refit import REFIT_FILE
+from slapshot.diagnosis.pucks.refit import REFIT_FILE
 from slapshot.errors import InputError
 from slapshot.recordings.read import read_recording
 from slapshot.recordings.sources import recording_folders

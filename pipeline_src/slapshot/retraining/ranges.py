@@ -22,7 +22,7 @@ def refitted_ranges(
 
     Args:
         randomisation: as in the configuration.
-        refit: as `slapshot.diagnosis.refit` writes it.
+        refit: as `slapshot.diagnosis.pucks.refit` writes it.
         margin: by which a range goes beyond the fitted values at least, as a share of them.
     """
     fits = [one[scene] for one in refit["objects"].values() for scene in ("nominal", "final")]

@@ -7,9 +7,9 @@ import numpy as np
 import pyarrow as pa
 
 from slapshot.command import Run, stage_command
-from slapshot.diagnosis.augmented import AUGMENTED, EFFECTS_FILE
-from slapshot.diagnosis.refit import REFIT_FILE
-from slapshot.diagnosis.rig_file import camera_foot
+from slapshot.diagnosis.pucks.augmented import AUGMENTED, EFFECTS_FILE
+from slapshot.diagnosis.pucks.refit import REFIT_FILE
+from slapshot.diagnosis.pucks.rig_file import camera_foot
 from slapshot.effects.catalogue import import_effects, named
 from slapshot.errors import InputError
 from slapshot.progress import progress

@@ -1,0 +1,34 @@
+"""The scene with the effects that were found, ready to be simulated: MJCF and the effects' values."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+
+from slapshot.diagnosis.pucks.slide_model import Values
+from slapshot.effects.effect import Effect
+from slapshot.scenes.scene import Scene
+
+AUGMENTED = "augmented"  # folder of a report
+EFFECTS_FILE = "effects.json"
+
+
+def augmented_scene(scene: Scene, effects: Mapping[str, Effect], values: Mapping[str, Values]) -> Scene:
+    """The scene with all effects in its model that act there; the others act on commands, slide or camera."""
+    spec = mujoco.MjSpec.from_string(scene.xml)
+    for name, own in values.items():
+        effects[name].edit(dict(own), spec, scene.info)
+    spec.compile()  # to_xml wants a compiled spec
+    return replace(scene, xml=spec.to_xml())
+
+
+def write_augmented(
+    scene: Scene, effects: Mapping[str, Effect], values: Mapping[str, Values], folder: Path
+) -> None:
+    """Write scene.xml, scene.json and effects.json (effect -> parameter -> value)."""
+    folder.mkdir(parents=True, exist_ok=True)
+    augmented_scene(scene, effects, values).save(folder)
+    text = json.dumps({name: dict(own) for name, own in values.items()}, indent=2, sort_keys=True)
+    (folder / EFFECTS_FILE).write_text(text + "\n")

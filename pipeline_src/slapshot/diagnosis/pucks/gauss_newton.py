@@ -1,0 +1,174 @@
+"""Damped Gauss-Newton on a marginal likelihood: what fitters of slides, launches and rest points share."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.pucks.evidence import LARGEST
+from slapshot.diagnosis.pucks.first_guess import NUISANCE_MEAN
+from slapshot.diagnosis.pucks.marginal import Marginal
+from slapshot.diagnosis.pucks.slide_model import Column, Point
+from slapshot.effects.effect import Effect, Parameter
+
+Array = NDArray[np.float64]
+
+CONVERGED = 0.02  # of the objective (nats): differences that matter are of order 1
+MOST_DAMPING = 1e6
+# Of logarithms of mu_x, mu_y and of the torsional friction in m.
+NUISANCE_SD = np.array([1.0, 1.0, 1.0])
+NUISANCE_BOUNDS = np.log([[0.01, 3.0], [0.01, 3.0], [1e-5, 0.3]])
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted recording.
+
+    Attributes:
+        point: latents, nuisance and effects.
+        scatter: from hit to hit: sd of log friction for slides, (5, 5) covariance for launches, (2, 2) for
+            rest points over the distance.
+        objective: -2 log marginal likelihood minus constants; lower is better.
+        columns: of `covariance` and `marginal`.
+        covariance: (p, p) of the shared parameters.
+        marginal: at the point.
+        dispersion: of whitened residuals, 1 where the model holds.
+        converged: whether it did.
+    """
+
+    point: Point
+    scatter: Any
+    objective: float
+    columns: tuple[Column, ...]
+    covariance: Array
+    marginal: Marginal
+    dispersion: float
+    converged: bool
+
+
+class GaussNewton(ABC):
+    """Fits shared parameters and the scatter of hits.
+
+    The scatter is estimated on the way (expectation maximisation), never assumed.
+    """
+
+    iterations: int
+    first_scatter: Any
+
+    def __init__(self, effects: Mapping[str, Effect]) -> None:
+        self.effects = effects
+        self.sizes: dict[str, float] = {}
+
+    @abstractmethod
+    def columns(self, effects: Sequence[str]) -> list[Column]:
+        """Shared parameters: nuisance, three of each object, then those of the effects."""
+
+    @abstractmethod
+    def evaluate(self, point: Point, columns: Sequence[Column], scatter: Any) -> Marginal:
+        """Hits marginalised at a point."""
+
+    @abstractmethod
+    def freedom(self) -> Array:
+        """(n,) expected squares of each hit."""
+
+    @abstractmethod
+    def _scatter(self, point: Point, state: Marginal, before: Any) -> Any:
+        """What hits scatter by at a point."""
+
+    def fit(self, start: Point, scatter: Any = None, effects: Sequence[str] = ()) -> Fit:
+        """Fit nuisance, scatter and the effects named, from a point."""
+        point = replace(
+            start, effects={n: dict(start.effects.get(n, self.effects[n].neutral())) for n in effects}
+        )
+        columns = self.columns(effects)
+        mean, precision = self.prior(columns)
+        scatter = self.first_scatter if scatter is None else scatter
+        damping, converged = 1e-3, False
+        state = self.evaluate(point, columns, scatter)
+        objective = self._objective(state, point, columns)
+        for _ in range(self.iterations):
+            information = state.information.sum(0) + np.diag(precision)
+            score = state.scores.sum(0) + precision * (mean - shared(point, columns))
+            shift = np.linalg.solve(information + damping * np.diag(np.diag(information)), score)
+            new = self._moved(point, columns, shift, state)
+            spread = self._scatter(new, state, scatter)
+            candidate = self.evaluate(new, columns, spread)
+            value = self._objective(candidate, new, columns)
+            # The scatter's own update may raise the objective by its bound alone; a little is let pass.
+            if value > objective + 1.0 and damping < MOST_DAMPING:
+                damping *= 10
+                continue
+            change, damping = objective - value, max(damping / 5, 1e-6)
+            point, state, objective, scatter = new, candidate, value, spread
+            if abs(change) < CONVERGED:
+                converged = True
+                break
+        information = state.information.sum(0) + np.diag(precision)
+        return Fit(
+            point,
+            scatter,
+            objective,
+            tuple(columns),
+            np.linalg.inv(information) if columns else np.empty((0, 0)),
+            state,
+            float(state.squares.sum() / max(self.freedom().sum(), 1)),
+            converged,
+        )
+
+    def objective(self, point: Point, scatter: Any, effects: Sequence[str]) -> float:
+        """What a fit makes as small as it can, at a point; a hit's own unknowns being what they are there."""
+        columns = self.columns(effects)
+        return self._objective(self.evaluate(point, columns, scatter), point, columns)
+
+    def prior(self, columns: Sequence[Column]) -> tuple[Array, Array]:
+        """Mean and information (p,) of the shared parameters."""
+        mean, precision = np.zeros(len(columns)), np.zeros(len(columns))
+        for c, column in enumerate(columns):
+            if column.object >= 0:
+                which = c % 3
+                mean[c], precision[c] = NUISANCE_MEAN[which], NUISANCE_SD[which] ** -2
+            else:
+                p = self._parameter(column)
+                mean[c] = p.neutral
+                precision[c] = (self.sizes.get(column.owner, LARGEST) * p.scale) ** -2
+        return mean, precision
+
+    def _objective(self, state: Marginal, point: Point, columns: Sequence[Column]) -> float:
+        """At the present latents' best first-order change: squares, volume and prior."""
+        mean, precision = self.prior(columns)
+        prior = float((precision * (shared(point, columns) - mean) ** 2).sum())
+        return float(state.squares.sum() + state.log_volume.sum()) + prior
+
+    def _moved(self, point: Point, columns: Sequence[Column], shift: Array, state: Marginal) -> Point:
+        nuisance = point.nuisance.copy()
+        effects = {name: dict(values) for name, values in point.effects.items()}
+        for c, column in enumerate(columns):
+            if column.object >= 0:
+                value = nuisance[column.object, c % 3] + shift[c]
+                nuisance[column.object, c % 3] = np.clip(value, *NUISANCE_BOUNDS[c % 3])
+            else:
+                p = self._parameter(column)
+                value = effects[column.owner][column.parameter] + shift[c]
+                effects[column.owner][column.parameter] = float(np.clip(value, p.low, p.high))
+        return Point(self._moved_latents(point, shift, state), nuisance, effects)
+
+    def _moved_latents(self, point: Point, shift: Array, state: Marginal) -> Array:
+        """A hit's own unknowns after a step of the shared parameters; where there are none, none move."""
+        return point.latents
+
+    def _parameter(self, column: Column) -> Parameter:
+        return next(p for p in self.effects[column.owner].parameters if p.name == column.parameter)
+
+
+def shared(point: Point, columns: Sequence[Column]) -> Array:
+    """(p,) values of shared parameters at a point."""
+    values = np.empty(len(columns))
+    for c, column in enumerate(columns):
+        if column.object >= 0:
+            values[c] = point.nuisance[column.object, c % 3]
+        else:
+            values[c] = point.effects[column.owner][column.parameter]
+    return values

@@ -1,0 +1,198 @@
+"""From fits and evidence to sentences of a verdict: what is found, named, located, limited."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.pucks.evidence import project
+from slapshot.diagnosis.pucks.gauss_newton import Fit
+from slapshot.diagnosis.pucks.search import CLASS, Candidate, Screen, Search
+from slapshot.diagnosis.pucks.slide_model import Column
+from slapshot.diagnosis.pucks.verdict import (
+    Limit,
+    Location,
+    Mismatch,
+    NamedEffect,
+    ParameterValue,
+    Unknown,
+)
+from slapshot.effects.effect import Effect
+
+Array = NDArray[np.float64]
+Word = TypeVar("Word", bound=str)
+
+Z90, Z95 = 1.645, 1.96
+LEFT = 0.02  # of the evidence for what was named: less is no further effect
+AGREED = 0.8  # of the probability of a class, to say where it acts
+MOST_PARAMETERS = 4  # of an effect that are listed one by one
+
+
+def mismatch_of(screen: Screen, p_value: float, evidence: float, shift: float) -> Mismatch:
+    """Found if it cannot be chance, is worth its parameters, and is large enough to matter."""
+    best = max(screen.log_evidence, key=lambda name: screen.log_evidence[name])
+    large = max((screen.shift[n] for n, e in screen.log_evidence.items() if e > evidence), default=0.0)
+    found = screen.p_value < p_value and screen.log_evidence[best] > evidence and large >= shift
+    return Mismatch(
+        found, "tests" if found else None, screen.p_value, screen.log_evidence[best], screen.shift[best]
+    )
+
+
+def strongest(mismatches: Sequence[Mismatch]) -> Mismatch:
+    """The one that is found, with the smallest p-value and the most evidence; p-values are of all tests."""
+    first = min(mismatches, key=lambda m: (not m.found, m.p_value, -m.log_evidence))
+    return replace(first, p_value=min(1.0, len(mismatches) * first.p_value))
+
+
+def found_effects(search: Search[Any], final: Candidate) -> tuple[NamedEffect, ...]:
+    """The effects of a fit, each with those that this recording cannot tell from it."""
+    found = []
+    for name in final.effects:
+        rest = tuple(n for n in final.effects if n != name)
+        members = _class(search, final, rest, name)
+        effect = search.fitter.effects[name]
+        without = search.seen.get(tuple(sorted(rest)))
+        gain = final.log_evidence - (without.log_evidence if without else 0.0)
+        found.append(
+            NamedEffect(
+                name=name,
+                phase=effect.phase,
+                variable=effect.follows,
+                members=members,
+                log_evidence=gain,
+                shift_m=search.shift(final, name),
+                parameters=parameters_of(search, final.fit, name),
+                physics=" ".join(effect.physics.split("\n")),
+            )
+        )
+    return tuple(sorted(found, key=lambda e: -e.log_evidence))
+
+
+def _class(search: Search[Any], final: Candidate, rest: tuple[str, ...], name: str) -> dict[str, float]:
+    """Probabilities of effects that could stand in the place of one, within CLASS nats of the best."""
+    evidence = {name: final.log_evidence}
+    for effects, candidate in search.seen.items():
+        other = set(effects) - set(rest)
+        if set(rest) <= set(effects) and len(effects) == len(rest) + 1:
+            (stand_in,) = other
+            if stand_in in search.catalogue:
+                evidence[stand_in] = candidate.log_evidence
+    best = max(evidence.values())
+    near = {n: float(np.exp(e - best)) for n, e in evidence.items() if e > best - CLASS}
+    near = near or {name: 1.0}
+    total = sum(near.values())
+    return dict(sorted(((n, p / total) for n, p in near.items()), key=lambda item: -item[1]))
+
+
+def parameters_of(search: Search[Any], fit: Fit, name: str) -> tuple[ParameterValue, ...]:
+    """Values with 90 % intervals; of a field, its largest weights."""
+    effect = search.fitter.effects[name]
+    covariance = robust_covariance(fit)
+    values = []
+    for c, column in enumerate(fit.columns):
+        if column.owner == name:
+            p = next(q for q in effect.parameters if q.name == column.parameter)
+            value, sd = fit.point.effects[name][p.name], float(np.sqrt(covariance[c, c]))
+            values.append(
+                ParameterValue(p.name, p.unit, value, value - Z90 * sd, value + Z90 * sd, p.meaning)
+            )
+    if len(values) > MOST_PARAMETERS:
+        values = sorted(values, key=lambda v: -abs(v.value))[:MOST_PARAMETERS]
+    return tuple(values)
+
+
+def robust_covariance(fit: Fit) -> Array:
+    """Of shared parameters: what hits really scatter by, where that is more than the model says."""
+    scores = fit.marginal.scores - fit.marginal.scores.mean(0)
+    sandwich = fit.covariance @ (scores.T @ scores) @ fit.covariance
+    larger = np.maximum(np.diagonal(sandwich) / np.diagonal(fit.covariance), 1.0)
+    scale = np.sqrt(larger)
+    return fit.covariance * np.outer(scale, scale)
+
+
+def unknown_of(search: Search[Any], leftover: Screen, least: float, shift: float, stretched: bool) -> Unknown:
+    """Whether a free form says clearly more than the effects that were named.
+
+    Args:
+        search: of a level where something is missing.
+        leftover: screen beyond the effects that were named.
+        least: nats that a free form must add.
+        shift: m by which it must move tracks.
+        stretched: whether what was named bends to anything.
+    """
+    best = leftover.best(search.free)[0]
+    evidence, moved = leftover.log_evidence[best], leftover.shift[best]
+    flagged = stretched or (evidence > least and moved >= shift and leftover.p_value < 0.01)
+    effect = search.fitter.effects[best]
+    if not flagged:
+        return Unknown(False, None, None, evidence, moved)
+    return Unknown(True, effect.phase, effect.follows, evidence, moved)
+
+
+def location_of(
+    mismatch: Mismatch, named: Sequence[NamedEffect], unknown: Unknown, effects: Mapping[str, Effect]
+) -> Location:
+    """Where that is which moves tracks the most; what the rivals of a class disagree about stays open."""
+    if not mismatch.found:
+        return Location(None, None, "nothing is missing that this recording could show")
+    if unknown.flagged and all(effect.log_evidence < unknown.log_evidence for effect in named):
+        return Location(unknown.phase, unknown.variable, _size(unknown.shift_m))
+    if not named:
+        return Location(None, None, f"the best single description of it {_moves(mismatch.shift_m)}")
+    members = named[0].members
+    phase = _agreed(members, {name: effects[name].phase for name in members})
+    variable = _agreed(members, {name: effects[name].follows for name in members})
+    return Location(phase, variable, _size(named[0].shift_m))
+
+
+def _agreed(members: Mapping[str, float], said: Mapping[str, Word]) -> Word | None:
+    """What members say that hold most of the probability; None if no such thing is said."""
+    share = {word: sum(p for n, p in members.items() if said[n] == word) for word in set(said.values())}
+    best = max(sorted(share), key=lambda word: share[word])
+    return best if share[best] >= AGREED else None
+
+
+def _size(shift: float) -> str:
+    return f"it {_moves(shift)}"
+
+
+def _moves(shift: float) -> str:
+    return f"moves tracks by {1e3 * shift:.0f} mm (rms)"
+
+
+def limits(search: Search[Any], nominal: Candidate) -> tuple[Limit, ...]:
+    """What effects with few parameters could still be, at 95 %."""
+    few = [n for n in search.catalogue if len(search.fitter.effects[n].parameters) <= MOST_PARAMETERS]
+    columns, marginal, _ = search.fitter.quadratic(nominal.fit, few)
+    _, precision = search.fitter.prior(columns)
+    fixed = np.array([c for c, column in enumerate(columns) if column.object >= 0])
+    found = []
+    for name in few:
+        mine = [c for c, column in enumerate(columns) if column.owner == name]
+        some = np.concatenate([fixed, mine]).astype(int)
+        projected = project(
+            marginal.information.sum(0)[np.ix_(some, some)],
+            marginal.scores[:, some],
+            np.arange(len(fixed)),
+            np.diag(precision[fixed]),
+        )
+        information = projected.information + np.diag(precision[mine])
+        covariance = np.asarray(np.linalg.inv(information), float)
+        estimate = covariance @ projected.scores.sum(0)
+        found += _limits_of(search, [columns[c] for c in mine], estimate, covariance, name)
+    return tuple(found)
+
+
+def _limits_of(
+    search: Search[Any], columns: Sequence[Column], estimate: Array, covariance: Array, name: str
+) -> list[Limit]:
+    units = {p.name: p for p in search.fitter.effects[name].parameters}
+    found = []
+    for i, column in enumerate(columns):
+        # A shape has no limit where there may be nothing that has it.
+        if units[column.parameter].neutral == 0:
+            most = abs(estimate[i]) + Z95 * float(np.sqrt(covariance[i, i]))
+            found.append(Limit(name, column.parameter, units[column.parameter].unit, most))
+    return found

@@ -1,0 +1,165 @@
+"""The launch model of a recording whose commands are known: one simulation of all hits, and signatures."""
+
+from collections.abc import Mapping
+from copy import copy
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.pucks.camera_view import start_shift
+from slapshot.diagnosis.pucks.execution import Execution, Readings, readings_of, replay
+from slapshot.diagnosis.pucks.launch import LaunchModel
+from slapshot.diagnosis.pucks.signatures import LOOK, Signatures, digest_of, make_signatures
+from slapshot.diagnosis.pucks.slide_model import Values
+from slapshot.diagnosis.pucks.strikes import Commands, Striker, commands_of
+from slapshot.diagnosis.pucks.tracks import HitTracks
+from slapshot.effects.effect import Effect
+from slapshot.recordings.format import Recording
+from slapshot.scenes.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+class RigModel:
+    """What the nominal scene makes of a recording's hits."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        tracks: HitTracks,
+        scene: Scene,
+        effects: Mapping[str, Effect],
+        camera: Array,
+        friction: Array,
+        signatures: Signatures | None,
+        threads: int,
+    ) -> None:
+        """Simulate once.
+
+        Args:
+            recording: with commands, and encoders or not.
+            tracks: of its hits; where nobody saw a release, it is looked at LOOK after the contact.
+            scene: nominal.
+            effects: that may act.
+            camera: (2,) m, point of the plane that the camera looks at.
+            friction: (objects, 3) as fitted to the slides.
+            signatures: of a pool that holds the commands; None, or one that lacks some, has them made.
+            threads: for simulations.
+        """
+        self._tracks, self._effects, self._camera = tracks, effects, camera
+        period = scene.info.control_period
+        seen_last = float(tracks.release.max(initial=0.0, where=~np.isnan(tracks.release)))
+        latest = max(seen_last, _longest(recording)) + 2 * LOOK
+        commands = commands_of(recording, tracks, scene, latest)
+        # To a length of its own, so that digests do not depend on when objects were released.
+        whole = commands_of(recording, tracks, scene, _longest(recording) + 2 * LOOK)
+        self.signatures, self._rows = _signatures(scene, whole, effects, signatures, threads)
+        unseen = self.signatures.contact[self._rows] + LOOK
+        self._release = np.where(np.isnan(tracks.release), unseen, tracks.release)
+        self._starts_seen = ~np.isnan(tracks.seen_start[:, 0])
+        self._starts = np.where(self._starts_seen[:, None], tracks.seen_start, tracks.start)
+        mass = np.array([recording.objects[tracks.objects[k]].mass_kg for k in tracks.object])
+        times, joints = np.zeros(1), None
+        if recording.joints is not None:
+            times, joints = readings_of(
+                recording.joints, tracks.hit, period, float(self.signatures.times[-1])
+            )
+        self._commands, self._times, self._joints = commands, times, joints
+        self._friction = friction[tracks.object]
+        arguments = (self._release, mass, self._friction, times, threads)
+        self._striker = lambda executed: Striker(scene, executed, *arguments)
+        self._servo_time = scene.info.servo_time
+        self._base: Mapping[str, Values] = {}
+        self._simulate()
+
+    def about(self, effects: Mapping[str, Values]) -> "RigModel":
+        """The same hits simulated with effects of swing, contact and camera; linear about those."""
+        acting = {
+            n: v
+            for n, v in effects.items()
+            if self._effects[n].acts_on_launch or self._effects[n].acts_on_camera
+        }
+        if acting == self._base:
+            return self
+        other = copy(self)
+        other._base = acting
+        other._simulate()
+        return other
+
+    def _simulate(self) -> None:
+        acting = [(self._effects[name], values) for name, values in self._base.items()]
+        # Where objects lay, not where the camera saw them.
+        starts = self._starts.copy()
+        for effect, values in acting:
+            shift = start_shift(effect, values, self._starts, self._camera)
+            starts += np.where(self._starts_seen[:, None], shift, 0.0)
+        self._readings: Readings | None = None
+        if self._joints is None:
+            self._struck = self._striker(self._commands).strike(starts, acting)
+            return
+        times, period = self._times, self._commands.period
+        swing, speeds = self.signatures.swing(self._rows, times, self._base)
+        execution = Execution(times, self._joints - swing, speeds)
+        replayed, _ = execution.coefficients(execution.residual)
+        # As the hits were executed, not as they were commanded: launches are not linear in the difference.
+        positions = replay(self._commands.positions, period, float(times[-1]), replayed)
+        rates = np.gradient(positions, period, axis=1)
+        executed = Commands(positions, positions + self._servo_time * rates, period)
+        self._struck = self._striker(executed).strike(starts, acting)
+        self._readings = Readings(times, self._joints, self._struck.joints, replayed)
+
+    def launches(self, rows: NDArray[np.int64], reference: Execution | None = None) -> LaunchModel:
+        """Launches that the commands of some of the hits should give; `reference` as in LaunchModel."""
+        readings = self._readings
+        if readings is not None:
+            readings = Readings(
+                readings.times, readings.joints[rows], readings.nominal[rows], readings.replayed[rows]
+            )
+        return LaunchModel(
+            self.signatures,
+            self._rows[rows],
+            self._struck.released[rows],
+            self._struck.contact[rows],
+            self._release[rows],
+            self._effects,
+            self._camera,
+            self._starts[rows],
+            self._starts_seen[rows],
+            self._tracks.order[rows],
+            self._tracks.object[rows],
+            self._friction[rows],
+            readings,
+            self._base,
+            reference,
+        )
+
+
+def _longest(recording: Recording) -> float:
+    assert recording.commands is not None
+    return float(recording.commands["t"].max())
+
+
+def pool_of(commands: Commands) -> tuple[Commands, list[str]]:
+    """Every command once, and the digest of each hit's command."""
+    digests = [digest_of(positions) for positions in commands.positions]
+    _, first = np.unique(digests, return_index=True)
+    return Commands(commands.positions[first], commands.targets[first], commands.period), digests
+
+
+def _signatures(
+    scene: Scene,
+    commands: Commands,
+    effects: Mapping[str, Effect],
+    given: Signatures | None,
+    threads: int,
+) -> tuple[Signatures, NDArray[np.int64]]:
+    """Signatures that hold the commands, and the row of each hit's."""
+    pool, digests = pool_of(commands)
+    if given is not None:
+        rows = given.rows_of(digests)
+        if rows is not None:
+            return given, rows
+    made = make_signatures(scene, pool, effects, threads)
+    rows = made.rows_of(digests)
+    assert rows is not None
+    return made, rows

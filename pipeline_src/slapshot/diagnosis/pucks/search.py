@@ -1,0 +1,322 @@
+"""From a fit of the nuisance to the effects that are there: screen, refit, add, delete.
+
+All hypotheses are screened at once on one quadratic (see `marginal`); the best are then refitted with
+their full nonlinearity, and compared by their evidence. While a recording asks for more, effects are added;
+any that the others make superfluous are deleted.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Generic, TypeVar
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.pucks.evidence import LARGEST, SIZES, LinearEvidence, project
+from slapshot.diagnosis.pucks.fitter import Fitter
+from slapshot.diagnosis.pucks.gauss_newton import Fit
+from slapshot.diagnosis.pucks.slide_model import Column
+from slapshot.effects.effect import Effect, Parameter
+from slapshot.text import reason_of
+
+Array = NDArray[np.float64]
+Effects = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
+F = TypeVar("F", bound=Fitter)
+
+REFITTED = 4
+CLASS = 3.0  # nats: a factor of 20 in probability
+ADD = 4.0  # nats that a further effect must add
+MOST = 3
+FIELD = 4  # parameters; effects with more get a prior of the size that the recording asks for
+FLIPS = 4000
+RIVAL = 0.4  # share of the best one's gain with which another may still win once both are exact
+RIVALS = 3  # at most so many
+STAYED = 0.1  # of a parameter's scale
+FINISHED = 2  # most rounds of fitting about the last fit
+CONTINUED = 5  # times that a fit which stopped before it had converged goes on
+CREEP = 20.0  # of the objective: as many steps as a fit takes, each of which may raise it by 1
+
+
+@dataclass(frozen=True)
+class Screen:
+    """Every hypothesis judged on one quadratic.
+
+    Attributes:
+        log_evidence: hypothesis -> nats over no further effect.
+        shift: hypothesis -> rms shift of the tracks in m that its best values make, where it is largest.
+        p_value: of the largest, by sign flips of whole hits.
+        direction: hypothesis -> best change of its parameters.
+    """
+
+    log_evidence: Mapping[str, float]
+    shift: Mapping[str, float]
+    p_value: float
+    direction: Mapping[str, Mapping[str, float]]
+
+    def best(self, among: Sequence[str]) -> list[str]:
+        """Hypotheses, best first."""
+        return sorted(among, key=lambda name: -self.log_evidence[name])
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A set of effects, refitted.
+
+    Attributes:
+        effects: names.
+        fit: of them and the nuisance.
+        log_evidence: nats over the nominal scene with refitted nuisance.
+        fitter: that fitted it.
+        final: whether that fitter is linear about the fit, not about the nominal scene.
+    """
+
+    effects: tuple[str, ...]
+    fit: Fit
+    log_evidence: float
+    fitter: Any
+    final: bool = True
+
+
+def largest_shift(moved: Array) -> float:
+    """Root mean square over hits of changes (n, frames, 2) in m, at the frame where it is largest."""
+    return float(np.sqrt((moved**2).sum(-1).mean(0).max()))
+
+
+def settled(fitter: Fitter, fit: Fit, effects: Sequence[str] = ()) -> Fit:
+    """A fit that goes on from where one stopped before it had converged.
+
+    Steps are those of a linear model with estimated scatter, and near an optimum may creep away from it. A
+    fit that going on only makes worse, by no more than its steps are let pass, has converged where it was.
+    """
+    for _ in range(CONTINUED):
+        if fit.converged:
+            break
+        further = fitter.fit(fit.point, fit.scatter, effects)
+        if not further.converged and 0 <= further.objective - fit.objective < CREEP:
+            return replace(fit, converged=True)
+        fit = further
+    return fit
+
+
+@dataclass
+class Search(Generic[F]):
+    """The search and what it finds on the way.
+
+    Attributes:
+        fitter: of the recording's hits.
+        catalogue: names of effects that may be named.
+        free: names of free forms.
+        rng: of the sign flips.
+        seen: every set of effects that was refitted.
+        failed: hypotheses that could not be refitted -> why.
+        beside: log evidence for a fit, over that for the nominal one, in data that the fitter does not use.
+        about: a fitter that is linear about a fit, where the first one is exact near the nominal scene only.
+        refitted: best of a screen that are refitted.
+        most: effects that are named together.
+    """
+
+    fitter: F
+    catalogue: Sequence[str]
+    free: Sequence[str]
+    rng: np.random.Generator
+    seen: dict[tuple[str, ...], Candidate] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    beside: Callable[[Fit], float] = lambda fit: 0.0
+    about: Callable[[Fit], F] | None = None
+    refitted: int = REFITTED
+    most: int = MOST
+
+    @property
+    def _effects(self) -> Mapping[str, Effect]:
+        return self.fitter.effects
+
+    def is_field(self, name: str) -> bool:
+        """Whether an effect has so many parameters that it bends to almost anything."""
+        return len(self._effects[name].parameters) > FIELD
+
+    def nominal(self) -> Candidate:
+        """The scene as it is, with its nuisance fitted; mistracked frames are left out."""
+        fit = self.fitter.fit(self.fitter.start())
+        self.fitter.drop_jumps(fit.point)
+        fit = settled(self.fitter, self.fitter.fit(fit.point, fit.scatter))
+        self.seen[()] = Candidate((), fit, 0.0, self.fitter)
+        return self.seen[()]
+
+    def settle(self, candidate: Candidate) -> Candidate:
+        """A candidate whose fit has converged, if going on makes it do so."""
+        fit = settled(candidate.fitter, candidate.fit, candidate.effects)
+        return candidate if fit is candidate.fit else replace(candidate, fit=fit)
+
+    def screen(self, at: Candidate, hypotheses: Sequence[str]) -> Screen:
+        """Judge hypotheses beyond those of a fit, which are projected out with the nuisance."""
+        columns, marginal, moved = at.fitter.quadratic(at.fit, [*at.effects, *hypotheses])
+        _, precision = self.fitter.prior(columns)
+        fixed = np.array([c for c, column in enumerate(columns) if column.owner not in hypotheses], np.int64)
+        projected = project(marginal.information.sum(0), marginal.scores, fixed, np.diag(precision[fixed]))
+        others = [column for column in columns if column.owner in hypotheses]
+        # Where the model leaves more than noise, all evidence shrinks alike.
+        inflation = max(1.0, at.fit.dispersion)
+        total = projected.scores.sum(0) / inflation
+        flipped = self.rng.choice([-1.0, 1.0], (FLIPS, len(projected.scores))) @ projected.scores / inflation
+        # Fields fit what chance left in many ways; what has few parameters is judged apart from them.
+        largest = {field: np.full(FLIPS, -np.inf) for field in (False, True)}
+        best = {False: -np.inf, True: -np.inf}
+        log_evidence, shift, direction = {}, {}, {}
+        # Beyond what another friction would have done to the track.
+        others_at = np.setdiff1d(np.arange(len(columns)), fixed)
+        moved = moved[..., others_at] - moved[..., fixed] @ projected.weights
+        for name in hypotheses:
+            mine = np.array([c for c, column in enumerate(others) if column.owner == name])
+            own = [others[c] for c in mine]
+            judge = self._judge(name, own, projected.information[np.ix_(mine, mine)] / inflation)
+            log_evidence[name] = float(judge.log_ratio(total[None, mine])[0])
+            if len(mine) > FIELD and name not in at.effects:
+                self.fitter.sizes[name] = judge.best_size(total[mine])
+            estimate = judge.estimate(total[None, mine], self.fitter.sizes.get(name, LARGEST))[0]
+            direction[name] = {column.parameter: v for column, v in zip(own, estimate, strict=True)}
+            wide = len(mine) > FIELD
+            largest[wide] = np.maximum(largest[wide], judge.log_ratio(flipped[:, mine]))
+            best[wide] = max(best[wide], log_evidence[name])
+            shift[name] = largest_shift(moved[..., mine] @ estimate)
+        chance = [(1 + (largest[wide] >= best[wide]).sum()) / (1 + FLIPS) for wide in (False, True)]
+        p_value = min(1.0, 2 * float(min(chance)))
+        return Screen(log_evidence, shift, p_value, direction)
+
+    def screen_beyond(self, at: Candidate) -> Screen:
+        """Judge all other effects and all free forms beyond those of a fit."""
+        return self.screen(at, [n for n in (*self.catalogue, *self.free) if n not in at.effects])
+
+    def shift(self, at: Candidate, name: str) -> float:
+        """Root mean square change of the tracks in m, where it is largest, if an effect were absent."""
+        return float(at.fitter.shift(at.fit, name))
+
+    def refit(
+        self, at: Candidate, names: Sequence[str], direction: Mapping[str, Mapping[str, float]]
+    ) -> Candidate:
+        """Fit a set of effects nonlinearly, from a fit of fewer of them and a linear estimate."""
+        key = tuple(sorted(names))
+        if key in self.seen:
+            return self.seen[key]
+        effects = {}
+        for name in key:
+            values = dict(at.fit.point.effects.get(name, self._effects[name].neutral()))
+            if name not in at.fit.point.effects and name in direction:
+                for parameter in self._effects[name].parameters:
+                    start = values[parameter.name] + float(direction[name].get(parameter.name, 0.0))
+                    values[parameter.name] = float(np.clip(start, parameter.low, parameter.high))
+            effects[name] = values
+        begins = [replace(at.fit.point, effects=effects)]
+        for name in set(key) - set(at.effects):
+            begins += [replace(begins[0], effects={**effects, name: v}) for v in self.fitter.starts(name)]
+        if len(begins) > 1:
+            begins.sort(key=lambda begin: self.fitter.objective(begin, at.fit.scatter, key))
+        fit = self.fitter.fit(begins[0], at.fit.scatter, key)
+        evidence = self._log_evidence(key, fit) + self.beside(fit)
+        if not np.isfinite(evidence):
+            raise ArithmeticError("its fit is not finite")
+        self.seen[key] = Candidate(key, fit, evidence, self.fitter, final=self.about is None)
+        return self.seen[key]
+
+    def finish(self, candidate: Candidate) -> Candidate:
+        """A candidate with a fitter that is exact where it is."""
+        if candidate.final or self.about is None:
+            return candidate
+        fit = candidate.fit
+        for _ in range(FINISHED):
+            before = fit.point.effects
+            fitter = self.about(fit)
+            fitter.sizes = self.fitter.sizes
+            fit = fitter.fit(fit.point, fit.scatter, candidate.effects)
+            if self._stayed(before, fit.point.effects):
+                break
+        evidence = self._log_evidence(candidate.effects, fit) + self.beside(fit)
+        self.seen[candidate.effects] = Candidate(candidate.effects, fit, evidence, fitter)
+        return self.seen[candidate.effects]
+
+    def _stayed(self, before: Effects, after: Effects) -> bool:
+        """Whether no parameter moved by a notable share of its scale."""
+        return all(
+            abs(after[name][p.name] - before[name][p.name]) < STAYED * p.scale
+            for name in before
+            for p in self._effects[name].parameters
+        )
+
+    def grow(self, at: Candidate, screen: Screen, hypotheses: Sequence[str]) -> list[Candidate]:
+        """Refits of the best hypotheses of a screen added to a fit, best first."""
+        best = screen.best(hypotheses)[: self.refitted]
+        best = [n for n in best if screen.log_evidence[n] > screen.log_evidence[best[0]] - 8 * CLASS]
+        # A screen is blind to what is not linear; where refits cost little, all are tried.
+        best += [n for n in hypotheses if n not in best and self.fitter.starts(n)]
+        found = [c for name in best if (c := self._tried(at, name, screen.direction)) is not None]
+        if not found:
+            return [at]
+        best_gain = max(c.log_evidence for c in found) - at.log_evidence
+        least = at.log_evidence + best_gain - max(8 * CLASS, RIVAL * best_gain)
+        found.sort(key=lambda c: -c.log_evidence)
+        found = [self.finish(c) if c.log_evidence > least and i < RIVALS else c for i, c in enumerate(found)]
+        return sorted(found, key=lambda c: (not c.final, -c.log_evidence))
+
+    def _tried(
+        self, at: Candidate, name: str, direction: Mapping[str, Mapping[str, float]]
+    ) -> Candidate | None:
+        """An effect added to a fit; None where its simulation fails."""
+        try:
+            return self.refit(at, [*at.effects, name], direction)
+        except (ArithmeticError, ValueError, RuntimeError, mujoco.FatalError) as error:
+            self.failed[name] = reason_of(error)
+            return None
+
+    def prune(self, candidate: Candidate) -> Candidate:
+        """Delete effects while the evidence for the rest is no smaller by more than ADD."""
+        for name in candidate.effects:
+            fewer = tuple(n for n in candidate.effects if n != name)
+            if not fewer:
+                continue
+            without = self.finish(self.refit(candidate, fewer, {}))
+            if without.log_evidence > candidate.log_evidence - ADD:
+                return self.prune(without)
+        return candidate
+
+    def _judge(self, name: str, columns: Sequence[Column], information: Array) -> LinearEvidence:
+        parameters = {p.name: p for p in self._effects[name].parameters}
+        first = parameters[columns[0].parameter]
+        one_sided = len(parameters) == 1 and first.low == first.neutral
+        scales = np.array([parameters[column.parameter].scale for column in columns])
+        return LinearEvidence(information, scales, one_sided)
+
+    def _parameter(self, column: Column) -> Parameter:
+        return next(p for p in self._effects[column.owner].parameters if p.name == column.parameter)
+
+    def _log_evidence(self, names: tuple[str, ...], fit: Fit) -> float:
+        """Laplace's approximation at the refit, averaged over sizes, against the nominal scene."""
+        nominal = self.seen[()].fit
+        columns = fit.columns
+        mean, precision = self.fitter.prior(columns)
+        own = np.array([c for c, column in enumerate(columns) if column.owner in names], np.int64)
+        fixed = np.setdiff1d(np.arange(len(columns)), own)
+        inflation = max(1.0, fit.dispersion)
+        projected = project(
+            fit.marginal.information.sum(0), fit.marginal.scores, fixed, np.diag(precision[fixed])
+        )
+        information = projected.information / inflation
+        values = np.array([fit.point.effects[columns[c].owner][columns[c].parameter] for c in own])
+        offset = values - mean[own]
+        slope = projected.scores.sum(0) / inflation
+        parameters = [self._parameter(columns[c]) for c in own]
+        scales = np.array([p.scale for p in parameters])
+        # A slope that leads out of what is possible promises nothing.
+        low, high = (np.array([getattr(p, end) for p in parameters]) for end in ("low", "high"))
+        outward = ((values <= low) & (slope < 0)) | ((values >= high) & (slope > 0))
+        slope = np.where(outward, 0.0, slope)
+        gain = (nominal.objective - fit.objective + float((precision[own] * offset**2).sum())) / 2 / inflation
+        # The quadratic about the refit, as if it stood about the neutral values.
+        constant = gain - slope @ offset - offset @ information @ offset / 2
+        score = slope + information @ offset
+        terms = []
+        for size in SIZES:
+            scaled = size * scales
+            inner = np.eye(len(own)) + information * np.outer(scaled, scaled)
+            part = scaled * score
+            terms.append(part @ np.linalg.solve(inner, part) / 2 - np.linalg.slogdet(inner)[1] / 2)
+        return float(constant + np.logaddexp.reduce(terms) - np.log(len(SIZES)))

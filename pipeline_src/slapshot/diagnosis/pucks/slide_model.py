@@ -1,0 +1,220 @@
+"""Where the camera should see every hit's frames, for launches, friction and effects; and its derivatives."""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.pucks.tracks import HitTracks
+from slapshot.effects.effect import Effect
+from slapshot.effects.slide_law import Acting, slide
+
+Array = NDArray[np.float64]
+Values = Mapping[str, float]
+
+# Columns of a hit's own unknowns: x, y (m), vx, vy (m/s), spin (rad/s) at release, log friction factor.
+LATENTS = ("x", "y", "vx", "vy", "spin", "log_friction")
+LATENT_STEPS = np.array([1e-3, 1e-3, 1e-2, 1e-2, 0.5, 1e-2])
+# Of each object, shared by its hits: logarithms of mu_x, mu_y and of the torsional friction in m.
+NUISANCE = ("log_mu_x", "log_mu_y", "log_mu_torsional")
+NUISANCE_STEPS = np.array([1e-2, 1e-2, 5e-2])
+STEP_SHARE = 0.1  # of a parameter's scale, for derivatives
+ROWS_AT_ONCE = 4000  # hits simulated together, so that arrays stay within the caches
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where derivatives are taken.
+
+    Attributes:
+        latents: (n, 6) of each hit, see LATENTS.
+        nuisance: (objects, 3), see NUISANCE.
+        effects: name -> values of the parameters; effects that are left out are absent.
+    """
+
+    latents: Array
+    nuisance: Array
+    effects: Mapping[str, Values] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A parameter that is shared by hits: nuisance `which` of an object, or one of an effect.
+
+    Attributes:
+        owner: effect, or object_id for nuisance.
+        parameter: name.
+        object: index of the object, -1 for an effect.
+        step: for derivatives.
+    """
+
+    owner: str
+    parameter: str
+    object: int
+    step: float
+
+
+@dataclass(frozen=True)
+class _Bumped:
+    """A base hit with one thing changed: rows of a simulation."""
+
+    hits: NDArray[np.int64]
+    latents: Array
+    log_mu: Array
+    changed: tuple[str, str, float] | None = None  # effect, parameter, by how much
+
+
+class SlideModel:
+    """Predicts tracks of given hits of one scene."""
+
+    def __init__(
+        self,
+        tracks: HitTracks,
+        effects: Mapping[str, Effect],
+        radius: float,
+        camera: Array,
+        threads: int = 1,
+    ) -> None:
+        self.tracks, self.effects, self.radius, self.camera = tracks, effects, radius, camera
+        self.threads = threads
+        self._duration = float(tracks.times.max()) + 0.05 if len(tracks) else 0.1
+
+    def of(self, tracks: HitTracks) -> "SlideModel":
+        """The same scene and other hits."""
+        return SlideModel(tracks, self.effects, self.radius, self.camera, self.threads)
+
+    def columns(self, effects: Sequence[str]) -> list[Column]:
+        """Nuisance of all objects, then the parameters of the effects."""
+        found = [
+            Column(name, parameter, k, float(step))
+            for k, name in enumerate(self.tracks.objects)
+            for parameter, step in zip(NUISANCE, NUISANCE_STEPS, strict=True)
+        ]
+        places = self.tracks.places[self.tracks.valid]
+        for name in effects:
+            for p in self.effects[name].parameters:
+                if self.effects[name].reaches(p.name, places):
+                    found.append(Column(name, p.name, -1, STEP_SHARE * p.scale))
+        return found
+
+    def predict(self, point: Point) -> Array:
+        """(n, frames, 2) m."""
+        return self._seen([self._base(point)], point)[0]
+
+    def derivatives(self, point: Point, columns: Sequence[Column]) -> tuple[Array, Array, Array]:
+        """Prediction (n, frames, 2), its derivatives by the latents (n, frames, 2, 6) and by the columns."""
+        base = self._base(point)
+        bumped = [base]
+        for j, step in enumerate(LATENT_STEPS):
+            moved = base.latents.copy()
+            moved[:, j] += step
+            bumped.append(_Bumped(base.hits, moved, base.log_mu))
+        for column in columns:
+            if column.object < 0 and not self._acts(column.owner):
+                continue
+            if column.object < 0:
+                bumped.append(
+                    _Bumped(
+                        base.hits, base.latents, base.log_mu, (column.owner, column.parameter, column.step)
+                    )
+                )
+            else:
+                hits = np.flatnonzero(self.tracks.object == column.object)
+                moved = base.log_mu[hits].copy()
+                moved[:, NUISANCE.index(column.parameter)] += column.step
+                bumped.append(_Bumped(hits, base.latents[hits], moved))
+        seen = self._seen(bumped, point)
+        by_latent = np.stack(
+            [(s - seen[0]) / step for s, step in zip(seen[1:7], LATENT_STEPS, strict=True)], axis=-1
+        )
+        by_column = np.zeros((*seen[0].shape, len(columns)))
+        acting = [c for c, column in enumerate(columns) if column.object >= 0 or self._acts(column.owner)]
+        for c, part, s in zip(acting, bumped[7:], seen[7:], strict=True):
+            by_column[part.hits, ..., c] = (s - seen[0][part.hits]) / columns[c].step
+        return seen[0], by_latent, by_column
+
+    def _acts(self, name: str) -> bool:
+        """Whether an effect changes a track, its launch being given."""
+        return self.effects[name].acts_on_slide or self.effects[name].acts_on_camera
+
+    def by_latents(self, point: Point) -> tuple[Array, Array]:
+        """Prediction and its derivatives by the latents alone."""
+        predicted, by_latent, _ = self.derivatives(point, [])
+        return predicted, by_latent
+
+    def _base(self, point: Point) -> _Bumped:
+        return _Bumped(np.arange(len(self.tracks)), point.latents, point.nuisance[self.tracks.object])
+
+    def _seen(self, parts: Sequence[_Bumped], point: Point) -> list[Array]:
+        """(hits, frames, 2) of each part."""
+        groups: list[list[_Bumped]] = [[]]
+        for part in parts:
+            if groups[-1] and sum(len(p.hits) for p in groups[-1]) + len(part.hits) > ROWS_AT_ONCE:
+                groups.append([])
+            groups[-1].append(part)
+        # NumPy lets go of the interpreter in its loops over thousands of rows.
+        with ThreadPoolExecutor(self.threads) as pool:
+            simulated = pool.map(lambda group: self._simulate(group, point), groups)
+            return [places for group in simulated for places in group]
+
+    def _simulate(self, parts: Sequence[_Bumped], point: Point) -> list[Array]:
+        hits = np.concatenate([p.hits for p in parts])
+        latents = np.concatenate([p.latents for p in parts])
+        log_mu = np.concatenate([p.log_mu for p in parts])
+        bounds = np.cumsum([0, *(len(p.hits) for p in parts)])
+        values = self._values(parts, bounds, point)
+        slides = [
+            Acting(self.effects[name], rows, v)
+            for name, (rows, v) in values.items()
+            if self.effects[name].acts_on_slide
+        ]
+        friction = np.exp(log_mu)
+        friction[:, :2] *= np.exp(latents[:, 5:6])
+        launches = np.column_stack([latents[:, :2], np.zeros(len(latents)), latents[:, 2:5]])
+        tracks = slide(launches, friction, self.radius, self._duration, slides, self.tracks.order[hits])
+        times = self.tracks.times[hits]
+        for name, (rows, v) in values.items():
+            delay = self.effects[name].camera_delay(v)
+            if delay is not None:
+                times = times.copy()
+                times[rows] -= delay[:, None]
+        places = tracks.at(times)
+        before = times < 0
+        if before.any():
+            back = np.minimum(times, 0.0)[..., None] * launches[:, None, 3:5]
+            places = places + np.where(before[..., None], back, 0.0)
+        for name, (rows, v) in values.items():
+            if self.effects[name].acts_on_camera:
+                places[rows] = self.effects[name].see(v, places[rows], self.camera)
+        return [places[a:b] for a, b in pairwise(bounds)]
+
+    def _values(
+        self, parts: Sequence[_Bumped], bounds: NDArray[np.int64], point: Point
+    ) -> dict[str, tuple[NDArray[np.int64], dict[str, Array]]]:
+        """Effect -> rows on which it acts, and its values there."""
+        found: dict[str, tuple[NDArray[np.int64], dict[str, Array]]] = {}
+        everywhere = np.arange(bounds[-1])
+        for name, base in point.effects.items():
+            if not self._acts(name):
+                continue
+            found[name] = (everywhere, {p: np.full(bounds[-1], v) for p, v in base.items()})
+        rows_of: dict[str, list[NDArray[np.int64]]] = {}
+        bumps: list[tuple[str, str, float, NDArray[np.int64]]] = []
+        for part, begin, end in zip(parts, bounds[:-1], bounds[1:], strict=True):
+            if part.changed is not None:
+                name, parameter, by = part.changed
+                rows = np.arange(begin, end)
+                rows_of.setdefault(name, []).append(rows)
+                bumps.append((name, parameter, by, rows))
+        for name, bumped in rows_of.items():
+            if name not in found:
+                mine = np.concatenate(bumped)
+                neutral = self.effects[name].neutral()
+                found[name] = (mine, {p: np.full(len(mine), v) for p, v in neutral.items()})
+        for name, parameter, by, rows in bumps:
+            mine, values = found[name]
+            values[parameter][np.searchsorted(mine, rows)] += by
+        return found

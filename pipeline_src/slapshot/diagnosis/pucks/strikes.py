@@ -1,0 +1,180 @@
+"""What the simulator makes of a recording's commands: arm and object until the object is released.
+
+All hits are simulated at once, each with its own command, object and start. The step is that at which
+contact converges: coarser ones scatter launches by more than the effects that are looked for.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from slapshot.diagnosis.pucks.tracks import HitTracks
+from slapshot.effects.effect import Effect
+from slapshot.recordings.format import Recording, joint_columns
+from slapshot.scenes.scene import Scene
+
+Array = NDArray[np.float64]
+
+TIMESTEP = 2e-4  # s
+_ROLLING = 1e-4  # placeholder: contacts of dimension 4 do not use it
+
+
+@dataclass(frozen=True)
+class Commands:
+    """What n hits were told to do.
+
+    Attributes:
+        positions: (n, ticks, joints) rad, one every control period; the last is held.
+        targets: (n, ticks, joints) rad, what servos are sent.
+        period: s.
+    """
+
+    positions: Array
+    targets: Array
+    period: float
+
+
+@dataclass(frozen=True)
+class Strikes:
+    """n hits as simulated.
+
+    Attributes:
+        released: (n, 5) x, y (m), vx, vy (m/s), spin (rad/s) of the object at the release.
+        joints: (n, readings, joints) rad, of the arm at the times asked for.
+        contact: (n,) s at which the object began to move.
+    """
+
+    released: Array
+    joints: Array
+    contact: Array
+
+
+def commands_of(recording: Recording, tracks: HitTracks, scene: Scene, until: float) -> Commands:
+    """Commands of the hits of `tracks`, on the control period's grid up to `until` (s)."""
+    assert recording.commands is not None
+    groups = dict(tuple(recording.commands.groupby("hit")))
+    columns = ["t", *joint_columns(recording.commands)]
+    return commands_through([groups[int(hit)][columns].to_numpy() for hit in tracks.hit], scene, until)
+
+
+def commands_through(rows: Sequence[Array], scene: Scene, until: float) -> Commands:
+    """The same of commands (samples, 1 + joints), t in s and joint positions in rad."""
+    info = scene.info
+    times = np.arange(int(np.ceil(until / info.control_period)) + 1) * info.control_period
+    positions = np.empty((len(rows), len(times), rows[0].shape[1] - 1))
+    speeds = np.empty_like(positions)
+    for i, command in enumerate(rows):
+        spline = CubicSpline(command[:, 0], command[:, 1:], bc_type="clamped")
+        end = command[-1, 0]
+        positions[i] = spline(np.minimum(times, end))
+        speeds[i] = np.where((times < end)[:, None], spline(np.minimum(times, end), 1), 0.0)
+    return Commands(positions, positions + info.servo_time * speeds, info.control_period)
+
+
+class Striker:
+    """Simulates the hits of a recording on a scene, as it is or with effects."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        commands: Commands,
+        releases: Array,
+        mass: Array,
+        friction: Array,
+        readings: Array,
+        threads: int,
+    ) -> None:
+        """Of n hits.
+
+        Args:
+            scene: nominal.
+            commands: of the hits.
+            releases: (n,) s, when the object is looked at.
+            mass: (n,) kg.
+            friction: (n, 3) mu_x, mu_y, torsional in m.
+            readings: (readings,) s, when joints are looked at, on the control period's grid.
+            threads: for MuJoCo.
+        """
+        self._scene, self._commands, self._releases = scene, commands, releases
+        self._mass, self._friction, self._readings, self._threads = mass, friction, readings, threads
+
+    def strike(self, starts: Array, effects: Sequence[tuple[Effect, Mapping[str, float]]] = ()) -> Strikes:
+        """Simulate with the object at `starts` (n, 2) in m."""
+        spec = mujoco.MjSpec.from_string(self._scene.xml)
+        targets = self._commands.targets
+        for effect, values in effects:
+            effect.edit(values, spec, self._scene.info)
+            changed = [effect.command(values, target, self._commands.period) for target in targets]
+            targets = np.stack(changed)
+        model = spec.compile()
+        model.opt.timestep = TIMESTEP
+        return self._run(model, targets, starts, self._commands.positions[:, 0])
+
+    def strike_displaced(self, starts: Array, offset: Array, slope: Array, contact: Array) -> Strikes:
+        """Simulate with all joints moved by offset + slope (t - contact), offset (joints,) in rad."""
+        model = self._scene.compile(TIMESTEP)
+        ticks = np.arange(self._commands.targets.shape[1]) * self._commands.period
+        since = ticks - contact[:, None]
+        moved = offset + slope * since[..., None]
+        targets = self._commands.targets + moved + self._scene.info.servo_time * slope
+        return self._run(model, targets, starts, self._commands.positions[:, 0] + moved[:, 0])
+
+    def _run(self, model: mujoco.MjModel, targets: Array, starts: Array, poses: Array) -> Strikes:
+        info, count = self._scene.info, len(targets)
+        arm_q = np.array([model.joint(j).qposadr[0] for j in info.joints])
+        object_q = np.array([model.joint(j).qposadr[0] for j in info.object_joints])
+        object_v = np.array([model.joint(j).dofadr[0] for j in info.object_joints])
+        batch = Batch(model, nsim=count, nthread=self._threads)
+        self._dress(batch, model)
+        ids = np.arange(count)
+        batch.set_const(ids=ids)
+        batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
+        start = np.array(info.start)
+        qpos[:, arm_q] = poses
+        qpos[:, object_q[:2]] = starts - start
+        substeps = round(info.control_period / model.opt.timestep)
+        ticks = np.ceil(self._releases / info.control_period).astype(int)
+        rows = np.round(self._readings / info.control_period).astype(int)
+        joints = np.zeros((count, len(rows), len(arm_q)))
+        released, contact = np.zeros((count, 5)), np.full(count, np.nan)
+        last = max(int(ticks.max()), int(rows.max(initial=0)))
+        planar = [0, 1, 3]
+        reading = {int(row): k for k, row in enumerate(rows)}
+        before = np.zeros((count, 6))
+        for tick in range(last + 1):
+            if tick in reading:
+                joints[:, reading[tick]] = qpos[:, arm_q]
+            state = np.concatenate([qpos[:, object_q[planar]], qvel[:, object_v[planar]]], axis=1)
+            moving = np.hypot(state[:, 3], state[:, 4]) > 0.05
+            contact = np.where(np.isnan(contact) & moving, tick * info.control_period, contact)
+            now = np.flatnonzero(ticks == tick)
+            if len(now):
+                share = (self._releases[now] / info.control_period - (tick - 1))[:, None]
+                at = (1 - share) * before[now] + share * state[now]
+                released[now] = at[:, [0, 1, 3, 4, 5]]
+                released[now, :2] += start
+            if tick == last:
+                break
+            before = state
+            ctrl[:, : len(arm_q)] = targets[:, min(tick, targets.shape[1] - 1)]
+            running = ids[(ticks > tick)] if tick > rows.max(initial=0) else ids
+            batch.step(ids=running, nstep=substeps)
+        return Strikes(released, joints, contact)
+
+    def _dress(self, batch: Batch, model: mujoco.MjModel) -> None:
+        """Each hit's object and friction."""
+        info = self._scene.info
+        body, pair = model.body(info.object_body).id, model.pair(info.object_pair).id
+        mass, inertia, friction = (batch.expand(n) for n in ("body_mass", "body_inertia", "pair_friction"))
+        inertia[:, body] = model.body_inertia[body] * (self._mass / model.body_mass[body])[:, None]
+        mass[:, body] = self._mass
+        rolling = np.full(len(self._mass), _ROLLING)
+        mu_x, mu_y, torsional = self._friction.T
+        # Tangent 1 of a horizontal contact is world y.
+        friction[:, pair] = np.stack([mu_y, mu_x, torsional, rolling, rolling], axis=1)

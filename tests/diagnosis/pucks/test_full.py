@@ -1,0 +1,155 @@
+"""Recordings with commands, made with the simulator itself: effects of the contact, there and not there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from slapshot.command import Run
+from slapshot.diagnosis.pucks.diagnose import diagnose
+from slapshot.diagnosis.pucks.report import REST_FIGURES, write_report
+from slapshot.diagnosis.pucks.result import Setting
+from slapshot.diagnosis.pucks.signatures import make_signatures
+from slapshot.diagnosis.pucks.strikes import Striker, commands_through
+from slapshot.effects.catalogue import catalogue
+from slapshot.effects.slide_law import slide
+from slapshot.lab.commands import Pool
+from slapshot.recordings.format import ObjectInfo, Recording
+from slapshot.trajectories import demonstrations
+
+HITS, DURATION, RATE = 40, 0.6, 50.0
+FRICTION = (0.35, 0.32, 0.005)
+NAMES = ("blade_yaw", "restitution", "tilt")
+KNOWN = {name: catalogue()[name] for name in NAMES}
+TRUE_YAW = 0.05  # rad
+POOL = {
+    "domain": "hockey", "seed": 5, "count": HITS, "heading_rad": 1.2, "speed_m_s": [0.8, 2.0],
+    "contact_offset_m": 0.04, "duration_s": DURATION, "waypoints": 17,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def commands(scene, tmp_path_factory):
+    """Tables of t and joint positions, one a hit."""
+    folder = tmp_path_factory.mktemp("pool")
+    (folder / "scene").mkdir()
+    scene.save(folder / "scene")
+    demonstrations.produce(Run(POOL, {"scene": folder / "scene"}, folder, 2))
+    pool = Pool.load(folder / "demonstrations.parquet", HITS, DURATION, len(scene.info.joints))
+    times = np.arange(round(DURATION * 100) + 1) / 100
+    return [np.column_stack([times, motion.position(times)]) for motion in pool.motions]
+
+
+@pytest.fixture(scope="module")
+def signatures(scene, commands):
+    end = DURATION + 0.1
+    return make_signatures(scene, commands_through(commands, scene, end), KNOWN, 2)
+
+
+@pytest.fixture(scope="module")
+def record(scene, commands):
+    """Effects and seed -> a recording of the hits that the simulator makes of the commands."""
+
+    def made(effects, seed):
+        rng = np.random.default_rng(seed)
+        acting = [(KNOWN[name], values) for name, values in effects.items()]
+        held = commands_through(commands, scene, DURATION + 0.6)
+        start = np.tile(np.array(scene.info.start), (HITS, 1))
+        mass, friction = np.full(HITS, 0.1), np.tile(FRICTION, (HITS, 1))
+
+        def strike(releases):
+            return Striker(scene, held, releases, mass, friction, np.zeros(1), 2).strike(start, acting)
+
+        contact = strike(np.full(HITS, DURATION + 0.5)).contact
+        release = contact + 0.08
+        released = strike(release).released
+        released[:, 2:4] *= 1 + rng.normal(0, 0.02, (HITS, 1))
+        launches = np.column_stack([released[:, :2], np.zeros(HITS), released[:, 2:]])
+        tracks = slide(launches, friction, scene.info.object_radius, 6.0)
+        frames = []
+        for i in range(HITS):
+            t = np.arange(0.01, release[i] + tracks.durations[i] + 0.5, 1 / RATE)
+            places = tracks.at(np.tile(t - release[i], (HITS, 1)))[i]
+            share = np.clip((t - contact[i]) / (release[i] - contact[i]), 0, 1)[:, None]
+            before = start[i] + share * (launches[i, :2] - start[i])
+            seen = np.where((t < release[i])[:, None], before, places) + rng.normal(0, 0.003, (len(t), 2))
+            frames.append(pd.DataFrame({"hit": i, "t": t, "x": seen[:, 0], "y": seen[:, 1], "yaw": np.nan}))
+        hits = pd.DataFrame(
+            {
+                "hit": np.arange(HITS),
+                "object_id": "puck",
+                "order": np.arange(HITS),
+                "recorded_at": pd.Series(pd.NaT, index=range(HITS), dtype="datetime64[us, UTC]"),
+                "command_id": pd.array(np.arange(HITS), dtype="Int64"),
+                "start_x": start[:, 0],
+                "start_y": start[:, 1],
+                "rest_x": tracks.rests[:, 0],
+                "rest_y": tracks.rests[:, 1],
+                "latent": None,
+            }
+        )
+        columns = ["t", *(f"q{j}" for j in range(len(scene.info.joints)))]
+        told = pd.concat(
+            [pd.DataFrame(c, columns=columns).assign(hit=i) for i, c in enumerate(commands)],
+            ignore_index=True,
+        )
+        objects = {"puck": ObjectInfo(shape="cylinder", size_m=(0.07, 0.0254), mass_kg=0.1, mass_sd_kg=0.001)}
+        table = pd.concat(frames, ignore_index=True)
+        return Recording(
+            "rig", objects, RATE, "here", True, None, "", None, hits, table, told[["hit", *columns]], None
+        )
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def verdict_of(scene, signatures):
+    setting = Setting(scene.info.object_radius, np.array([1.65, 0.0]), (0.5, 0.5, 0.01), scene)
+
+    def told(recording):
+        return diagnose(recording, setting, effects=KNOWN, threads=2, signatures=signatures)
+
+    return told
+
+
+@pytest.fixture(scope="module")
+def turned(record):
+    return record({"blade_yaw": {"angle": TRUE_YAW}}, 1)
+
+
+def test_a_turned_blade_is_named_with_its_angle_and_better_rest_points(turned, verdict_of):
+    found = verdict_of(turned)
+    verdict = found.verdict
+    (effect,) = verdict.effects
+    assert effect.name == "blade_yaw"
+    assert (verdict.location.phase, verdict.location.variable) == ("contact", effect.variable)
+    (angle,) = effect.parameters
+    assert angle.value == pytest.approx(TRUE_YAW, abs=0.01)
+    refitted, augmented = (verdict.fit[name].command_rest_rmse_m for name in ("refitted", "augmented"))
+    assert augmented.high < refitted.low
+    assert found.signatures is not None
+    assert all(hit.like_hit in set(turned.hits["hit"]) for hit in verdict.next_hits)
+
+
+def test_nothing_is_named_where_the_contact_is_as_believed(record, verdict_of):
+    verdict = verdict_of(record({}, 2)).verdict
+    assert not verdict.mismatch.found
+    assert verdict.effects == ()
+
+
+def test_rest_points_and_commands_alone_tell_a_turned_blade(turned, verdict_of, tmp_path):
+    found = verdict_of(replace(turned, tracks=None))
+    verdict = found.verdict
+    assert verdict.kind == "rest points only"
+    assert "blade_yaw" in verdict.effects[0].members
+    assert verdict.fit["augmented"].track_rmse_m is None
+    assert any("record" in note or "tracks" in note for note in verdict.notes)
+    write_report(found, {}, tmp_path)
+    assert {file.stem for file in tmp_path.glob("*.png")} == {module.NAME for module in REST_FIGURES}
+    rests = pd.read_csv(tmp_path / "D1-rests.csv")
+    apart = np.hypot(rests["x_m"] - rests["predicted_x_m"], rests["y_m"] - rests["predicted_y_m"])
+    before, after = (apart[rests["scene"] == scene].mean() for scene in ("refitted", "augmented"))
+    assert after < before
+    told = (tmp_path / "verdict.md").read_text()
+    assert "rest from command RMSE" in told
+    assert "track RMSE" not in told

@@ -1,0 +1,101 @@
+"""Rest points alone: recordings made with the slide law, their launches known but for scatter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FREE_LAUNCH
+from slapshot.diagnosis.pucks.judgement import robust_covariance
+from slapshot.diagnosis.pucks.level import examine
+from slapshot.diagnosis.pucks.rest_fit import RestFitter
+from slapshot.diagnosis.pucks.search import Search
+from slapshot.diagnosis.pucks.slide_model import SlideModel
+from slapshot.diagnosis.pucks.tracks import rest_tracks
+from slapshot.effects.catalogue import catalogue
+from slapshot.effects.slide_law import Acting, slide
+
+from .synthetic import CAMERA, RADIUS, recording
+
+FRICTION = (0.35, 0.32, 0.005)
+ALONG, ACROSS = 0.08, 0.05  # scatter as a share of the distance
+NAMES = ("tilt", "linear_drag", "friction_drift", "curl")
+KNOWN = {name: catalogue()[name] for name in NAMES} | {e.name: e for e in FREE_FORMS if e.name == FREE_LAUNCH}
+
+
+class Launches:
+    """Launches that no effect here changes."""
+
+    def __init__(self, mean):
+        self.mean = mean
+
+    def given(self, effects, log_friction):
+        return self
+
+    def slopes(self, columns, effects):
+        slopes = np.zeros((*self.mean.shape, len(columns)))
+        for c, column in enumerate(columns):
+            if column.owner == FREE_LAUNCH:
+                values = {p.name: 0.0 for p in KNOWN[FREE_LAUNCH].parameters} | {column.parameter: 1.0}
+                slopes[:, :, c] = KNOWN[FREE_LAUNCH].shift_launch(values, self.mean)
+        return slopes
+
+
+def fitter(rng, hits=150, effects=None):
+    """Of hits whose rest points scatter about those of their launches."""
+    angle, speed = rng.uniform(-1.2, 1.2, hits), rng.uniform(1.0, 2.2, hits)
+    zero = np.zeros(hits)
+    launches = np.column_stack(
+        [zero + 0.55, zero, zero, speed * np.cos(angle), speed * np.sin(angle), rng.normal(0, 2, hits)]
+    )
+    order = np.arange(hits) / (hits - 1) - 0.5
+    rows = np.arange(hits)
+    acting = [
+        Acting(catalogue()[name], rows, {k: np.full(hits, x) for k, x in values.items()})
+        for name, values in (effects or {}).items()
+    ]
+    rests = slide(launches, np.tile(FRICTION, (hits, 1)), RADIUS, 0.1, acting, order).rests
+    way = rests - launches[:, :2]
+    left = np.stack([-way[:, 1], way[:, 0]], axis=1)
+    rests = rests + rng.normal(0, ALONG, (hits, 1)) * way + rng.normal(0, ACROSS, (hits, 1)) * left
+    made = recording(np.random.default_rng(0), hits)
+    table = made.hits.assign(rest_x=rests[:, 0], rest_y=rests[:, 1])
+    tracks = rest_tracks(replace(made, hits=table, tracks=None))
+    model = SlideModel(tracks, KNOWN, RADIUS, CAMERA)
+    return RestFitter(model, Launches(launches[:, [0, 1, 3, 4, 5]]), KNOWN, np.array(FRICTION))
+
+
+def examined(rng, **settings):
+    search = Search(fitter(rng, **settings), NAMES, [FREE_LAUNCH], np.random.default_rng(5), most=1)
+    return examine(search)
+
+
+def test_scatter_is_told_along_and_across_the_way():
+    made = fitter(np.random.default_rng(1), 400)
+    scatter = made.fit(made.start()).scatter
+    # A standard deviation of n values has the relative standard error 1 / sqrt(2 n); tails weigh less.
+    error = 1 / np.sqrt(2 * 400)
+    assert np.sqrt(np.diag(scatter)) == pytest.approx([ALONG, ACROSS], rel=4 * error + 0.03)
+
+
+def test_a_tilt_is_found_and_nothing_where_nothing_is():
+    tilted = examined(np.random.default_rng(2), effects={"tilt": {"slope_x": 0.0, "slope_y": 0.03}})
+    assert tilted.mismatch.found
+    assert tilted.final.effects == ("tilt",)
+    assert tilted.final.fit.point.effects["tilt"]["slope_y"] == pytest.approx(0.03, abs=0.01)
+    for seed in (3, 4, 5):
+        assert not examined(np.random.default_rng(seed)).mismatch.found
+
+
+def test_intervals_of_90_percent_hold_the_truth_as_often():
+    """60 recordings of two slopes: 0.9 +- 3 sqrt(0.09 / 60), slopes of one recording taken for one."""
+    truth = {"slope_x": 0.01, "slope_y": 0.02}
+    held = []
+    for seed in range(60):
+        made = fitter(np.random.default_rng(100 + seed), 80, {"tilt": truth})
+        fit = made.fit(made.start(), None, ["tilt"])
+        sd = np.sqrt(np.diag(robust_covariance(fit)))
+        for c, column in enumerate(fit.columns):
+            if column.owner == "tilt":
+                off = fit.point.effects["tilt"][column.parameter] - truth[column.parameter]
+                held.append(abs(off) < 1.645 * sd[c])
+    assert abs(np.mean(held) - 0.9) < 3 * np.sqrt(0.09 / 60)
