@@ -1,182 +1,146 @@
-"""Observation noise and process force, fitted by likelihood.
+"""Camera noise: how large, how long its memory; and frames in which something else was tracked."""
 
-Each channel has white noise (never less than its quantisation) and coloured noise, an Ornstein-Uhlenbeck
-process; both channels of one quantity share the ratio of the two and the correlation time. What the model leaves
-out acts as a white process force, in shares of the torque that moves each joint.
-"""
-
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import warnings
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
-
-from slapshot.diagnosis.filter import Covariances, Innovations, Linear, innovations
-from slapshot.diagnosis.segments import Segments
 
 Array = NDArray[np.float64]
 
-HELD_S = 0.01  # process force is told as the standard deviation of a force held so long
-CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
-_WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
-_SEARCH_NODES = 4000
+OUTLIER = 5.0  # sd from the median of its neighbours
+LEAP = 0.01  # m beyond noise
+MANY = 200  # frames, for an estimate of jitter
 
 
 @dataclass(frozen=True)
-class Noise:
-    """Noise of a recording under a model.
+class CameraNoise:
+    """An Ornstein-Uhlenbeck process along each axis: covariance s s' exp(-|dt| / time), s the frames' sd.
 
     Attributes:
-        white: (ny,) standard deviation.
-        coloured: (ny,) standard deviation.
-        correlation_s: (ny,) correlation time of the coloured part.
-        force: process force over `torque`, as the sd of a force held for `HELD_S`.
-        torque: (nv,) N m or N, scale of forces.
-        initial: (n,) variances of a segment's first state about the path.
-        weight: (S, L, ny) factor on the white variance; more than 1 for outliers.
+        sd: m, of an object at rest.
+        time: s; 0 for white noise.
+        jitter: s, of when a frame was really taken: an object that moves at v is seen with
+            s^2 = sd^2 + (jitter v)^2.
     """
 
-    white: Array
-    coloured: Array
-    correlation_s: Array
-    force: float
-    torque: Array
-    initial: Array
-    weight: Array
+    sd: float
+    time: float
+    jitter: float = 0.0
 
-    def covariances(self, interval: float, segments: NDArray[np.intp] | None = None) -> Covariances:
-        """What the filter takes."""
-        weight = self.weight if segments is None else self.weight[segments]
-        return Covariances(
-            self.initial,
-            (self.force * self.torque) ** 2 * (HELD_S / interval),
-            weight * self.white**2,
-            self.coloured**2,
-            np.exp(-interval / self.correlation_s),
-        )
+    def sd_at(self, speeds: Array) -> Array:
+        """The frames' sd in m at speeds in m/s."""
+        return np.hypot(self.sd, self.jitter * speeds)
+
+    def whiten(self, values: Array, times: Array, valid: NDArray[np.bool_], sd: Array) -> Array:
+        """Innovations of the process over its sd, of unit variance if `values` are such noise.
+
+        Args:
+            values: (n, frames, 2 or more) in m; columns beyond the second are whitened alike.
+            times: (n, frames) s.
+            valid: (n, frames); others must be at the end, and become 0.
+            sd: (n, frames) m, see `sd_at`.
+        """
+        shape = values.shape[:2] + (1,) * (values.ndim - 2)
+        white = values / sd.reshape(shape)
+        if self.time > 0:
+            gap = np.diff(times, axis=1)
+            memory = np.exp(-np.maximum(gap, 1e-6) / self.time).reshape(shape[0], -1, *shape[2:])
+            white[:, 1:] = (white[:, 1:] - memory * white[:, :-1]) / np.sqrt(1 - memory**2)
+        return white * valid.reshape(shape)
 
 
-def log_likelihood(found: Innovations) -> float:
-    """Of all observations, without constants."""
-    return float(-0.5 * (np.sum(found.e**2) + found.logdet.sum()))
+def estimate_noise(residuals: Array, intervals: Array) -> CameraNoise:
+    """From residuals (m, 2) at rest and intervals (m,) as in `HitTracks.resting`.
+
+    The memory comes from the correlation of neighbours at the usual interval.
+    """
+    sd = float(1.4826 * np.median(np.abs(residuals)))
+    # A few mistracks are left out; the rest tells the variance better than the median does.
+    core = residuals[(np.abs(residuals) < 4 * sd).all(1)]
+    sd = float(np.sqrt((core**2).mean()))
+    usual = float(np.median(intervals[np.isfinite(intervals)]))
+    near = np.flatnonzero(np.abs(intervals - usual) < 0.3 * usual)
+    good = (np.abs(residuals[near]) < 4 * sd).all(1) & (np.abs(residuals[near - 1]) < 4 * sd).all(1)
+    near = near[good]
+    correlation = float((residuals[near] * residuals[near - 1]).mean() / sd**2)
+    # Standard error of a correlation is 1 / sqrt(pairs); a mean that was taken out lowers it by 1 / frames.
+    if correlation < 3 / np.sqrt(2 * max(len(near), 1)):
+        return CameraNoise(sd, 0.0)
+    return CameraNoise(sd, float(-usual / np.log(min(correlation, 0.95))))
 
 
-def quantisation(values: Array) -> float:
-    """Step of a channel's numbers; 0 where it cannot be seen."""
-    there = np.unique(values[np.isfinite(values)])
-    if len(there) < 20:
+def outliers(residuals: Array, valid: NDArray[np.bool_], sd: float) -> NDArray[np.bool_]:
+    """(n, frames) frames that jump away from both neighbours: mistracks, not missing physics.
+
+    Args:
+        residuals: (n, frames, 2) m from any smooth fit, be it a bad one.
+        valid: (n, frames).
+        sd: m, of the camera's noise.
+    """
+    padded = np.where(valid[..., None], residuals, np.nan)
+    padded = np.pad(padded, ((0, 0), (2, 2), (0, 0)), constant_values=np.nan)
+    window = np.stack([padded[:, i : i + residuals.shape[1]] for i in range(5)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # columns of NaN behind the last frame
+        middle = np.nanmedian(window, axis=0)
+    jump = np.abs(residuals - middle) > OUTLIER * sd
+    return jump.any(-1) & valid
+
+
+def leaps(places: Array, valid: NDArray[np.bool_], sd: float) -> NDArray[np.bool_]:
+    """(n, frames) frames far from where their neighbours on either side say that the object is.
+
+    For a first fit: finer than LEAP only a fit can tell, and no motion bends as much within a frame.
+
+    Args:
+        places: (n, frames, 2) m.
+        valid: (n, frames); others must be at the end.
+        sd: m, of the camera's noise.
+    """
+    p = np.where(valid[..., None], places, np.nan)
+    p = np.pad(p, ((0, 0), (2, 2), (0, 0)), constant_values=np.nan)
+    frames = places.shape[1]
+    before2, before, after, after2 = (p[:, k : k + frames] for k in (0, 1, 3, 4))
+    said = np.stack([2 * before - before2, (before + after) / 2, 2 * after - after2])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        middle = np.nanmedian(said, axis=0)
+    # The scatter of an extrapolation is sqrt(6) times that of a frame.
+    return ((np.abs(places - middle) > LEAP + OUTLIER * np.sqrt(6) * sd).any(-1)) & valid
+
+
+def frame_speeds(times: Array, places: Array, valid: NDArray[np.bool_]) -> Array:
+    """(n, frames) m/s, over two frames to either side; at the ends over those that there are."""
+    count = valid.sum(1)[:, None]
+    frames = np.arange(times.shape[1])
+    low = np.maximum(frames - 2, 0)
+    high = np.maximum(np.minimum(frames + 2, count - 1), low + 1)
+    high = np.minimum(high, times.shape[1] - 1)
+    rows = np.arange(len(times))[:, None]
+    moved = np.linalg.norm(places[rows, high] - places[:, low], axis=-1)
+    gap = np.maximum(times[rows, high] - times[:, low], 1e-6)
+    return np.where(frames < count, moved / gap, 0.0)
+
+
+def timing_jitter(times: Array, places: Array, valid: NDArray[np.bool_], sd: float) -> float:
+    """Jitter in s, from how much more places scatter about a smooth track where an object is fast.
+
+    Third differences of evenly spaced frames along the way lose what is quadratic in time, and have 20
+    times the variance of a frame. Robust; 0 where it adds less than half of the noise at rest.
+    """
+    usual = float(np.median(np.diff(times, axis=1)[valid[:, 1:]]))
+    third = np.diff(places, n=3, axis=1)
+    even = np.abs(np.diff(times, axis=1) / usual - 1) < 0.3
+    good = valid[:, 3:] & even[:, :-2] & even[:, 1:-1] & even[:, 2:]
+    speed = frame_speeds(times, places, valid)[:, 1:-2]
+    way = places[:, 3:] - places[:, :-3]
+    way /= np.linalg.norm(way, axis=-1, keepdims=True) + 1e-9
+    values, speeds = np.abs((third * way).sum(-1))[good], speed[good]
+    if len(speeds) < MANY:
         return 0.0
-    gaps = np.diff(there)
-    step = float(np.median(gaps[gaps > 1e-12 * max(1.0, np.abs(there).max())][:2000]))
-    multiples = gaps / step
-    regular = np.mean(np.abs(multiples - np.rint(multiples)) < 0.05)
-    return step if regular > 0.95 and np.median(multiples) < 1.5 else 0.0
-
-
-def first_noise(segments: Segments, torque: Array, n: int, position: Array, speed: Array) -> Noise:
-    """Where a fit begins: white noise from third differences of what was recorded.
-
-    Args:
-        segments: data.
-        torque: (nv,) scale of forces.
-        n: length of a change of state.
-        position: (nv,) wide standard deviations of a first position about the path.
-        speed: (nv,) the same of a velocity.
-    """
-    third = np.diff(segments.y, n=3, axis=1)
-    # Third differences of white noise have 20 times its variance; the median leaves jumps out.
-    white = np.nanmedian(np.abs(third), axis=(0, 1)) / 0.6745 / np.sqrt(20)
-    spread = np.nanstd(segments.y, axis=(0, 1))
-    white = np.maximum(np.nan_to_num(white), np.maximum(1e-6 * np.nan_to_num(spread), 1e-9))
-    initial = np.concatenate([position**2, speed**2, np.ones(n - 2 * len(torque))])
-    ny = segments.y.shape[2]
-    return Noise(
-        white, np.zeros(ny), np.full(ny, 0.05), 1e-2, torque, initial, np.ones_like(segments.y)
-    )
-
-
-def fit_noise(
-    system: Linear, noise: Noise, segments: Segments, kinds: Sequence[str], *, colour: bool = True
-) -> Noise:
-    """Noise of the highest likelihood, the system's parameters being given.
-
-    Args:
-        system: linearised; its columns are ignored.
-        noise: where the search begins.
-        segments: data.
-        kinds: quantity of each channel; channels of one kind share ratio and correlation time of coloured noise.
-        colour: whether coloured noise may be there.
-    """
-    S, L = segments.shape
-    noise = replace(noise, weight=np.ones_like(noise.weight))
-    some = np.unique(np.linspace(0, S - 1, max(8, min(S, _SEARCH_NODES // L))).astype(int))
-    part = system.without_columns().select(some)
-    groups = sorted(set(kinds))
-    member = np.array([groups.index(kind) for kind in kinds])
-    least = np.array([quantisation(segments.y[..., c]) / np.sqrt(12) for c in range(len(kinds))])
-
-    def of(values: Array, with_colour: bool) -> Noise:
-        white = np.maximum(noise.white * np.exp(values[1 : 1 + len(groups)])[member], least)
-        if not with_colour:
-            return replace(noise, force=float(np.exp(values[0])), white=white, coloured=0 * white)
-        ratio, time = np.exp(values[1 + len(groups) :]).reshape(2, len(groups))
-        return replace(
-            noise, force=float(np.exp(values[0])), white=white,
-            coloured=white * ratio[member], correlation_s=time[member],
-        )  # fmt: skip
-
-    def cost(values: Array, with_colour: bool) -> float:
-        candidate = of(values, with_colour)
-        found = innovations(part, candidate.covariances(segments.interval, some))
-        value = -log_likelihood(found)
-        return value if np.isfinite(value) else 1e12
-
-    zero = np.zeros(len(groups))
-    begins = [
-        (cost(v, False), v)
-        for v in (np.concatenate([[np.log(force)], zero]) for force in {1e-5, 1e-3, 1e-2, 1e-1, noise.force})
-    ]
-    start = min(begins, key=lambda pair: pair[0])[1]
-    limits = [(np.log(1e-6), np.log(1e2))] + [(-7.0, 7.0)] * len(groups)
-    plain = minimize(cost, start, (False,), "L-BFGS-B", bounds=limits, options={"maxiter": 15})
-    best = of(plain.x, False)
-    if colour:
-        longest = max(2 * segments.interval, L * segments.interval / 2)
-        limits += [(np.log(0.05), np.log(30.0))] * len(groups)
-        limits += [(np.log(segments.interval), np.log(longest))] * len(groups)
-        trials = []
-        for ratio in (0.5, 2.0):
-            for time in (4 * segments.interval, longest / 3):
-                for force in (plain.x[0], np.log(1e-4)):
-                    extra = np.concatenate([zero + np.log(ratio), zero + np.log(time)])
-                    values = np.concatenate([[force], plain.x[1:] - 0.5 * np.log1p(ratio**2), extra])
-                    values = np.clip(values, *np.array(limits).T)
-                    trials.append((cost(values, True), values))
-        start = min(trials, key=lambda pair: pair[0])[1]
-        found = minimize(cost, start, (True,), "L-BFGS-B", bounds=limits, options={"maxiter": 25})
-        # The search saw a part of the data; what it is worth there is worth more on all of it.
-        if plain.fun - found.fun > _WORTH:
-            best = of(found.x, True)
-    return _balanced(system.without_columns(), best, segments, least)
-
-
-def _balanced(system: Linear, noise: Noise, segments: Segments, least: Array) -> Noise:
-    """Channels' own sizes, from the variance of their innovations; and outliers given less weight."""
-    for _ in range(2):
-        found = innovations(system, noise.covariances(segments.interval))
-        there = np.isfinite(system.r)
-        size = np.array(
-            [np.sqrt(np.mean(np.minimum(found.e[..., c][there[..., c]] ** 2, CLIP**2)))
-             if there[..., c].any() else 1.0 for c in range(there.shape[2])]
-        )  # fmt: skip
-        # Innovations of observations that say little beyond process force need no other noise.
-        factor = np.clip(size, 0.5, 2.0)
-        excess = np.abs(found.e) / (CLIP * np.maximum(size, 1e-12))
-        noise = replace(
-            noise,
-            white=np.maximum(noise.white * factor, least),
-            coloured=noise.coloured * factor,
-            weight=noise.weight * np.maximum(1.0, np.where(there, excess, 1.0)) ** 2,
-        )
-    return noise
+    fast, slow = speeds > np.quantile(speeds, 0.75), speeds < np.quantile(speeds, 0.25)
+    spread = [1.4826 * np.median(values[part]) / np.sqrt(20) for part in (fast, slow)]
+    square = (spread[0] ** 2 - spread[1] ** 2) / (np.median(speeds[fast]) ** 2 - np.median(speeds[slow]) ** 2)
+    jitter = float(np.sqrt(max(square, 0.0)))
+    return jitter if jitter * np.median(speeds[fast]) > sd / 2 else 0.0
