@@ -6,7 +6,7 @@ deviation; one that does not says so.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +114,7 @@ class Fitter:
                 noise = fit_noise(found.system, noise, self.segments, self.kinds, colour=colour)
             covariances = noise.covariances(self.segments.interval)
             seen = innovations(found.system, covariances)
-            z = seen.Z.reshape(-1, len(theta))
+            z = seen.Z.reshape(seen.e.size, len(theta))
             information = z.T @ z
             prior = 1 / hypothesis.prior_sd**2
             gradient = z.T @ seen.e.reshape(-1) - prior * (theta - hypothesis.start)
@@ -135,11 +135,9 @@ class Fitter:
         found = self.linearise(hypothesis, theta, path)
         covariances = noise.covariances(self.segments.interval)
         seen = innovations(found.system, covariances)
-        z = seen.Z.reshape(-1, len(theta))
+        z = seen.Z.reshape(seen.e.size, len(theta))
         log_prior = float(-0.5 * np.sum(((theta - hypothesis.start) / hypothesis.prior_sd) ** 2))
-        return Fit(
-            hypothesis, theta, path, noise, log_likelihood(seen), log_prior, z.T @ z, converged, moved
-        )
+        return Fit(hypothesis, theta, path, noise, log_likelihood(seen), log_prior, z.T @ z, converged, moved)
 
     def linearise(
         self, hypothesis: Hypothesis, theta: Array, path: Array, looks: Sequence = ()

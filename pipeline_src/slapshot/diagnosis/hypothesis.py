@@ -1,7 +1,6 @@
 """A hypothesis: the nominal model with some effects, and how it is simulated from many states at once."""
 
 import copy
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -229,7 +228,7 @@ def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np
     """
     n, torque = len(x), np.zeros((len(x), model.nv))
     for i in range(model.nu):
-        if model.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
+        if model.actuator_trntype[i] != int(mujoco.mjtTrn.mjTRN_JOINT):
             continue
         j = model.actuator_trnid[i, 0]
         v = model.jnt_dofadr[j]
@@ -246,9 +245,9 @@ def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np
         rate = gear * x[:, model.nq + v]
         gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
         force = gain[0] * drive
-        if model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_AFFINE:
+        if model.actuator_gaintype[i] == int(mujoco.mjtGain.mjGAIN_AFFINE):
             force = (gain[0] + gain[1] * length + gain[2] * rate) * drive
-        if model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE:
+        if model.actuator_biastype[i] == int(mujoco.mjtBias.mjBIAS_AFFINE):
             force = force + bias[0] + bias[1] * length + bias[2] * rate
         if model.actuator_forcelimited[i]:
             force = np.clip(force, *model.actuator_forcerange[i])

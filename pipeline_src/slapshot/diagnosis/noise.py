@@ -91,9 +91,7 @@ def first_noise(segments: Segments, torque: Array, n: int, position: Array, spee
     white = np.maximum(np.nan_to_num(white), np.maximum(1e-6 * np.nan_to_num(spread), 1e-9))
     initial = np.concatenate([position**2, speed**2, np.ones(n - 2 * len(torque))])
     ny = segments.y.shape[2]
-    return Noise(
-        white, np.zeros(ny), np.full(ny, 0.05), 1e-2, torque, initial, np.ones_like(segments.y)
-    )
+    return Noise(white, np.zeros(ny), np.full(ny, 0.05), 1e-2, torque, initial, np.ones_like(segments.y))
 
 
 def fit_noise(

@@ -63,10 +63,12 @@ def _targets(rig: Rig) -> list[tuple[int, int, int]]:
             continue
         sensor = int(np.flatnonzero(model.sensor_adr <= observation.address)[-1])
         kind, target = int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor])
-        bodies = (mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_BODY)
-        if model.sensor_type[sensor] == mujoco.mjtSensor.mjSENS_FRAMEPOS and kind in bodies:
+        bodies = (int(mujoco.mjtObj.mjOBJ_XBODY), int(mujoco.mjtObj.mjOBJ_BODY))
+        if model.sensor_type[sensor] == int(mujoco.mjtSensor.mjSENS_FRAMEPOS) and kind in bodies:
             joint = int(model.body_jntadr[target])
-            if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+            if joint >= 0 and model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_FREE):
                 axis = observation.address - int(model.sensor_adr[sensor])
-                found.append((column, int(model.jnt_qposadr[joint]) + axis, int(model.jnt_dofadr[joint]) + axis))
+                found.append(
+                    (column, int(model.jnt_qposadr[joint]) + axis, int(model.jnt_dofadr[joint]) + axis)
+                )
     return found

@@ -19,7 +19,7 @@ from slapshot.text import reason_of
 # Names of what is added to a user's model; stripped from models that are written.
 OWN = "slapshot:"
 _COMPONENTS = {"x": 0, "y": 1, "z": 2, "qw": 0, "qx": 1, "qy": 2, "qz": 3}
-_SCALAR = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
 @dataclass(frozen=True)
@@ -236,9 +236,7 @@ def _sensor(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Chan
     return _frame(spec, own, channel.quantity, objects.mjOBJ_XBODY, channel.body, turned), component
 
 
-def _frame(
-    spec: mujoco.MjSpec, own: str, quantity: str, kind: mujoco.mjtObj, part: str, turned: bool
-) -> str:
+def _frame(spec: mujoco.MjSpec, own: str, quantity: str, kind: mujoco.mjtObj, part: str, turned: bool) -> str:
     types = mujoco.mjtSensor
     if quantity == "position":
         sensor = types.mjSENS_FRAMEQUAT if turned else types.mjSENS_FRAMEPOS

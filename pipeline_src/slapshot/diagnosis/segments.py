@@ -132,9 +132,7 @@ def median_interval(recording: SignalRecording, rig: Rig) -> float:
     return max(min(intervals), SHORTEST_INTERVAL_S)
 
 
-def cut(
-    recording: SignalRecording, rig: Rig, *, segment_s: float = SEGMENT_S, finer: int = 1
-) -> Segments:
+def cut(recording: SignalRecording, rig: Rig, *, segment_s: float = SEGMENT_S, finer: int = 1) -> Segments:
     """Put a recording on a grid and cut it.
 
     Args:

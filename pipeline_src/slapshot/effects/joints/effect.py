@@ -49,6 +49,7 @@ class Joint:
         unit: of its torque or force.
         actuators: indices of those that drive it.
         torque: rms torque that moves it along the recorded motion, N m or N.
+        largest: largest torque of its actuators along the recorded motion.
         speed: rms speed, rad/s or m/s.
         travel: standard deviation of its position, rad or m.
         middle: mean position.
@@ -61,6 +62,7 @@ class Joint:
     unit: str
     actuators: tuple[int, ...]
     torque: float
+    largest: float
     speed: float
     travel: float
     middle: float
@@ -68,7 +70,7 @@ class Joint:
 
     @property
     def angle_unit(self) -> str:
-        """rad or m."""
+        """Rad or m."""
         return "rad" if self.unit == "N m" else "m"
 
     @property
@@ -217,7 +219,7 @@ def overrides(effect: JointEffect, method: str) -> bool:
 def servo(model: mujoco.MjModel, actuator: int) -> bool:
     """Whether an actuator feeds the position of its joint back."""
     return (
-        model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+        model.actuator_biastype[actuator] == int(mujoco.mjtBias.mjBIAS_AFFINE)
         and model.actuator_biasprm[actuator, 1] != 0
     )
 

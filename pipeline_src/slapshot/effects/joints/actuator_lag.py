@@ -1,0 +1,42 @@
+"""An actuator that follows what it is told with a lag."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.signal import lfilter
+
+from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation
+from slapshot.effects.joints.parts import of_actuators
+
+
+class ActuatorLag(JointEffect):
+    name = "actuator_lag"
+    physics = "Current loop and filters pass a command on with a first-order lag."
+    source = "Hwangbo et al. (2019), Science Robotics 4(26)"
+    phrase = "lag of {part}"
+
+    @classmethod
+    def instances(cls, rig: Situation) -> Iterator["ActuatorLag"]:
+        """One an actuator and one of all; prior: 20 ms."""
+        yield from of_actuators(
+            cls, rig, Parameter("time_constant", "s", 0.02, low=0.0, high=1.0, probe=1e-3)
+        )
+
+    def __init__(self, part: str, actuators: tuple[int, ...], parameter: Parameter) -> None:
+        super().__init__(part, (parameter,))
+        self._actuators = list(actuators)
+
+    def control(self, u: Array, step: float, values: Array) -> Array:
+        """A first-order filter, at rest before the episode."""
+        if values[0] <= 0:
+            return u
+        decay = np.exp(-step / values[0])
+        # The mean of a step's response over that step, and what remains of what was before: exact for held input.
+        mean = values[0] / step * (1 - decay)
+        out = u.copy()
+        told = u[:, self._actuators]
+        start = told[:1] * 1.0
+        state, _ = lfilter([1 - decay], [1, -decay], told, axis=0, zi=decay * start)
+        before = np.concatenate([start, state[:-1]])
+        out[:, self._actuators] = told + mean * (before - told)
+        return out

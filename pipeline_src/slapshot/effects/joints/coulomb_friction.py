@@ -1,0 +1,30 @@
+"""Dry friction: a constant torque against the motion."""
+
+from collections.abc import Iterator
+
+import mujoco
+
+from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation
+
+
+class CoulombFriction(JointEffect):
+    name = "coulomb_friction"
+    physics = "Dry contact in bearings and gears resists with a constant torque against the motion, and holds at rest."
+    source = "Olsson et al. (1998), European Journal of Control 4(3)"
+    phrase = "Coulomb friction at {part}"
+
+    @classmethod
+    def instances(cls, rig: Situation) -> Iterator["CoulombFriction"]:
+        """One a joint; prior: a third of the usual torque."""
+        for joint in rig.joints:
+            scale = 0.3 * joint.torque
+            nominal = float(rig.model.dof_frictionloss[joint.v])
+            yield cls(joint, Parameter("torque", joint.unit, scale, low=-nominal, probe=0.01 * scale))
+
+    def __init__(self, joint: Joint, parameter: Parameter) -> None:
+        super().__init__(joint.name, (parameter,))
+        self._joint = joint
+
+    def edit(self, model: mujoco.MjModel, values: Array) -> None:
+        """Add to the joint's friction loss."""
+        model.dof_frictionloss[self._joint.v] += values[0]

@@ -1,0 +1,44 @@
+"""The zero of a joint is not where the model has it."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from slapshot.effects.joints.effect import Array, Joint, JointEffect, Observed, Parameter, Situation, servo
+
+
+class JointOffset(JointEffect):
+    name = "joint_offset"
+    physics = "The encoder was zeroed in another pose: what is read and told is off by a constant angle."
+    source = "Mooring, Roth, Driels, Fundamentals of Manipulator Calibration (1991), chapter 2"
+    phrase = "zero of joint {part}"
+
+    @classmethod
+    def instances(cls, rig: Situation) -> Iterator["JointOffset"]:
+        """One a joint; prior: 20 mrad, or a hundredth of a metre."""
+        for joint in rig.joints:
+            columns = tuple(
+                s.column for s in rig.sensed if s.joint == joint.name and s.quantity == "position"
+            )
+            parameter = Parameter("offset", joint.angle_unit, 0.02, probe=1e-4)
+            yield cls(joint, columns, parameter, "of the geometry")
+            if columns and any(servo(rig.model, a) for a in joint.actuators):
+                yield cls(joint, columns, parameter, "of the encoder that is recorded alone")
+
+    def __init__(self, joint: Joint, columns: tuple[int, ...], parameter: Parameter, variant: str) -> None:
+        super().__init__(joint.name, (parameter,), variant)
+        self._joint, self._columns, self._geometry = joint, columns, "geometry" in variant
+
+    def edit(self, model: mujoco.MjModel, values: Array) -> None:
+        """Turn the link against the angle that servo and encoder share."""
+        if self._geometry:
+            model.qpos0[self._joint.q] += values[0]
+
+    def observe(self, seen: Observed, values: Array) -> Array | None:
+        """Add to the reading."""
+        if self._geometry:
+            return None
+        added = np.zeros_like(seen.y)
+        added[:, list(self._columns)] = values[0]
+        return added

@@ -1,0 +1,33 @@
+"""Drag in proportion to the speed of a free body."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation, State
+from slapshot.effects.joints.parts import weight
+
+
+class LinearDrag(JointEffect):
+    name = "linear_drag"
+    physics = "Slow or small bodies are dragged in proportion to their speed (Stokes)."
+    source = "Batchelor, An Introduction to Fluid Dynamics (1967), section 4.9"
+    phrase = "linear drag on {part}"
+
+    @classmethod
+    def instances(cls, rig: Situation) -> Iterator["LinearDrag"]:
+        """One a free body; prior: at the usual speed a third of its weight."""
+        for body, v in rig.free_bodies:
+            scale = 0.3 * weight(rig.model, body) / max(rig.speed, 1e-6)
+            parameter = Parameter("coefficient", "N s/m", scale, low=0.0, probe=0.01 * scale)
+            yield cls(rig.model.body(body).name, v, parameter)
+
+    def __init__(self, part: str, v: int, parameter: Parameter) -> None:
+        super().__init__(part, (parameter,))
+        self._v = v
+
+    def force(self, state: State, values: Array) -> Array:
+        """Against the velocity."""
+        force = np.zeros_like(state.v)
+        force[:, self._v : self._v + 3] = -values[0] * state.v[:, self._v : self._v + 3]
+        return force

@@ -1,0 +1,31 @@
+"""Friction in proportion to the torque that a gear transmits."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
+
+
+class LoadFriction(JointEffect):
+    name = "load_friction"
+    physics = "Teeth under load press on one another: friction is a share of the transmitted torque."
+    source = "Rhoban, Better Actuator Models (2025), https://arxiv.org/abs/2410.08650, eq. 5"
+    phrase = "friction at {part} that grows with load"
+
+    @classmethod
+    def instances(cls, rig: Situation) -> Iterator["LoadFriction"]:
+        """One a driven joint; prior: a tenth of the transmitted torque."""
+        for joint in rig.joints:
+            if joint.actuators:
+                yield cls(joint, Parameter("share", "1", 0.1, low=0.0, high=1.0, probe=1e-3))
+
+    def __init__(self, joint: Joint, parameter: Parameter) -> None:
+        super().__init__(joint.name, (parameter,))
+        self._joint = joint
+
+    def force(self, state: State, values: Array) -> Array:
+        """Against the motion."""
+        j = self._joint
+        against = -values[0] * np.abs(state.torque[:, j.v]) * np.tanh(state.v[:, j.v] / j.step_speed)
+        return on_joint(j, against, state.v.shape[1])

@@ -1,0 +1,78 @@
+"""Parts of a model that effects sit on."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation
+
+_COUNTS = 1e-3  # of the whole mass: lighter bodies cannot be told
+
+
+def shown(name: str) -> str:
+    """Name of an actuator as a person knows it: one that was added for a joint bears the joint's."""
+    return name.removeprefix("slapshot:")
+
+
+def of_actuators(kind: Any, rig: Situation, parameter: Parameter) -> Iterator[JointEffect]:
+    """An effect on all actuators, and, of several, on each."""
+    count = rig.model.nu
+    if count:
+        part = "all actuators" if count > 1 else shown(rig.model.actuator(0).name)
+        yield kind(part, tuple(range(count)), parameter)
+    if count > 1:
+        for i in range(count):
+            yield kind(shown(rig.model.actuator(i).name), (i,), parameter)
+
+
+def moving_bodies(model: mujoco.MjModel) -> list[int]:
+    """Bodies that some joint moves and that weigh something."""
+    least = _COUNTS * float(model.body_mass.sum())
+    return [
+        body
+        for body in range(1, model.nbody)
+        if model.body_weldid[body] != 0 and model.body_mass[body] > least
+    ]
+
+
+def weight(model: mujoco.MjModel, body: int) -> float:
+    """Weight of a body in N; of 1 g acceleration where the model has no gravity."""
+    gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
+    return float(model.body_mass[body]) * gravity
+
+
+def far_end(model: mujoco.MjModel, body: int) -> tuple[Array, float]:
+    """The point of a body that lies farthest from its joint, in its frame, and the body's length in m."""
+    centre = model.body_ipos[body].copy()
+    points = [2 * centre]
+    for geom in np.flatnonzero(model.geom_bodyid == body):
+        place, size = model.geom_pos[geom], float(model.geom_rbound[geom])
+        along = np.linalg.norm(place)
+        points.append(place * (1 + size / along) if along > 1e-9 else place)
+    end = max(points, key=lambda point: float(np.linalg.norm(point)))
+    return np.array(end), max(float(np.linalg.norm(end)), 0.02)
+
+
+def add_point_mass(model: mujoco.MjModel, body: int, mass: float, place: Array) -> None:
+    """Fix a point mass (kg) to a body at a place (m) in its frame: mass, centre and inertia change in place."""
+    if mass == 0:
+        return
+    before, centre = float(model.body_mass[body]), model.body_ipos[body].copy()
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, model.body_iquat[body])
+    axes = rotation.reshape(3, 3)
+    inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
+    total = before + mass
+    middle = (before * centre + mass * np.asarray(place)) / total
+    for part, at in ((before, centre), (mass, np.asarray(place))):
+        arm = at - middle
+        inertia = inertia + part * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    principal, vectors = np.linalg.eigh(inertia)
+    if np.linalg.det(vectors) < 0:
+        vectors[:, 0] *= -1
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(vectors).ravel())
+    model.body_mass[body], model.body_ipos[body] = total, middle
+    model.body_inertia[body], model.body_iquat[body] = principal, quaternion

@@ -1,0 +1,35 @@
+"""Drag in proportion to the square of the speed of a free body."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation, State
+from slapshot.effects.joints.parts import weight
+
+
+class QuadraticDrag(JointEffect):
+    name = "quadratic_drag"
+    physics = "Fast bodies leave a wake: drag grows with the square of speed."
+    source = "Batchelor, An Introduction to Fluid Dynamics (1967), section 5.11"
+    phrase = "air drag on {part}"
+
+    @classmethod
+    def instances(cls, rig: Situation) -> Iterator["QuadraticDrag"]:
+        """One a free body; prior: at the usual speed a third of its weight."""
+        for body, v in rig.free_bodies:
+            scale = 0.3 * weight(rig.model, body) / max(rig.speed, 1e-6) ** 2
+            parameter = Parameter("coefficient", "N s^2/m^2", scale, low=0.0, probe=0.01 * scale)
+            yield cls(rig.model.body(body).name, v, parameter)
+
+    def __init__(self, part: str, v: int, parameter: Parameter) -> None:
+        super().__init__(part, (parameter,))
+        self._v = v
+
+    def force(self, state: State, values: Array) -> Array:
+        """Against the velocity."""
+        force = np.zeros_like(state.v)
+        velocity = state.v[:, self._v : self._v + 3]
+        speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+        force[:, self._v : self._v + 3] = -values[0] * speed * velocity
+        return force

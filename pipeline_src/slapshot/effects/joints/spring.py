@@ -1,0 +1,34 @@
+"""A spring at a joint."""
+
+from collections.abc import Iterator
+
+from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
+
+
+class Spring(JointEffect):
+    name = "spring"
+    physics = "Cables, hoses or a balance pull the joint towards an angle."
+    source = "Swevers, Verdonck, De Schutter (2007), IEEE Control Systems 27(5)"
+    phrase = "a spring at {part}"
+
+    @classmethod
+    def instances(cls, rig: Situation) -> Iterator["Spring"]:
+        """One a joint; prior: over the usual travel a third of the usual torque, rest angle within that travel."""
+        for joint in rig.joints:
+            scale = 0.3 * joint.torque / joint.travel
+            unit = f"{joint.unit}/{joint.angle_unit}"
+            yield cls(
+                joint,
+                Parameter("stiffness", unit, scale, probe=0.01 * scale),
+                Parameter("torque", joint.unit, 0.3 * joint.torque, probe=0.003 * joint.torque),
+            )
+
+    def __init__(self, joint: Joint, *parameters: Parameter) -> None:
+        super().__init__(joint.name, parameters)
+        self._joint = joint
+
+    def force(self, state: State, values: Array) -> Array:
+        """Towards the rest angle, about the middle of the motion."""
+        j = self._joint
+        pull = values[1] - values[0] * (state.q[:, j.q] - j.middle)
+        return on_joint(j, pull, state.v.shape[1])

@@ -1,0 +1,46 @@
+"""Dry friction that falls when motion begins."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
+
+
+class StribeckFriction(JointEffect):
+    name = "stribeck_friction"
+    physics = "Dry friction is larger near rest and falls with speed until a lubricant film carries."
+    source = "Stribeck (1902); Armstrong-Helouvry et al. (1994), Automatica 30(7)"
+    phrase = "friction at {part} that falls with speed (Stribeck)"
+
+    @classmethod
+    def instances(cls, rig: Situation) -> Iterator["StribeckFriction"]:
+        """One a joint; prior: as dry friction, with an excess of the same size below a tenth of the usual speed."""
+        for joint in rig.joints:
+            scale = 0.3 * joint.torque
+            nominal = float(rig.model.dof_frictionloss[joint.v])
+            speed = 0.15 * joint.speed
+            unit = f"{joint.angle_unit}/s"
+            yield cls(
+                joint,
+                Parameter("torque", joint.unit, scale, low=-nominal, probe=0.01 * scale),
+                Parameter("excess", joint.unit, scale, low=0.0, probe=0.01 * scale),
+                Parameter("speed", unit, 0.7 * speed, speed, 0.2 * speed, 10 * speed),
+            )
+
+    def __init__(self, joint: Joint, *parameters: Parameter) -> None:
+        super().__init__(joint.name, parameters)
+        self._joint = joint
+
+    def edit(self, model: mujoco.MjModel, values: Array) -> None:
+        """Add the friction at speed to the joint's friction loss."""
+        model.dof_frictionloss[self._joint.v] += values[0]
+
+    def force(self, state: State, values: Array) -> Array:
+        """The excess near rest."""
+        v = state.v[:, self._joint.v]
+        falling = np.exp(-((v / values[2]) ** 2))
+        return on_joint(
+            self._joint, -values[1] * falling * np.tanh(v / self._joint.step_speed), state.v.shape[1]
+        )

@@ -1,0 +1,48 @@
+"""Torque that repeats with the angle."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
+
+MOST = 24  # periods over the travel that are looked at
+
+
+class TorqueRipple(JointEffect):
+    name = "torque_ripple"
+    physics = "Magnets, teeth and harmonic gears make a torque that repeats with the angle (cogging)."
+    source = "Islam, Mir, Sebastian (2004), IEEE Transactions on Industry Applications 40(3)"
+    phrase = "torque ripple at {part}"
+
+    @classmethod
+    def instances(cls, rig: Situation) -> Iterator["TorqueRipple"]:
+        """One a joint and start of its period; prior: a tenth of the usual torque."""
+        for joint in rig.joints:
+            scale = 0.1 * joint.torque
+            # Periods closer than the travel can tell apart are one; slower ones than it are springs.
+            width = 2.5 * joint.travel
+            for order in np.arange(1.5, 1.5 + MOST) / (2 * width) * 2 * np.pi:
+                yield cls(
+                    joint,
+                    Parameter("sine", joint.unit, scale, probe=0.01 * scale),
+                    Parameter("cosine", joint.unit, scale, probe=0.01 * scale),
+                    Parameter("order", f"1/{joint.angle_unit}", 0.5 * np.pi / width, float(order)),
+                )
+
+    def __init__(self, joint: Joint, *parameters: Parameter) -> None:
+        super().__init__(joint.name, parameters)
+        self._joint = joint
+        self.start_order = parameters[2].start
+
+    @property
+    def key(self) -> str:
+        """With the order at which a fit begins."""
+        return f"{super().key} from order {self.start_order:.1f}"
+
+    def force(self, state: State, values: Array) -> Array:
+        """A sine of the angle."""
+        j = self._joint
+        angle = values[2] * (state.q[:, j.q] - j.middle)
+        ripple = values[0] * np.sin(angle) + values[1] * np.cos(angle)
+        return on_joint(j, ripple, state.v.shape[1])
