@@ -1,26 +1,33 @@
-"""Fit the parameters of a hypothesis, the path and the noise together.
+"""Fit the parameters of a hypothesis and the path, the noise being given.
 
-Gauss-Newton on all of it: every round linearises about the path, moves the parameters, and smooths the path under
-the moved parameters. A fit converges when no parameter moves by more than a hundredth of its posterior standard
-deviation; one that does not says so.
+Gauss-Newton on both: every round linearises about the path, moves the parameters (nuisance columns, such as law
+errors, are integrated out), and smooths the path under the moved parameters. A fit converges when no parameter
+moves by more than a hundredth of its posterior standard deviation; one that does not says so.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.filter import innovations, smooth
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.linear import Linearised, linearise
-from slapshot.diagnosis.noise import Noise, fit_noise, log_likelihood
+from slapshot.diagnosis.linear import Linearised, Look, linearise
+from slapshot.diagnosis.noise import Noise, Prior, log_likelihood
 from slapshot.diagnosis.segments import Segments
 
 Array = NDArray[np.float64]
 
 STILL = 0.01  # posterior standard deviations that parameters may still move
-_HALVINGS = 6
+LAW = "law_error"
+
+
+def prior_of(hypothesis: Hypothesis, looks: Sequence[Look]) -> Prior:
+    """Priors of the columns that linearising gives."""
+    law = [False] * len(hypothesis.parameters)
+    law += [look.effect is not None and look.effect.name == LAW for look in looks]
+    return Prior(np.concatenate([hypothesis.prior_sd, [look.scale for look in looks]]), np.array(law, bool))
 
 
 @dataclass(frozen=True)
@@ -29,12 +36,10 @@ class Fit:
 
     Attributes:
         hypothesis: what was fitted.
-        theta: values.
+        theta: (p,) values.
         path: (S, L, nx) smoothed states.
-        noise: of this model.
-        log_likelihood: of the observations, without constants.
-        log_prior: of the values.
-        information: (p, p) of the data about the values.
+        log_evidence: Laplace approximation of the log marginal likelihood, without constants.
+        precision: (p, p) inverse of the posterior covariance of the values.
         converged: whether the values came to rest.
         moved: by how many posterior standard deviations they moved in the last round.
     """
@@ -42,29 +47,15 @@ class Fit:
     hypothesis: Hypothesis
     theta: Array
     path: Array
-    noise: Noise
-    log_likelihood: float
-    log_prior: float
-    information: Array
+    log_evidence: float
+    precision: Array
     converged: bool
     moved: float
 
     @property
-    def covariance(self) -> Array:
-        """(p, p) posterior covariance of the values."""
-        return np.linalg.inv(self.information + np.diag(1 / self.hypothesis.prior_sd**2))
-
-    @property
     def sd(self) -> Array:
         """(p,) posterior standard deviations."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def log_evidence(self) -> float:
-        """Laplace approximation of the log marginal likelihood, without constants."""
-        scaled = self.information * np.outer(self.hypothesis.prior_sd, self.hypothesis.prior_sd)
-        volume = 0.5 * np.linalg.slogdet(np.eye(len(self.theta)) + scaled)[1]
-        return float(self.log_likelihood + self.log_prior - volume)
+        return np.sqrt(np.diag(np.linalg.inv(self.precision))) if len(self.theta) else np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -74,75 +65,68 @@ class Fitter:
     Attributes:
         simulator: of the rig.
         segments: data.
-        kinds: quantity of each channel.
         torque: (nv,) scale of forces.
+        nuisance: columns that are integrated out of every hypothesis.
     """
 
     simulator: Simulator
     segments: Segments
-    kinds: Sequence[str]
     torque: Array
-    fixed_noise: bool = field(default=False)
+    nuisance: tuple[Look, ...] = ()
 
-    def fit(
-        self,
-        hypothesis: Hypothesis,
-        theta: Array,
-        path: Array,
-        noise: Noise,
-        *,
-        rounds: int = 8,
-        colour: bool = True,
-    ) -> Fit:
+    def linearise(
+        self, hypothesis: Hypothesis, theta: Array, path: Array, looks: Sequence[Look] = ()
+    ) -> Linearised:
+        """Linearise on these segments."""
+        return linearise(
+            self.simulator, hypothesis, theta, self.segments, path, looks, torque_scale=self.torque
+        )
+
+    def fit(self, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise, rounds: int = 8) -> Fit:
         """Fit from a start.
 
         Args:
             hypothesis: what to fit.
             theta: first values.
             path: first path.
-            noise: first noise.
+            noise: that of the data.
             rounds: at most.
-            colour: whether coloured noise may be there.
         """
-        theta = hypothesis.within(theta)
-        moved, converged = np.inf, False
-        best: tuple[float, Array, Array] | None = None
-        information = np.zeros((len(theta), len(theta)))
-        for number in range(rounds):
-            found = self.linearise(hypothesis, theta, path)
-            if number < 2 or number == rounds - 1 or (number % 3 == 0):
-                noise = fit_noise(found.system, noise, self.segments, self.kinds, colour=colour)
-            covariances = noise.covariances(self.segments.interval)
-            seen = innovations(found.system, covariances)
-            z = seen.Z.reshape(seen.e.size, len(theta))
-            information = z.T @ z
-            prior = 1 / hypothesis.prior_sd**2
-            gradient = z.T @ seen.e.reshape(-1) - prior * (theta - hypothesis.start)
-            precision = information + np.diag(prior)
-            step = np.linalg.solve(precision, gradient) if len(theta) else np.zeros(0)
-            target = hypothesis.within(theta + step)
-            step = target - theta
-            delta, _ = smooth(found.system.moved(step).without_columns(), covariances)
-            path_step = float(np.sqrt(np.mean(delta**2)))
-            sd = np.sqrt(np.diag(np.linalg.inv(precision))) if len(theta) else np.ones(0)
-            moved = float(np.max(np.abs(step) / sd, initial=0.0))
+        p = len(hypothesis.parameters)
+        theta, start = hypothesis.within(theta), hypothesis.start
+        sd = prior_of(hypothesis, self.nuisance).at(noise)
+        covariances = noise.covariances(self.segments.interval)
+        moved, converged, evidence = np.inf, False, -np.inf
+        precision = np.diag(sd[:p] ** -2)
+        for number in range(rounds + 1):
+            system = self.linearise(hypothesis, theta, path, self.nuisance).system
+            seen = innovations(system, covariances)
+            z = seen.Z.reshape(seen.e.size, -1) * sd
+            offset = np.zeros(len(sd))
+            offset[:p] = (theta - start) / sd[:p]
+            gradient = z.T @ seen.e.reshape(-1) - offset
+            scaled = np.eye(len(sd)) + z.T @ z
+            if not np.all(np.isfinite(scaled)):
+                break
+            step = np.linalg.solve(scaled, gradient)
+            evidence = float(
+                log_likelihood(seen) - 0.5 * offset @ offset + 0.5 * gradient @ step
+                - 0.5 * np.linalg.slogdet(scaled)[1]
+            )  # fmt: skip
+            # Precision of the values alone: the nuisance is eliminated (Schur complement).
+            own, other = scaled[:p, :p], scaled[:p, p:]
+            own = own - other @ np.linalg.solve(scaled[p:, p:], other.T)
+            precision = own / np.outer(sd[:p], sd[:p])
+            if converged or number == rounds:
+                break
+            step = step * sd
+            target = hypothesis.within(theta + step[:p])
+            step[:p] = target - theta
+            delta, _ = smooth(system.moved(step).without_columns(), covariances)
+            spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
+            moved = float(np.max(np.abs(step[:p]) / spread, initial=0.0))
             theta, path = target, self.simulator.tangent.add(path, delta)
             if not np.all(np.isfinite(path)):
                 break
-            converged = moved < STILL and number > 0
-            if converged and (len(theta) or number >= 2) and path_step < np.inf:
-                break
-        found = self.linearise(hypothesis, theta, path)
-        covariances = noise.covariances(self.segments.interval)
-        seen = innovations(found.system, covariances)
-        z = seen.Z.reshape(seen.e.size, len(theta))
-        log_prior = float(-0.5 * np.sum(((theta - hypothesis.start) / hypothesis.prior_sd) ** 2))
-        return Fit(hypothesis, theta, path, noise, log_likelihood(seen), log_prior, z.T @ z, converged, moved)
-
-    def linearise(
-        self, hypothesis: Hypothesis, theta: Array, path: Array, looks: Sequence = ()
-    ) -> Linearised:
-        """Linearise on these segments."""
-        return linearise(
-            self.simulator, hypothesis, theta, self.segments, path, looks, torque_scale=self.torque
-        )
+            converged = moved < STILL and number >= 1
+        return Fit(hypothesis, theta, path, evidence, precision, converged, moved)

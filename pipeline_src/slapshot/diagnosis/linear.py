@@ -23,20 +23,35 @@ _FORCE_STEP = 1e-2  # share of the rms torque
 
 @dataclass(frozen=True)
 class Look:
-    """A first look at an effect that is not in the hypothesis: at these values, per `probe`."""
+    """A first look at an effect that is not in the hypothesis: its column is a difference.
 
-    effect: JointEffect
+    Attributes:
+        effect: what is looked at; None for the error of the model's time step.
+        values: of its parameters.
+        probe: by how much one of them differs from its start.
+        scale: prior standard deviation of that one.
+    """
+
+    effect: JointEffect | None
     values: tuple[float, ...]
     probe: float
+    scale: float
+
+
+# Half the step halves the error of a first-order integrator: twice this difference removes it.
+STEP_ERROR = Look(None, (), 1.0, 2.0)
 
 
 def looks_at(effects: Sequence[JointEffect]) -> list[Look]:
     """All first looks at some effects."""
-    return [
-        Look(effect, values, sum(v - p.start for v, p in zip(values, effect.parameters, strict=True)))
-        for effect in effects
-        for values in effect.starts
-    ]
+    looks = []
+    for effect in effects:
+        start = np.array([parameter.start for parameter in effect.parameters])
+        for values in effect.starts:
+            which = int(np.argmax(np.abs(np.array(values) - start)))
+            probe = values[which] - start[which]
+            looks.append(Look(effect, values, float(probe), effect.parameters[which].scale))
+    return looks
 
 
 @dataclass(frozen=True)
@@ -152,7 +167,11 @@ def linearise(
             column(k, hypothesis, values, step, effect)
     state = State(x[:, : tangent.nq], x[:, tangent.nq : tangent.nq + nv], torque, time, order)
     for k, look in enumerate(looks, start=p):
-        if overrides(look.effect, "force") and not overrides(look.effect, "edit"):
+        if look.effect is None:
+            finer = hypothesis.compiled(theta, segments.step / 2)
+            moved, _, _ = advance(hypothesis, theta, finer, x, np.repeat(control, 2, axis=1))
+            W[:, :, k] = tangent.subtract(moved, base)
+        elif overrides(look.effect, "force") and not overrides(look.effect, "edit"):
             start = np.array([parameter.start for parameter in look.effect.parameters])
             law, rest = look.effect.force(state, np.array(look.values)), look.effect.force(state, start)
             if law is not None and rest is not None:

@@ -18,6 +18,7 @@ from slapshot.diagnosis.segments import Segments
 Array = NDArray[np.float64]
 
 HELD_S = 0.01  # process force is told as the standard deviation of a force held so long
+LARGEST_LAW_ERROR = 0.15  # rms share of a law
 CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
 _WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
 _SEARCH_NODES = 4000
@@ -34,6 +35,7 @@ class Noise:
         force: process force over `torque`, as the sd of a force held for `HELD_S`.
         torque: (nv,) N m or N, scale of forces.
         initial: (n,) variances of a segment's first state about the path.
+        law_error: size of the errors of the model's own laws, as a share.
         weight: (S, L, ny) factor on the white variance; more than 1 for outliers.
     """
 
@@ -44,6 +46,7 @@ class Noise:
     torque: Array
     initial: Array
     weight: Array
+    law_error: float = 1e-4
 
     def covariances(self, interval: float, segments: NDArray[np.intp] | None = None) -> Covariances:
         """What the filter takes."""
@@ -58,8 +61,17 @@ class Noise:
 
 
 def log_likelihood(found: Innovations) -> float:
-    """Of all observations, without constants."""
+    """Of all observations, without constants, at columns' values 0."""
     return float(-0.5 * (np.sum(found.e**2) + found.logdet.sum()))
+
+
+def marginal_likelihood(found: Innovations, prior_sd: Array) -> float:
+    """The same with the columns' values integrated over N(0, prior_sd²)."""
+    z = found.Z.reshape(found.e.size, -1) * prior_sd
+    b = z.T @ found.e.reshape(-1)
+    factor = np.linalg.cholesky(np.eye(len(b)) + z.T @ z)
+    half = np.linalg.solve(factor, b)
+    return float(log_likelihood(found) + 0.5 * half @ half - np.log(np.diag(factor)).sum())
 
 
 def quantisation(values: Array) -> float:
@@ -94,83 +106,106 @@ def first_noise(segments: Segments, torque: Array, n: int, position: Array, spee
     return Noise(white, np.zeros(ny), np.full(ny, 0.05), 1e-2, torque, initial, np.ones_like(segments.y))
 
 
+@dataclass(frozen=True)
+class Prior:
+    """Priors of a system's columns.
+
+    Attributes:
+        sd: (p,) standard deviations.
+        law_error: (p,) whether a column is a law error, whose sd is in shares of its common size.
+    """
+
+    sd: Array
+    law_error: NDArray[np.bool_]
+
+    def at(self, noise: Noise) -> Array:
+        """(p,) standard deviations under a noise."""
+        return np.where(self.law_error, self.sd * noise.law_error, self.sd)
+
+
 def fit_noise(
-    system: Linear, noise: Noise, segments: Segments, kinds: Sequence[str], *, colour: bool = True
+    system: Linear, prior: Prior, noise: Noise, segments: Segments, kinds: Sequence[str]
 ) -> Noise:
-    """Noise of the highest likelihood, the system's parameters being given.
+    """Noise of the highest likelihood, all columns being integrated out.
+
+    What any column explains is no noise: so the columns should be those of everything that might be there.
 
     Args:
-        system: linearised; its columns are ignored.
+        system: linearised.
+        prior: of its columns.
         noise: where the search begins.
         segments: data.
-        kinds: quantity of each channel; channels of one kind share ratio and correlation time of coloured noise.
-        colour: whether coloured noise may be there.
+        kinds: quantity of each channel; those of one kind share ratio and correlation time of coloured noise.
     """
     S, L = segments.shape
     noise = replace(noise, weight=np.ones_like(noise.weight))
     some = np.unique(np.linspace(0, S - 1, max(8, min(S, _SEARCH_NODES // L))).astype(int))
-    part = system.without_columns().select(some)
+    part = system.select(some)
     groups = sorted(set(kinds))
     member = np.array([groups.index(kind) for kind in kinds])
     least = np.array([quantisation(segments.y[..., c]) / np.sqrt(12) for c in range(len(kinds))])
+    with_law = bool(prior.law_error.any())
+    count = len(groups)
 
-    def of(values: Array, with_colour: bool) -> Noise:
-        white = np.maximum(noise.white * np.exp(values[1 : 1 + len(groups)])[member], least)
-        if not with_colour:
-            return replace(noise, force=float(np.exp(values[0])), white=white, coloured=0 * white)
-        ratio, time = np.exp(values[1 + len(groups) :]).reshape(2, len(groups))
-        return replace(
-            noise, force=float(np.exp(values[0])), white=white,
-            coloured=white * ratio[member], correlation_s=time[member],
+    # Values: log force, log law error, log factor of each kind's white noise, log ratio and log time of each.
+    def of(values: Array, colour: bool) -> Noise:
+        white = np.maximum(noise.white * np.exp(values[2 : 2 + count])[member], least)
+        found = replace(
+            noise, force=float(np.exp(values[0])), law_error=float(np.exp(values[1])),
+            white=white, coloured=0 * white,
         )  # fmt: skip
+        if not colour:
+            return found
+        ratio, time = np.exp(values[2 + count :]).reshape(2, count)
+        return replace(found, coloured=white * ratio[member], correlation_s=time[member])
 
-    def cost(values: Array, with_colour: bool) -> float:
-        candidate = of(values, with_colour)
+    def cost(values: Array, colour: bool) -> float:
+        candidate = of(values, colour)
         found = innovations(part, candidate.covariances(segments.interval, some))
-        value = -log_likelihood(found)
+        value = -marginal_likelihood(found, prior.at(candidate))
         return value if np.isfinite(value) else 1e12
 
-    zero = np.zeros(len(groups))
+    def search(begins: Sequence[Array], colour: bool, limits: list[tuple[float, float]]) -> tuple[float, Array]:
+        clipped = [np.clip(values, *np.array(limits).T) for values in begins]
+        start = min(clipped, key=lambda values: cost(values, colour))
+        found = minimize(cost, start, (colour,), "L-BFGS-B", bounds=limits, options={"maxiter": 12})
+        return float(found.fun), found.x
+
+    zero = np.zeros(count)
+    law_limits = (np.log(1e-4), np.log(LARGEST_LAW_ERROR if with_law else 1.01e-4))
+    limits = [(np.log(1e-6), np.log(1e2)), law_limits] + [(-7.0, 7.0)] * count
+    forces = sorted({1e-5, 1e-3, 1e-2, 1e-1, noise.force})
+    begins = [np.concatenate([[np.log(f), np.log(law)], zero]) for f in forces for law in (1e-3, 0.05)]
+    plain, values = search(begins, False, limits)
+    best = of(values, False)
+    longest = max(2 * segments.interval, L * segments.interval / 2)
+    limits += [(np.log(0.05), np.log(30.0))] * count
+    limits += [(np.log(segments.interval), np.log(longest))] * count
     begins = [
-        (cost(v, False), v)
-        for v in (np.concatenate([[np.log(force)], zero]) for force in {1e-5, 1e-3, 1e-2, 1e-1, noise.force})
-    ]
-    start = min(begins, key=lambda pair: pair[0])[1]
-    limits = [(np.log(1e-6), np.log(1e2))] + [(-7.0, 7.0)] * len(groups)
-    plain = minimize(cost, start, (False,), "L-BFGS-B", bounds=limits, options={"maxiter": 15})
-    best = of(plain.x, False)
-    if colour:
-        longest = max(2 * segments.interval, L * segments.interval / 2)
-        limits += [(np.log(0.05), np.log(30.0))] * len(groups)
-        limits += [(np.log(segments.interval), np.log(longest))] * len(groups)
-        trials = []
-        for ratio in (0.5, 2.0):
-            for time in (4 * segments.interval, longest / 3):
-                for force in (plain.x[0], np.log(1e-4)):
-                    extra = np.concatenate([zero + np.log(ratio), zero + np.log(time)])
-                    values = np.concatenate([[force], plain.x[1:] - 0.5 * np.log1p(ratio**2), extra])
-                    values = np.clip(values, *np.array(limits).T)
-                    trials.append((cost(values, True), values))
-        start = min(trials, key=lambda pair: pair[0])[1]
-        found = minimize(cost, start, (True,), "L-BFGS-B", bounds=limits, options={"maxiter": 25})
-        # The search saw a part of the data; what it is worth there is worth more on all of it.
-        if plain.fun - found.fun > _WORTH:
-            best = of(found.x, True)
-    return _balanced(system.without_columns(), best, segments, least)
+        np.concatenate([[force], values[1:2], values[2:] - 0.5 * np.log1p(ratio**2),
+                        zero + np.log(ratio), zero + np.log(time)])
+        for ratio in (0.5, 2.0, 10.0)
+        for time in (4 * segments.interval, longest / 3)
+        for force in (values[0], np.log(1e-4))
+    ]  # fmt: skip
+    coloured, values = search(begins, True, limits)
+    if plain - coloured > _WORTH:
+        best = of(values, True)
+    return _balanced(system, prior, best, segments, least)
 
 
-def _balanced(system: Linear, noise: Noise, segments: Segments, least: Array) -> Noise:
+def _balanced(system: Linear, prior: Prior, noise: Noise, segments: Segments, least: Array) -> Noise:
     """Channels' own sizes, from the variance of their innovations; and outliers given less weight."""
+    there = np.isfinite(system.r)
     for _ in range(2):
         found = innovations(system, noise.covariances(segments.interval))
-        there = np.isfinite(system.r)
+        e = unexplained(found, prior.at(noise))
         size = np.array(
-            [np.sqrt(np.mean(np.minimum(found.e[..., c][there[..., c]] ** 2, CLIP**2)))
+            [np.sqrt(np.mean(np.minimum(e[..., c][there[..., c]] ** 2, CLIP**2)))
              if there[..., c].any() else 1.0 for c in range(there.shape[2])]
         )  # fmt: skip
-        # Innovations of observations that say little beyond process force need no other noise.
         factor = np.clip(size, 0.5, 2.0)
-        excess = np.abs(found.e) / (CLIP * np.maximum(size, 1e-12))
+        excess = np.abs(e) / (CLIP * np.maximum(size, 1e-12))
         noise = replace(
             noise,
             white=np.maximum(noise.white * factor, least),
@@ -178,3 +213,10 @@ def _balanced(system: Linear, noise: Noise, segments: Segments, least: Array) ->
             weight=noise.weight * np.maximum(1.0, np.where(there, excess, 1.0)) ** 2,
         )
     return noise
+
+
+def unexplained(found: Innovations, prior_sd: Array) -> Array:
+    """Whitened innovations that no column explains, (S, L, ny)."""
+    z = found.Z.reshape(found.e.size, -1) * prior_sd
+    values = np.linalg.solve(np.eye(z.shape[1]) + z.T @ z, z.T @ found.e.reshape(-1))
+    return found.e - (z @ values).reshape(found.e.shape)

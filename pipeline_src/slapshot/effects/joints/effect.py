@@ -158,6 +158,7 @@ class JointEffect:
         part: name in the model; "" for the whole rig.
         variant: how it is built, where there is a choice.
         parameters: with priors for this part.
+        many_forms: whether it is looked at in so many forms that together they would explain noise.
         hidden_state: whether it has a state of its own, so that a first-order look cannot model it.
     """
 
@@ -166,6 +167,7 @@ class JointEffect:
     source: ClassVar[str]
     phrase: ClassVar[str]
     hidden_state: ClassVar[bool] = False
+    many_forms: ClassVar[bool] = False
 
     def __init__(self, part: str, parameters: Sequence[Parameter], variant: str = "") -> None:
         self.part, self.parameters, self.variant = part, tuple(parameters), variant

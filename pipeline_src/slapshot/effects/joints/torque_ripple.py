@@ -14,6 +14,7 @@ class TorqueRipple(JointEffect):
     physics = "Magnets, teeth and harmonic gears make a torque that repeats with the angle (cogging)."
     source = "Islam, Mir, Sebastian (2004), IEEE Transactions on Industry Applications 40(3)"
     phrase = "torque ripple at {part}"
+    many_forms = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["TorqueRipple"]:

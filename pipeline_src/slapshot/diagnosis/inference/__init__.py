@@ -1,0 +1,1 @@
+"""What follows from whitened residuals and columns; nothing here knows physics."""

@@ -1,0 +1,123 @@
+"""Scores: how well each column explains what is left, after the nuisance was eliminated.
+
+With whitened residuals e and columns Z = [candidates | nuisance] of each segment, all that inference needs are
+b = Zᵀe and H = ZᵀZ, segment by segment.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.filter import Innovations
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores of S segments.
+
+    Attributes:
+        b: (S, p) Zᵀe.
+        H: (S, p, p) ZᵀZ.
+        prior_sd: (p,) of the columns' values; infinite for none.
+        nuisance: (p,) columns that are eliminated.
+    """
+
+    b: Array
+    H: Array
+    prior_sd: Array
+    nuisance: NDArray[np.bool_]
+
+
+def scores(found: Innovations, prior_sd: Array, nuisance: NDArray[np.bool_]) -> Scores:
+    """Scores of innovations, in units of the priors."""
+    S, p = found.e.shape[0], found.Z.shape[-1]
+    z = found.Z.reshape(S, -1, p) * prior_sd
+    e = found.e.reshape(S, -1)
+    return Scores(np.einsum("snp,sn->sp", z, e), np.matmul(z.transpose(0, 2, 1), z), prior_sd, nuisance)
+
+
+@dataclass(frozen=True)
+class Eliminated:
+    """Efficient scores of candidates: what the nuisance cannot explain.
+
+    Attributes:
+        segment: (S, k) each segment's.
+        information: (k, k) of all.
+    """
+
+    segment: Array
+    information: Array
+
+
+class Elimination:
+    """Elimination of the nuisance, for the data and for draws alike.
+
+    Args:
+        of: scores in units of the priors, so that the prior of the nuisance is N(0, I).
+    """
+
+    def __init__(self, of: Scores) -> None:
+        self._candidate, self._nuisance = np.flatnonzero(~of.nuisance), np.flatnonzero(of.nuisance)
+        c, m = self._candidate, self._nuisance
+        total = of.H.sum(0)
+        self._prior = np.eye(len(m)) + total[np.ix_(m, m)]
+        # Share of each nuisance column in each candidate.
+        self._share = np.linalg.solve(self._prior, total[np.ix_(m, c)])
+        self._cross = of.H[:, c[:, None], m[None, :]] - np.einsum(
+            "mk,smn->skn", self._share, of.H[:, m[:, None], m[None, :]]
+        )
+        self.information = total[np.ix_(c, c)] - total[np.ix_(c, m)] @ self._share
+
+    def __call__(self, b: Array) -> Eliminated:
+        """Efficient scores.
+
+        Args:
+            b: (..., S, p) scores.
+        """
+        c, m = self._candidate, self._nuisance
+        values = np.linalg.solve(self._prior, b[..., m].sum(-2)[..., None])[..., 0]
+        raw = b[..., c] - b[..., m] @ self._share
+        return Eliminated(raw - np.einsum("skn,...n->...sk", self._cross, values), self.information)
+
+
+def draws(of: Scores, count: int, rng: np.random.Generator) -> Array:
+    """Scores as they would be were there nothing but noise and nuisance, (count, S, p)."""
+    S, p = of.b.shape
+    m = np.flatnonzero(of.nuisance)
+    values = np.zeros((count, p))
+    values[:, m] = rng.standard_normal((count, len(m)))
+    out = np.empty((count, S, p))
+    for s in range(S):
+        eigenvalues, vectors = np.linalg.eigh(of.H[s])
+        root = vectors * np.sqrt(np.maximum(eigenvalues, 0))
+        out[:, s] = rng.standard_normal((count, p)) @ root.T + values @ of.H[s]
+    return out
+
+
+def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> Array:
+    """A studentised chi-squared of each group of columns, as -log p; (..., groups).
+
+    The sum of a group's scores over its spread between segments: noise that is larger or longer than thought is
+    in both.
+    """
+    from scipy.stats import f as f_distribution
+
+    statistic = []
+    segments = found.segment.shape[-2]
+    for group in groups:
+        information = found.information[np.ix_(group, group)]
+        eigenvalues, vectors = np.linalg.eigh(information)
+        keep = eigenvalues > 1e-8 * max(eigenvalues.max(), 1e-300)
+        white = vectors[:, keep] / np.sqrt(eigenvalues[keep])
+        each = found.segment[..., group] @ white
+        k = white.shape[1]
+        total = each.sum(-2)
+        # A few outlying segments shall not make a case.
+        spread = (each**2).sum((-2, -1)) / k
+        ratio = (total**2).sum(-1) / k / np.maximum(spread, 1e-300)
+        statistic.append(-f_distribution.logsf(ratio, k, k * max(segments - 1, 1)))
+    return np.stack(statistic, axis=-1)

@@ -1,0 +1,80 @@
+"""Error of the model's own laws: each is known to some share only, as a smooth function of speed and load.
+
+A servo, a motor, damping or friction that follows its law to ten per cent is no news. Such errors are random
+effects of every model, with one size for all laws that is fitted by likelihood and bounded; what follows place or
+time is no law error.
+"""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.linear import Look
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+
+Array = NDArray[np.float64]
+
+_SHAPES: tuple[Callable[[Array, Array], Array], ...] = (
+    lambda s, load: np.exp(-((s / 0.2) ** 2)),
+    lambda s, load: np.exp(-(s**2)),
+    lambda s, load: np.tanh(s),
+    lambda s, load: np.tanh(s) * np.abs(np.tanh(s)),
+    lambda s, load: np.tanh(load),
+    lambda s, load: np.exp(-(load**2)),
+)
+
+
+class LawError(JointEffect):
+    """A smooth change of one law of one joint."""
+
+    name = "law_error"
+    physics = "A law of the nominal model holds to some per cent only."
+    source = "Kennedy, O'Hagan (2001), Journal of the Royal Statistical Society B 63(3)"
+    phrase = "error of a law at {part}"
+
+    def __init__(
+        self, joint: Joint, law: Callable[[State], Array], shape: int, torque: float, state: State
+    ) -> None:
+        super().__init__(joint.name, (Parameter("share", "1", 1.0, probe=0.01),))
+        self._joint, self._law, self._shape, self._torque = joint, law, _SHAPES[shape], torque
+        weight = law(state) ** 2
+        raw = self._raw(state)
+        # Free of a change of the whole law, which is an effect, and of unit size.
+        self._mean = float(np.sum(weight * raw) / max(np.sum(weight), 1e-300))
+        spread = np.sum(weight * (raw - self._mean) ** 2) / max(np.sum(weight), 1e-300)
+        self._size = float(np.sqrt(spread)) or 1.0
+
+    def _raw(self, state: State) -> Array:
+        j = self._joint
+        return self._shape(state.v[:, j.v] / j.speed, state.torque[:, j.v] / self._torque)
+
+    def force(self, state: State, values: Array) -> Array:
+        """The law times the shape."""
+        change = (self._raw(state) - self._mean) / self._size
+        return on_joint(self._joint, values[0] * self._law(state) * change, state.v.shape[1])
+
+
+def law_errors(rig: Situation, state: State) -> list[Look]:
+    """Columns of all law errors, each in shares of the rms error of its law."""
+    looks = []
+    for joint in rig.joints:
+        for law in _laws(rig, joint):
+            if np.sqrt(np.mean(law(state) ** 2)) < 1e-6 * joint.torque:
+                continue
+            torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
+            for shape in range(len(_SHAPES)):
+                effect = LawError(joint, law, shape, torque, state)
+                looks.append(Look(effect, (0.01,), 0.01, 1 / np.sqrt(len(_SHAPES))))
+    return looks
+
+
+def _laws(rig: Situation, joint: Joint) -> Iterator[Callable[[State], Array]]:
+    damping = float(rig.model.dof_damping[joint.v])
+    friction = float(rig.model.dof_frictionloss[joint.v])
+    if joint.actuators:
+        yield lambda state: state.torque[:, joint.v]
+    if damping:
+        yield lambda state: -damping * state.v[:, joint.v]
+    if friction:
+        yield lambda state: -friction * np.tanh(state.v[:, joint.v] / joint.step_speed)

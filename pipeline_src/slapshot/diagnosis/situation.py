@@ -1,0 +1,100 @@
+"""How a rig was moved: the scales on which priors of effects stand."""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.hypothesis import actuator_torque
+from slapshot.diagnosis.rig import Rig
+from slapshot.diagnosis.segments import Segments
+from slapshot.effects.joints.effect import Joint, Sensed, Situation
+
+Array = NDArray[np.float64]
+
+_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+_SAMPLES = 500
+_SMALLEST = 1e-3  # of the largest scale of its kind: what is less, nobody moved
+
+
+def situation(rig: Rig, segments: Segments, path: Array) -> Situation:
+    """Scales of the motion along a path.
+
+    Args:
+        rig: nominal.
+        segments: data.
+        path: (S, L, nq + nv + na), such as the recorded one.
+    """
+    model, inside = rig.model, segments.inside
+    x = path[inside]
+    q, v = x[:, : model.nq], x[:, model.nq : model.nq + model.nv]
+    torque, inertia = _dynamics(model, segments, path)
+    control = segments.control()[..., 0, :][inside]
+    driven = np.abs(actuator_torque(model, x, control, rig.load))
+    speed = _floored(np.sqrt(np.mean(v**2, axis=0)))
+    joints = []
+    for j in range(model.njnt):
+        if model.jnt_type[j] not in _SCALAR:
+            continue
+        adr, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+        travel = float(np.std(q[:, adr]))
+        joints.append(
+            Joint(
+                name=model.joint(j).name,
+                q=adr,
+                v=dof,
+                unit="N m" if model.jnt_type[j] == _SCALAR[0] else "N",
+                actuators=tuple(
+                    i
+                    for i in range(model.nu)
+                    if model.actuator_trntype[i] == int(mujoco.mjtTrn.mjTRN_JOINT)
+                    and model.actuator_trnid[i, 0] == j
+                ),
+                torque=float(torque[dof]),
+                largest=float(np.quantile(driven[:, dof], 0.999)) if len(driven) else 0.0,
+                speed=float(speed[dof]),
+                travel=max(travel, 1e-3 * max(1.0, travel)),
+                middle=float(np.mean(q[:, adr])),
+                inertia=float(inertia[dof]),
+            )
+        )
+    free = [
+        (int(model.jnt_bodyid[j]), int(model.jnt_dofadr[j]))
+        for j in range(model.njnt)
+        if model.jnt_type[j] == int(mujoco.mjtJoint.mjJNT_FREE)
+    ]
+    flight = max((float(np.sqrt(np.mean(np.sum(v[:, a : a + 3] ** 2, 1)))) for _, a in free), default=0.0)
+    sensed = tuple(
+        Sensed(c, o.channel, o.quantity, o.part if o.dof is not None else None)
+        for c, o in enumerate(rig.observations)
+    )
+    return Situation(
+        model, tuple(joints), tuple(free), sensed, segments.interval, len(np.unique(segments.episode)), flight
+    )
+
+
+def torque_scale(rig: Rig, segments: Segments, path: Array) -> Array:
+    """(nv,) rms generalised force that moves each degree of freedom along a path, N m or N."""
+    return _dynamics(rig.model, segments, path)[0]
+
+
+def _dynamics(model: mujoco.MjModel, segments: Segments, path: Array) -> tuple[Array, Array]:
+    """Rms torque by inverse dynamics, gravity included, and mean diagonal of the mass matrix; (nv,) each."""
+    S, L = segments.shape
+    nq, nv = model.nq, model.nv
+    rate = np.gradient(path[..., nq : nq + nv], segments.interval, axis=1)
+    good = np.argwhere(segments.inside)
+    some = good[np.unique(np.linspace(0, len(good) - 1, min(_SAMPLES, len(good))).astype(int))]
+    data, full = mujoco.MjData(model), np.zeros((nv, nv))
+    torque, inertia = np.zeros(nv), np.zeros(nv)
+    for s, t in some:
+        data.qpos[:], data.qvel[:] = path[s, t, :nq], path[s, t, nq : nq + nv]
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fullM(model, data, full)
+        torque += (full @ rate[s, t] + data.qfrc_bias) ** 2
+        inertia += np.diag(full)
+    return _floored(np.sqrt(torque / len(some))), inertia / len(some)
+
+
+def _floored(scale: Array) -> Array:
+    return np.maximum(scale, max(_SMALLEST * float(scale.max(initial=0.0)), 1e-9))
