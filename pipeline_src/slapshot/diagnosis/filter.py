@@ -92,18 +92,21 @@ class Innovations:
         Z: (S, L, ny, p) columns.
         logdet: (S,) log determinant of each segment's innovation covariance.
         count: number of observations.
+        variance: (S, L, ny) of each observation given those before it, noise included; where nothing was
+            recorded too.
     """
 
     e: Array
     Z: Array
     logdet: Array
     count: int
+    variance: Array
 
 
 def innovations(system: Linear, noise: Covariances) -> Innovations:
     """Whitened innovations of all segments."""
-    e, z, logdet, *_ = _forward(*_arguments(system, noise), False)
-    return Innovations(e, z, logdet, int(np.isfinite(system.r).sum()))
+    e, z, logdet, variance, *_ = _forward(*_arguments(system, noise), False)
+    return Innovations(e, z, logdet, int(np.isfinite(system.r).sum()), variance)
 
 
 def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array]:
@@ -113,7 +116,7 @@ def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array]:
         (S, L, n) and (S, L, nv); the force of the last node, which leads nowhere, is 0.
     """
     arguments = _arguments(system, noise)
-    _, _, _, x, P, K, s, innovation = _forward(*arguments, True)
+    *_, x, P, K, s, innovation = _forward(*arguments, True)
     n = system.d.shape[-1]
     delta, adjoint = _backward(arguments[0], arguments[3], x, P, K, s, innovation)
     force = np.zeros((*system.d.shape[:2], system.B.shape[-1]))
@@ -150,6 +153,7 @@ def _forward(A, B, d, C, r, W, psi, R, initial, q, keep):  # type: ignore[no-unt
     S, L, n = d.shape
     ny, p, nf = r.shape[2], W.shape[3], B.shape[3]
     e, z, logdet = np.zeros((S, L, ny)), np.zeros((S, L, ny, p)), np.zeros(S)
+    variance = np.zeros((S, L, ny))
     kept = L if keep else 0
     x_at, P_at = np.zeros((S, kept, n)), np.zeros((S, kept, n, n))
     K_at, s_at, i_at = np.zeros((S, kept, ny, n)), np.zeros((S, kept, ny)), np.zeros((S, kept, ny))
@@ -160,10 +164,6 @@ def _forward(A, B, d, C, r, W, psi, R, initial, q, keep):  # type: ignore[no-unt
             if keep:
                 x_at[k, t], P_at[k, t] = x, P
             for c in range(ny):
-                if np.isnan(r[k, t, c]):
-                    if keep:
-                        s_at[k, t, c] = np.inf
-                    continue
                 row = C[k, t, c]
                 s, innovation = R[k, t, c], r[k, t, c]
                 for i in range(n):
@@ -173,6 +173,11 @@ def _forward(A, B, d, C, r, W, psi, R, initial, q, keep):  # type: ignore[no-unt
                     innovation -= row[i] * x[i]
                 for i in range(n):
                     s += row[i] * g[i]
+                variance[k, t, c] = s
+                if np.isnan(r[k, t, c]):
+                    if keep:
+                        s_at[k, t, c] = np.inf
+                    continue
                 root = np.sqrt(s)
                 e[k, t, c] = innovation / root
                 logdet[k] += np.log(s)
@@ -205,7 +210,7 @@ def _forward(A, B, d, C, r, W, psi, R, initial, q, keep):  # type: ignore[no-unt
                         value += Bt[i, f] * q[f] * Bt[j, f]
                     P[i, j] = value
                     P[j, i] = value
-    return e, z, logdet, x_at, P_at, K_at, s_at, i_at
+    return e, z, logdet, variance, x_at, P_at, K_at, s_at, i_at
 
 
 @njit(cache=True, parallel=True)

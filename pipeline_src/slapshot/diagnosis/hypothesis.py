@@ -137,7 +137,6 @@ class Simulator:
         self.rig = rig
         self.tangent = Tangent(rig.model)
         self._data = [mujoco.MjData(rig.model) for _ in range(threads)]
-        self._columns = np.array([o.address for o in rig.observations])
         self._loads = rig.load
 
     def run(
@@ -171,7 +170,29 @@ class Simulator:
         )
         first = sensed[:, 0]
         torque = np.where(self._loads >= 0, first[:, np.maximum(self._loads, 0)], 0.0)
-        return state[:, -1, 1 : 1 + x.shape[1]].copy(), first[:, self._columns], torque
+        return state[:, -1, 1 : 1 + x.shape[1]].copy(), first @ self.rig.reading.T, torque
+
+    def trajectory(self, model: mujoco.MjModel, x: Array, u: Array) -> tuple[Array, Array]:
+        """Whole trajectories without force laws.
+
+        Args:
+            model: of the rig's sizes.
+            x: (n, nq + nv + na) first states.
+            u: (n, nodes, substeps, nu).
+
+        Returns:
+            (n, nodes, nq + nv + na) states and (n, nodes, ny) observations of them.
+        """
+        n, nodes, substeps, nu = u.shape
+        initial = np.zeros((n, mujoco.mj_stateSize(model, _STATE)))
+        initial[:, 1 : 1 + x.shape[1]] = x
+        control = u.reshape(n, nodes * substeps, nu)
+        spec = mujoco.mjtState.mjSTATE_CTRL.value
+        state, sensed = rollout.rollout(model, self._data, initial, control, control_spec=spec)
+        # A state of the result stands at the end of its step, a reading at its beginning.
+        after = state[:, substeps - 1 :: substeps, 1 : 1 + x.shape[1]]
+        states = np.concatenate([x[:, None], after[:, :-1]], axis=1)
+        return states, sensed[:, ::substeps] @ self.rig.reading.T
 
     def advance(
         self,

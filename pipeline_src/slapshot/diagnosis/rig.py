@@ -62,7 +62,8 @@ class Rig:
         observations: in the order of the columns of recorded data.
         free: names of effects (`name` or `name@part`) that belong to the nominal model: refitted with every
             hypothesis.
-        load: addresses of the sensors that tell each dof's actuator force; -1 for those of free and ball joints.
+        reading: (ny, sensor data) what each observation reads: one sensor, or a sum where joints were split.
+        load: addresses of the sensors that tell each dof's actuator force; -1 for free and ball joints.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Rig:
     controls: tuple[Control, ...]
     observations: tuple[Observation, ...]
     free: tuple[str, ...]
+    reading: np.ndarray
     load: np.ndarray
 
 
@@ -155,7 +157,10 @@ def bind(
             load[compiled.jnt_dofadr[j]] = sensor.adr[0]
     names = [compiled.actuator(i).name for i in range(compiled.nu)]
     controls = tuple(bound.get(actuator, Control(actuator, None)) for actuator in names)
-    return Rig(name, plain, compiled, controls, tuple(observations), tuple(free), load)
+    reading = np.zeros((len(observations), compiled.nsensordata))
+    for row, observation in enumerate(observations):
+        reading[row, observation.address] = 1
+    return Rig(name, plain, compiled, controls, tuple(observations), tuple(free), reading, load)
 
 
 def _names(model: mujoco.MjModel, kind: str) -> list[str]:

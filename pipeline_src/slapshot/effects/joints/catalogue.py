@@ -6,7 +6,7 @@ from pathlib import Path
 
 from slapshot.effects.joints.effect import JointEffect, Situation
 
-_OTHERS = {"__init__", "catalogue", "effect", "parts"}
+_OTHERS = {"__init__", "catalogue", "effect", "parts", "split"}
 
 
 @cache

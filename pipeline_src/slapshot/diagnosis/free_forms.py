@@ -1,0 +1,116 @@
+"""Free forms: forces and readings without a law, over the variable that they follow.
+
+They are hypotheses like any other. Where one explains what no named effect does, something is missing that is not
+in the catalogue, and the form says where it is and what it follows.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.segments import Segments
+from slapshot.effects.joints.effect import (
+    Joint,
+    JointEffect,
+    Observed,
+    Parameter,
+    Situation,
+    State,
+    on_joint,
+)
+
+Array = NDArray[np.float64]
+
+BUMPS = 8
+FREE = "free_"  # names of free forms begin so
+_WIDTH = 1.2  # of a bump, in distances between bumps
+
+
+def is_free(effect: JointEffect) -> bool:
+    """Whether an effect is a free form."""
+    return effect.name.startswith(FREE)
+
+
+class FreeForce(JointEffect):
+    """A force on one joint, as a sum of bumps over one variable."""
+
+    name = FREE + "force"
+    physics = "A force of unknown shape."
+    source = "Rasmussen, Williams, Gaussian Processes for Machine Learning (2006), section 2.7"
+    phrase = "a force at {part} of unknown shape"
+    follows: ClassVar[dict[str, Callable[[Joint, State], Array]]] = {
+        "position": lambda joint, state: state.q[:, joint.q],
+        "velocity": lambda joint, state: state.v[:, joint.v],
+        "load": lambda joint, state: state.torque[:, joint.v],
+        "time": lambda joint, state: state.time,
+        "session": lambda joint, state: state.order,
+    }
+
+    def __init__(self, joint: Joint, variable: str, low: float, high: float) -> None:
+        scale = 0.3 * joint.torque
+        weights = [Parameter(f"weight_{i}", joint.unit, scale, probe=0.01 * scale) for i in range(BUMPS)]
+        super().__init__(joint.name, weights, f"over {variable}")
+        self._joint, self.variable, self.low, self.high = joint, variable, low, high
+
+    def basis(self, at: Array) -> Array:
+        """Bumps at values of the variable, (n, BUMPS)."""
+        return _bumps(at, self.low, self.high)
+
+    def force(self, state: State, values: Array) -> Array:
+        """The sum of all bumps."""
+        at = self.follows[self.variable](self._joint, state)
+        return on_joint(self._joint, self.basis(at) @ values, state.v.shape[1])
+
+
+class FreeReading(JointEffect):
+    """An error of the readings of one joint, as a sum of bumps over its position or over the session."""
+
+    name = FREE + "reading"
+    physics = "Readings are off by an unknown function."
+    source = "Rasmussen, Williams, Gaussian Processes for Machine Learning (2006), section 2.7"
+    phrase = "an error of the readings of {part} of unknown shape"
+
+    def __init__(
+        self, joint: Joint, columns: list[int], variable: str, low: float, high: float
+    ) -> None:
+        weights = [Parameter(f"weight_{i}", joint.angle_unit, 0.01, probe=1e-4) for i in range(BUMPS)]
+        super().__init__(joint.name, weights, f"over {variable}")
+        self._columns, self.variable, self.low, self.high = columns, variable, low, high
+
+    def observe(self, seen: Observed, values: Array) -> Array:
+        """The sum of all bumps."""
+        added = np.zeros_like(seen.y)
+        for column in self._columns:
+            at = seen.y[:, column] if self.variable == "position" else seen.order
+            added[:, column] = _bumps(at, self.low, self.high) @ values
+        return added
+
+
+def free_forms(rig: Situation, segments: Segments) -> Iterator[JointEffect]:
+    """All free forms of a rig's joints."""
+    longest = float(segments.time[segments.inside].max(initial=0.0))
+    several = rig.episodes >= 4
+    for joint in rig.joints:
+        span = 2.2 * joint.travel
+        yield FreeForce(joint, "position", joint.middle - span, joint.middle + span)
+        yield FreeForce(joint, "velocity", -2.2 * joint.speed, 2.2 * joint.speed)
+        if joint.largest > 0:
+            yield FreeForce(joint, "load", -joint.largest, joint.largest)
+        if several:
+            yield FreeForce(joint, "time", 0.0, longest)
+            yield FreeForce(joint, "session", -0.5, 0.5)
+        columns = [s.column for s in rig.sensed if s.joint == joint.name and s.quantity == "position"]
+        if columns:
+            yield FreeReading(joint, columns, "position", joint.middle - span, joint.middle + span)
+            if several:
+                yield FreeReading(joint, columns, "session", -0.5, 0.5)
+
+
+def _bumps(at: Array, low: float, high: float) -> Array:
+    centres = np.linspace(low, high, BUMPS)
+    width = _WIDTH * (centres[1] - centres[0])
+    # What lies beyond is as at the end.
+    inside = np.clip(at, low, high)
+    return np.exp(-0.5 * ((inside[:, None] - centres) / width) ** 2)

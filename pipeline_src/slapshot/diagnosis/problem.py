@@ -1,0 +1,193 @@
+"""A diagnosis' problem: segments of a recording, the nominal rig, nuisance, and everything that might be missing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.filter import Linear, innovations
+from slapshot.diagnosis.fit import Fit, Fitter, prior_of
+from slapshot.diagnosis.free_forms import free_forms
+from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
+from slapshot.diagnosis.inference.scores import Scores, scores
+from slapshot.diagnosis.law_error import law_errors
+from slapshot.diagnosis.linear import STEP_ERROR, Look, looks_at
+from slapshot.diagnosis.noise import Noise, Prior, first_noise, fit_noise
+from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.rig import Rig
+from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.situation import situation, torque_scale
+from slapshot.diagnosis.structure import moved_path, moved_situation, restructured
+from slapshot.effects.joints.catalogue import instances
+from slapshot.effects.joints.effect import JointEffect, Situation, State
+from slapshot.recordings.signals import Channel
+
+Array = NDArray[np.float64]
+
+POSITION_SPREAD = 0.05  # rad or m, by which a first state may lie off the path
+_TIGHTEN = 3  # rms speeds
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Segments to be explained.
+
+    Attributes:
+        rig: nominal, or restructured.
+        channels: what was recorded.
+        segments: data.
+        situation: scales of the motion.
+        path: where fits begin.
+        nuisance: columns that every hypothesis has.
+        threads: for simulation.
+    """
+
+    rig: Rig
+    channels: dict[str, Channel]
+    segments: Segments
+    situation: Situation
+    path: Array
+    torque: Array
+    nuisance: tuple[Look, ...]
+    threads: int = 1
+
+    @classmethod
+    def of(cls, rig: Rig, channels: dict[str, Channel], segments: Segments, threads: int = 1) -> "Problem":
+        """The problem of segments as they were recorded."""
+        path = recorded_path(rig, segments)
+        scales = situation(rig, segments, path)
+        torque = torque_scale(rig, segments, path)
+        return cls(
+            rig, channels, segments, scales, path, torque, _nuisance(rig, segments, scales, path), threads
+        )
+
+    def restructured(self, effect: JointEffect, path: Array) -> "Problem":
+        """The same with an effect that changes the model's structure; its path is brought over."""
+        rig = restructured(self.rig, effect, self.channels)
+        moved = moved_path(self.rig, rig, effect, self.segments, path)
+        scales = moved_situation(self.situation, rig)
+        torque = np.full(rig.model.nv, float(np.min(self.torque)))
+        for joint in scales.joints:
+            torque[joint.v] = joint.torque
+        # What has no actuator and no mass of its own is pushed by nobody.
+        for dof in range(rig.model.nv):
+            if rig.model.joint(int(rig.model.dof_jntid[dof])).name.startswith("slapshot:"):
+                torque[dof] *= 1e-3
+        nuisance = _nuisance(rig, self.segments, scales, moved)
+        return Problem(
+            rig, self.channels, self.segments, scales, moved, torque, nuisance, self.threads
+        )
+
+    @cached_property
+    def fitter(self) -> Fitter:
+        """Of these segments."""
+        return Fitter(Simulator(self.rig, self.threads), self.segments, self.torque, self.nuisance)
+
+    @cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """Quantity of each channel; places of bodies and angles of joints apart."""
+        return tuple(
+            o.quantity + (" of joint" if o.dof is not None else "") for o in self.rig.observations
+        )
+
+    @cached_property
+    def catalogue(self) -> tuple[JointEffect, ...]:
+        """Every effect on every part, and free forms."""
+        return (*instances(self.situation), *free_forms(self.situation, self.segments))
+
+    @cached_property
+    def first_noise(self) -> Noise:
+        """Where the search for noise begins."""
+        nv = self.rig.model.nv
+        speed = np.full(nv, max([j.speed for j in self.situation.joints] + [self.situation.speed, 1e-3]))
+        for joint in self.situation.joints:
+            speed[joint.v] = joint.speed
+        dim = self.fitter.simulator.tangent.dim
+        return first_noise(
+            self.segments, self.torque, dim, np.full(nv, POSITION_SPREAD), _TIGHTEN * speed
+        )
+
+    def base(self, free: Sequence[JointEffect]) -> Hypothesis:
+        """The nominal rig with its free parameters."""
+        return Hypothesis(self.rig, tuple(free))
+
+
+def _nuisance(rig: Rig, segments: Segments, scales: Situation, path: Array) -> tuple[Look, ...]:
+    nq, nv = rig.model.nq, rig.model.nv
+    x = path[segments.inside]
+    u = segments.control()[..., 0, :][segments.inside]
+    order = np.repeat(segments.order[:, None], segments.shape[1], 1)[segments.inside]
+    torque = actuator_torque(rig.model, x, u, rig.load)
+    state = State(x[:, :nq], x[:, nq : nq + nv], torque, segments.time[segments.inside], order)
+    return (STEP_ERROR, *law_errors(scales, state))
+
+
+@dataclass(frozen=True)
+class Examination:
+    """A fitted hypothesis with the scores of everything that it lacks.
+
+    Attributes:
+        fit: of the hypothesis.
+        noise: of the data, everything that might be there being integrated out.
+        scores: own parameters and nuisance eliminated.
+        effects: candidates; `columns` says which of the scores' candidates are theirs.
+        columns: one index array for each effect.
+        looks: one for each candidate column.
+    """
+
+    fit: Fit
+    noise: Noise
+    scores: Scores
+    effects: tuple[JointEffect, ...]
+    columns: tuple[NDArray[np.intp], ...]
+    looks: tuple[Look, ...] = field(default=())
+
+
+def examine(
+    problem: Problem, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise, *, passes: int = 1
+) -> Examination:
+    """Fit a hypothesis and its noise, and score everything that it lacks.
+
+    Args:
+        problem: data.
+        hypothesis: what to fit.
+        theta: first values.
+        path: first path.
+        noise: where the search for noise begins.
+        passes: how often noise and fit follow each other.
+    """
+    fitter = problem.fitter
+    present = {effect.key for effect in hypothesis.effects}
+    effects = tuple(e for e in problem.catalogue if e.starts and e.key not in present)
+    looks = looks_at(effects)
+    own = len(hypothesis.parameters)
+    fixed = own + len(problem.nuisance)
+    explains = np.array(
+        [True] * fixed + [look.effect is not None and not look.effect.many_forms for look in looks]
+    )
+    everything = (*problem.nuisance, *looks)
+    prior = prior_of(hypothesis, everything)
+    few = Prior(prior.sd[explains], prior.law_error[explains])
+    for _ in range(passes):
+        system = fitter.linearise(hypothesis, theta, path, everything).system
+        part = _with(system, explains)
+        noise = fit_noise(part, few, noise, problem.segments, problem.kinds)
+        fit = fitter.fit(hypothesis, theta, path, noise, rounds=6)
+        theta, path = fit.theta, fit.path
+    system = fitter.linearise(hypothesis, theta, path, everything).system
+    found = innovations(system, noise.covariances(problem.segments.interval))
+    columns = []
+    for effect in effects:
+        columns.append(np.array([i for i, look in enumerate(looks) if look.effect is effect]))
+    return Examination(
+        fit, noise, scores(found, prior.at(noise), np.arange(len(prior.sd)) < fixed), effects,
+        tuple(columns), tuple(looks),
+    )  # fmt: skip
+
+
+def _with(system: Linear, columns: NDArray[np.bool_]) -> Linear:
+    return system.with_columns(
+        np.ascontiguousarray(system.W[..., columns]), np.ascontiguousarray(system.psi[..., columns])
+    )

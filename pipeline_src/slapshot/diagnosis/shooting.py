@@ -1,0 +1,181 @@
+"""Fit by shooting: every segment is simulated from a first state of its own, without process force.
+
+What rattles in a gap or slips cannot be linearised about a smoothed path: a small change of a state may hit or
+miss a tooth. Simulated over whole segments, and differenced with steps that are not small, it can. Under the noise
+of the observations alone this is the same likelihood as that of the filter without process force.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from slapshot.diagnosis.fit import STILL, Fit
+from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.noise import Noise
+from slapshot.diagnosis.segments import Segments
+
+Array = NDArray[np.float64]
+
+_POSITION_STEP, _VELOCITY_STEP = 1e-4, 1e-2
+_PARAMETER_STEP = 0.03  # prior standard deviations
+_DAMPINGS = 8
+
+
+def simulate(
+    simulator: Simulator, hypothesis: Hypothesis, theta: Array, segments: Segments, first: Array
+) -> tuple[Array, Array]:
+    """Simulate all segments from their first states.
+
+    Args:
+        simulator: of the hypothesis' rig.
+        hypothesis: effects that are present.
+        theta: values.
+        segments: controls and times.
+        first: (S, nq + nv + na).
+
+    Returns:
+        (S, L, nq + nv + na) states and (S, L, ny) observations of them.
+    """
+    S, L = segments.shape
+    model = hypothesis.compiled(theta, segments.step)
+    control = hypothesis.control(segments, theta)
+    order = segments.order
+    states = np.empty((S, L, first.shape[1]))
+    seen = np.empty((S, L, segments.y.shape[2]))
+    x = first
+    if hypothesis.has_force:
+        for t in range(L):
+            states[:, t] = x
+            x, seen[:, t], _ = simulator.advance(
+                hypothesis, theta, model, x, control[:, t], segments.time[:, t], order
+            )
+    else:
+        states, seen = simulator.trajectory(model, x, control)
+    return states, seen
+
+
+def shoot(
+    simulator: Simulator,
+    hypothesis: Hypothesis,
+    theta: Array,
+    segments: Segments,
+    path: Array,
+    noise: Noise,
+    rounds: int = 12,
+) -> Fit:
+    """Fit values and first states by Levenberg and Marquardt's method.
+
+    Args:
+        simulator: of the hypothesis' rig.
+        hypothesis: what to fit.
+        theta: first values.
+        segments: data.
+        path: (S, L, nx), whose first states are those of the segments, with the noise's initial variances.
+        noise: of the observations; its process force counts as none.
+        rounds: at most.
+    """
+    tangent, S = simulator.tangent, segments.shape[0]
+    p, dim = len(theta), tangent.dim
+    theta, start = hypothesis.within(theta), path[:, 0]
+    first = start.copy()
+    whiten, logdet = _whitening(segments, noise)
+    spread = np.sqrt(noise.initial)
+
+    def residual(values: Array, states: Array) -> tuple[Array, Array]:
+        x, y = simulate(simulator, hypothesis, values, segments, states)
+        e = np.where(np.isfinite(segments.y), segments.y - y, 0.0)
+        return whiten(np.where(np.isfinite(e), e, 1e6)), x
+
+    def cost(e: Array, values: Array, states: Array) -> float:
+        off = tangent.subtract(states, start) / spread
+        prior = (values - hypothesis.start) / hypothesis.prior_sd
+        return float(0.5 * (np.sum(e**2) + np.sum(off**2) + np.sum(prior**2)))
+
+    e, x = residual(theta, first)
+    now, damping = cost(e, theta, first), 1e-3
+    converged, moved, evidence = False, np.inf, -np.inf
+    precision = np.diag(hypothesis.prior_sd**-2.0)
+    for number in range(rounds + 1):
+        Z = np.empty((S, e.shape[1], p))
+        for k in range(p):
+            step = _PARAMETER_STEP * hypothesis.prior_sd[k]
+            if theta[k] + step > hypothesis.parameters[k].high:
+                step = -step
+            changed = theta.copy()
+            changed[k] += step
+            Z[..., k] = (e - residual(changed, first)[0]) / step
+        J = np.empty((S, e.shape[1], dim))
+        for i in range(dim):
+            step = _POSITION_STEP if i < tangent.nv else _VELOCITY_STEP
+            delta = np.zeros(dim)
+            delta[i] = step
+            J[..., i] = (e - residual(theta, tangent.add(first, delta))[0]) / step
+        scaled = J * spread
+        off = tangent.subtract(first, start) / spread
+        own = np.matmul(scaled.transpose(0, 2, 1), scaled) + np.eye(dim)
+        cross = np.matmul(scaled.transpose(0, 2, 1), Z)
+        b_own = np.einsum("sni,sn->si", scaled, e) - off
+        prior = hypothesis.prior_sd**-2.0
+        b = np.einsum("snk,sn->k", Z, e) - prior * (theta - hypothesis.start)
+        information = np.einsum("snk,snl->kl", Z, Z) + np.diag(prior)
+        solved = np.linalg.solve(own, np.concatenate([cross, b_own[..., None]], axis=2))
+        precision = information - np.einsum("sik,sil->kl", cross, solved[..., :p])
+        volume = np.linalg.slogdet(own)[1].sum() + np.linalg.slogdet(precision)[1]
+        volume -= np.log(prior).sum() if p else 0.0
+        evidence = -now - 0.5 * logdet - 0.5 * volume
+        if converged or number == rounds:
+            break
+        for _ in range(_DAMPINGS):
+            damped = own + damping * np.einsum("sii->si", own)[:, :, None] * np.eye(dim)
+            solved = np.linalg.solve(damped, np.concatenate([cross, b_own[..., None]], axis=2))
+            schur = information + damping * np.diag(np.diag(information))
+            schur = schur - np.einsum("sik,sil->kl", cross, solved[..., :p])
+            step = np.linalg.solve(schur, b - np.einsum("sik,si->k", cross, solved[..., p])) if p else b
+            target = hypothesis.within(theta + step)
+            delta = (solved[..., p] - solved[..., :p] @ (target - theta)) * spread
+            states = tangent.add(first, delta)
+            tried, trace = residual(target, states)
+            value = cost(tried, target, states)
+            if value < now:
+                sd = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.ones(0)
+                moved = float(np.max(np.abs(target - theta) / sd, initial=0.0))
+                converged = now - value < STILL and moved < 1
+                theta, first, e, x, now = target, states, tried, trace, value
+                damping = max(damping / 10, 1e-8)
+                break
+            damping *= 10
+        else:
+            # No step improves: what is left is rougher than the differences.
+            converged = True
+    return Fit(hypothesis, theta, x, float(evidence), precision, converged, moved)
+
+
+def _whitening(segments: Segments, noise: Noise):  # type: ignore[no-untyped-def]
+    """A function that whitens residuals (S, L, ny) to (S, L * ny), and the log determinant of their covariance."""
+    S, L = segments.shape
+    ny = segments.y.shape[2]
+    lags = np.abs(np.arange(L)[:, None] - np.arange(L))
+    roots = np.empty((S, ny, L, L))
+    logdet = 0.0
+    for c in range(ny):
+        correlation = np.exp(-lags * segments.interval / noise.correlation_s[c])
+        coloured = noise.coloured[c] ** 2 * correlation
+        there = np.isfinite(segments.y[..., c])
+        white = noise.white[c] ** 2 * noise.weight[..., c]
+        for s in range(S):
+            gap = np.flatnonzero(~there[s])
+            covariance = coloured + np.diag(white[s])
+            covariance[gap, :] = 0
+            covariance[:, gap] = 0
+            covariance[gap, gap] = 1.0
+            roots[s, c] = np.linalg.cholesky(covariance)
+            logdet += 2 * np.log(np.diag(roots[s, c])).sum()
+
+    def whiten(e: Array) -> Array:
+        out = np.empty((S, ny, L))
+        for c in range(ny):
+            for s in range(S):
+                out[s, c] = solve_triangular(roots[s, c], e[s, :, c], lower=True, check_finite=False)
+        return out.reshape(S, -1)
+
+    return whiten, logdet

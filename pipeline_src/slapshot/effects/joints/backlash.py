@@ -1,0 +1,60 @@
+"""Play between motor and link."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation
+from slapshot.effects.joints.split import deflection, split_joint
+
+HARD_S = 0.004  # time constant of the stop: twice the step of a careful simulation
+
+
+class Backlash(JointEffect):
+    name = "backlash"
+    physics = "Teeth have play: the link is free within a gap and is driven at its ends."
+    source = "Nordin, Gutman (2002), Automatica 38(10)"
+    phrase = "backlash of joint {part}"
+    hidden_state = True
+
+    @classmethod
+    def instances(cls, rig: Situation) -> Iterator["Backlash"]:
+        """One a driven joint, read at the motor or at the link; prior: a gap of 10 mrad either way."""
+        for joint in rig.joints:
+            if not joint.actuators:
+                continue
+            damping = 0.05 * joint.torque / joint.speed
+            for variant in ("read at the motor", "read at the link"):
+                yield cls(
+                    joint,
+                    variant,
+                    Parameter("half_gap", joint.angle_unit, 0.01, 0.01, 1e-5, 0.3),
+                    Parameter("damping", f"{joint.unit} s/{joint.angle_unit}", damping, damping, 0.0),
+                )
+
+    def __init__(self, joint: Joint, variant: str, *parameters: Parameter) -> None:
+        super().__init__(joint.name, parameters, variant)
+        self._joint = joint
+
+    @property
+    def reads_link(self) -> bool:
+        """Whether the encoder sits behind the gap."""
+        return "link" in self.variant
+
+    def restructure(self, spec: mujoco.MjSpec) -> None:
+        """Split the joint; limits stop the second one, since stiff springs could not be simulated."""
+        split_joint(spec, self.part, 0.1 * self._joint.inertia)
+        second = spec.joint(deflection(self.part))
+        second.limited, second.range, second.solref_limit = True, [-0.01, 0.01], [HARD_S, 1.0]
+
+    def edit(self, model: mujoco.MjModel, values: Array) -> None:
+        """Width of the gap."""
+        joint = model.joint(deflection(self.part))
+        model.jnt_range[joint.id] = -values[0], values[0]
+        model.dof_damping[joint.dofadr[0]] = values[1]
+
+    def static_deflection(self, load: Array) -> Array:
+        """Where the link stands behind the motor under a load (N m or N) that it takes to move it."""
+        usual = max(0.1 * float(np.std(load)), 1e-12)
+        return -self.parameters[0].start * np.tanh(load / usual)
