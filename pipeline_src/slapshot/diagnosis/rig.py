@@ -1,7 +1,7 @@
 """A rig: a MuJoCo model, and which recorded channel is which part of it.
 
-Controls go to actuators, or as a torque or force to a joint without one (which gets a motor). Observations are
-sensors that are added to the model: what a simulation step returns beside the next state.
+Controls go to actuators, or as a torque or force to a joint without one (which gets a motor). Observations
+are sensors that are added to the model: what a simulation step returns beside the next state.
 """
 
 import re
@@ -62,7 +62,8 @@ class Rig:
         observations: in the order of the columns of recorded data.
         free: names of effects (`name` or `name@part`) that belong to the nominal model: refitted with every
             hypothesis.
-        load: addresses of the sensors that tell each dof's actuator force; -1 for those of free and ball joints.
+        load: addresses of the sensors that tell each dof's actuator force; -1 for those of free and ball
+            joints.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """Recorded signals on a regular grid of nodes, cut into segments.
 
-Nodes lie one interval apart. A sample between two nodes is read at the nearer one and brought there along the
-path (its distance in time is kept in `shift`), so that clocks need neither agree nor tick evenly. Between nodes
-the model takes `substeps` steps; each has the mean of the controls over its time.
+Nodes lie one interval apart. A sample between two nodes is read at the nearer one and brought there along
+the path (its distance in time is kept in `shift`), so that clocks need neither agree nor tick evenly. Between
+nodes the model takes `substeps` steps; each has the mean of the controls over its time.
 """
 
 from collections.abc import Callable
