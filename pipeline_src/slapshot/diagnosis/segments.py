@@ -171,7 +171,7 @@ def cut(recording: SignalRecording, rig: Rig, *, segment_s: float = SEGMENT_S, f
             y.append(np.pad(values[start : start + L], pad, constant_values=np.nan))
             shift.append(np.pad(offset[start : start + L], pad))
             inside.append(np.arange(L) < length)
-            time.append(t[start] - t[0] + np.arange(L) * interval)
+            time.append(t[start] + np.arange(L) * interval)
             owner.append(index)
             first.append(start)
             order.append(orders[index])
