@@ -4,7 +4,6 @@ Controls go to actuators, or as a torque or force to a joint without one (which 
 are sensors that are added to the model: what a simulation step returns beside the next state.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from slapshot.diagnosis.urdf import is_urdf, readable_urdf
 from slapshot.errors import InputError
 from slapshot.recordings.signals import Channel
 from slapshot.text import reason_of
@@ -76,26 +76,17 @@ class Rig:
 
 
 def load_spec(file: Path) -> mujoco.MjSpec:
-    """A model from an MJCF or URDF file; meshes that a URDF names and that are not there are left out.
+    """A model from an MJCF or URDF file; meshes that a URDF names are left out.
 
     Raises:
         InputError: it is missing or does not compile.
     """
     if not file.is_file():
         raise InputError(f"{file}: model is missing; name an MJCF or URDF file")
-    text = file.read_text(errors="replace")
-    is_urdf = re.search(r"<robot[\s>]", text) is not None
     try:
-        if is_urdf:
-            # What a robot looks like does not move it, and mesh files seldom travel with a recording.
-            text = re.sub(r"<visual>.*?</visual>", "", text, flags=re.S)
-            # MuJoCo merges what is fixed to the world, and merges names with it, unless it is told not to.
-            text = re.sub(
-                r"(<robot[^>]*>)", r'\1<mujoco><compiler discardvisual="true" fusestatic="false" '
-                r'inertiafromgeom="auto" balanceinertia="true" strippath="true"/></mujoco>', text, count=1
-            )  # fmt: skip
-            text = re.sub(r'<axis xyz="0 0 0"\s*/>', "", text)
-            spec = mujoco.MjSpec.from_string(text)
+        text = file.read_text(errors="replace")
+        if is_urdf(text):
+            spec = mujoco.MjSpec.from_string(readable_urdf(text))
         else:
             spec = mujoco.MjSpec.from_file(str(file))
         spec.copy().compile()
