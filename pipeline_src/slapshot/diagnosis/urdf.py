@@ -25,8 +25,8 @@ def is_urdf(text: str) -> bool:
 def readable_urdf(text: str) -> str:
     """The same robot for MuJoCo's reader.
 
-    Left out is what a robot looks like, and collision meshes: neither moves it without contact, and mesh files
-    seldom travel with a recording. The link `world` is added where it is only named, as Drake allows.
+    Left out is what a robot looks like, and collision meshes: neither moves it without contact, and mesh
+    files seldom travel with a recording. The link `world` is added where it is only named, as Drake allows.
 
     Raises:
         ElementTree.ParseError: the text is no XML.
