@@ -60,8 +60,8 @@ class Dense:
 def dense(system: Linear, noise: Covariances, k: int) -> Dense:
     """Every random number of a segment is one entry of one long vector, with its own variance.
 
-    They are δ_0, the forces, the first coloured noise and what comes to it, and the white noise; the recursion
-    is run once for each with all others 0.
+    They are δ_0, the forces, the first coloured noise and what comes to it, and the white noise; the
+    recursion is run once for each with all others 0.
     """
     forces, drives = L * NV, L * NY
     variance = np.concatenate([
@@ -92,7 +92,13 @@ def dense(system: Linear, noise: Covariances, k: int) -> Dense:
     to_force = np.eye(len(variance))[N : N + forces]
     weighted = variance[:, None] * to_y[seen].T
     return Dense(
-        mean[seen], columns[seen], to_y[seen] @ weighted, delta, to_delta @ weighted, to_force @ weighted, seen
+        mean[seen],
+        columns[seen],
+        to_y[seen] @ weighted,
+        delta,
+        to_delta @ weighted,
+        to_force @ weighted,
+        seen,
     )
 
 
@@ -181,7 +187,7 @@ def test_without_process_force_the_smoothed_path_obeys_the_model():
 
 
 def test_wide_first_states_and_small_noise_keep_their_digits():
-    """A pendulum's numbers: an encoder of 10 µrad and a first position known to 1 rad, 10^10 apart in variance."""
+    """An encoder of 10 µrad and a first position known to 1 rad: variances 10^10 apart."""
     steps, interval = 60, 0.01
     rng = np.random.default_rng(7)
     A = np.array([[1.0, interval], [0.0, 1.0]])
