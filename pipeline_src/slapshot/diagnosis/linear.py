@@ -106,8 +106,8 @@ def linearise(
 
     def seen(y: Array) -> Observed:
         y = y.reshape(S, L, ny)
-        rate = _gradient(y, segments)
-        bend = _gradient(rate, segments)
+        rate = segments.rate(y)
+        bend = segments.rate(rate)
         flat = (y.reshape(n, ny), rate.reshape(n, ny), bend.reshape(n, ny))
         return Observed(*flat, order)
 
@@ -195,12 +195,3 @@ def _over_interval(values: Array) -> Array:
     """Mean of a law over an interval, from its values at the nodes, (S, L, nv)."""
     following = np.concatenate([values[:, 1:], values[:, -1:]], axis=1)
     return (values + following) / 2
-
-
-def _gradient(y: Array, segments: Segments) -> Array:
-    """Derivative by time along each segment, (S, L, ny)."""
-    if y.shape[1] < 3:
-        return np.zeros_like(y)
-    rate: Array = np.gradient(y, segments.interval, axis=1, edge_order=2)
-    rate[~segments.inside] = 0
-    return rate

@@ -101,7 +101,24 @@ class Segments:
         """S, L."""
         return self.y.shape[0], self.y.shape[1]
 
-    def control(self, edit: Callable[[Array, float], Array] | None = None) -> Array:
+    def rate(self, values: Array) -> Array:
+        """Derivative by time of values at the nodes, of second order, from what is inside alone.
+
+        Args:
+            values: (S, L, ...).
+
+        Returns:
+            (S, L, ...), 0 beyond the end of an episode.
+        """
+        out = np.zeros_like(values)
+        for length in np.unique(self.inside.sum(axis=1)):
+            if length > 1:
+                own = self.inside.sum(axis=1) == length
+                order = 2 if length > 2 else 1
+                out[own, :length] = np.gradient(values[own, :length], self.interval, axis=1, edge_order=order)
+        return out
+
+    def control(self, edit: ControlEdit | None = None) -> Array:
         """Controls of every model step, (S, L, substeps, nu).
 
         Args:
