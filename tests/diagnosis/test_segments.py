@@ -186,6 +186,24 @@ def test_controls_are_read_at_the_observations_times():
     np.testing.assert_allclose(u[before], middle[before], atol=1e-9)
 
 
+def test_rates_are_of_second_order_and_end_with_the_episode():
+    t = np.arange(63) * 0.01
+    segments = cut(made := swinging(t), rig_of(made), segment_s=0.25)
+    assert segments.inside.sum(axis=1).tolist() == [25, 25, 13]
+    for power in (1, 2):  # exact for parabolas, at both ends too
+        values = np.where(segments.inside, segments.time**power, 1e6)[..., None]
+        expected = np.where(segments.inside, power * segments.time ** (power - 1), 0)
+        np.testing.assert_allclose(segments.rate(values)[..., 0], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("nodes", [1, 2])
+def test_rates_of_very_short_ends(nodes):
+    t = np.arange(4 + nodes) * 0.01
+    segments = cut(made := swinging(t), rig_of(made), segment_s=0.04)
+    rate = segments.rate(np.where(segments.inside, segments.time, np.nan))
+    assert rate[1].tolist() == pytest.approx([1, 1, 0, 0] if nodes == 2 else [0, 0, 0, 0])
+
+
 def test_episodes_stay_apart_and_in_the_order_of_the_session():
     t = np.arange(80) * 0.01
     made = swinging([t, t[:45], t], [np.full(80, 1.0), np.full(45, 2.0), np.full(80, 3.0)])
