@@ -6,12 +6,12 @@ In every segment the change δ_t from the path obeys
     r_t     = C_t δ_t + Ψ_t θ + n_t + v_t,          v_t ~ N(0, diag(R_t))
     n_{t+1} = diag(φ) n_t + noise,                  n_t ~ N(0, diag(ω²))
 
-with coloured observation noise n (Ornstein-Uhlenbeck) as further states. Innovations are linear in θ, so that
-one pass gives whitened innovations e and whitened columns Z with e - Z θ ~ N(0, I), and the log determinant of
-their covariance. Observations enter one at a time (R is diagonal), so that nothing is inverted.
+with coloured observation noise n (Ornstein-Uhlenbeck) as further states. Innovations are linear in θ, so
+that one pass gives whitened innovations e and whitened columns Z with e - Z θ ~ N(0, I), and the log
+determinant of their covariance. Observations enter one at a time (R is diagonal): nothing is inverted.
 
-The smoother is that of Bryson and Frazier (1963; Bierman 1973), which needs no inverse of a covariance either:
-without process noise that would be singular.
+The smoother is that of Bryson and Frazier (1963; Bierman 1973), which needs no inverse of a covariance
+either: without process noise that would be singular.
 """
 
 from dataclasses import dataclass
@@ -105,7 +105,7 @@ class Innovations:
 
 def innovations(system: Linear, noise: Covariances) -> Innovations:
     """Whitened innovations of all segments."""
-    e, z, logdet, variance, *_ = _forward(*_arguments(system, noise), False)
+    e, z, logdet, variance, *_ = _forward(False, *_arguments(system, noise))
     return Innovations(e, z, logdet, int(np.isfinite(system.r).sum()), variance)
 
 
@@ -116,7 +116,7 @@ def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array]:
         (S, L, n) and (S, L, nv); the force of the last node, which leads nowhere, is 0.
     """
     arguments = _arguments(system, noise)
-    *_, x, P, K, s, innovation = _forward(*arguments, True)
+    *_, x, P, K, s, innovation = _forward(True, *arguments)
     n = system.d.shape[-1]
     delta, adjoint = _backward(arguments[0], arguments[3], x, P, K, s, innovation)
     force = np.zeros((*system.d.shape[:2], system.B.shape[-1]))
@@ -149,7 +149,7 @@ def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
 
 
 @njit(cache=True, parallel=True, fastmath={"contract", "reassoc", "arcp", "nsz"})
-def _forward(A, B, d, C, r, W, psi, R, initial, q, keep):  # type: ignore[no-untyped-def]
+def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-untyped-def]
     S, L, n = d.shape
     ny, p, nf = r.shape[2], W.shape[3], B.shape[3]
     e, z, logdet = np.zeros((S, L, ny)), np.zeros((S, L, ny, p)), np.zeros(S)

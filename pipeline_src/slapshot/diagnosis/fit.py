@@ -1,8 +1,8 @@
 """Fit the parameters of a hypothesis and the path, the noise being given.
 
-Gauss-Newton on both: every round linearises about the path, moves the parameters (nuisance columns, such as law
-errors, are integrated out), and smooths the path under the moved parameters. A fit converges when no parameter
-moves by more than a hundredth of its posterior standard deviation; one that does not says so.
+Gauss-Newton on both: every round linearises about the path, moves the parameters (nuisance columns, such as
+law errors, are integrated out), and smooths the path under the moved parameters. A fit converges when no
+parameter moves by more than a hundredth of its posterior standard deviation; one that does not says so.
 """
 
 from collections.abc import Sequence

@@ -155,7 +155,8 @@ class Simulator:
             force: (n, nv) generalised force; None for none.
 
         Returns:
-            (n, nq + nv + na) next states, (n, ny) observations and (n, nv) actuator forces of the first states.
+            (n, nq + nv + na) next states, and of the first states (n, ny) observations and (n, nv) actuator
+            forces.
         """
         n, steps, nu = u.shape
         nv = model.nv
@@ -234,7 +235,8 @@ class Simulator:
             x, y, _ = self.run(model, x, now, force)
             if observed is None:
                 observed, torque = y, load
-        assert observed is not None and torque is not None
+        assert observed is not None
+        assert torque is not None
         return x, observed, torque
 
     def _torque(self, model: mujoco.MjModel, x: Array, u: Array) -> Array:

@@ -1,8 +1,8 @@
 """Error of the model's own laws: each is known to some share only, as a smooth function of speed and load.
 
 A servo, a motor, damping or friction that follows its law to ten per cent is no news. Such errors are random
-effects of every model, with one size for all laws that is fitted by likelihood and bounded; what follows place or
-time is no law error.
+effects of every model, with one size for all laws that is fitted by likelihood and bounded; what follows
+place or time is no law error.
 """
 
 from collections.abc import Callable, Iterator

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from mujoco import MjModel
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.filter import Linear
@@ -99,14 +100,14 @@ def linearise(
     ny = segments.y.shape[2]
 
     def advance(
-        h: Hypothesis, values: Array, m: object, states: Array, u: Array, extra: Array | None = None
+        h: Hypothesis, values: Array, m: MjModel, states: Array, u: Array, extra: Array | None = None
     ) -> tuple[Array, Array, Array]:
-        return simulator.advance(h, values, m, states, u, time, order, extra)  # type: ignore[arg-type]
+        return simulator.advance(h, values, m, states, u, time, order, extra)
 
     def seen(y: Array) -> Observed:
         y = y.reshape(S, L, ny)
-        rate = _gradient(y, segments)
-        bend = _gradient(rate, segments)
+        rate = segments.rate(y)
+        bend = segments.rate(rate)
         flat = (y.reshape(n, ny), rate.reshape(n, ny), bend.reshape(n, ny))
         return Observed(*flat, order)
 
@@ -182,11 +183,10 @@ def linearise(
             column(k, h, np.concatenate([theta, look.values]), look.probe, look.effect)
     residual = segments.y - predicted.reshape(S, L, ny)
     shapes = (S, L)
-    W, psi = W.reshape(*shapes, dim, -1), psi.reshape(*shapes, ny, -1)
-    W[:, :-1][~segments.inside[:, 1:]] = 0
+    W.reshape(*shapes, dim, -1)[:, :-1][~segments.inside[:, 1:]] = 0
     system = Linear(
-        A.reshape(*shapes, dim, dim), B.reshape(*shapes, dim, nv), defect,
-        C.reshape(*shapes, ny, dim), residual, W, psi,
+        A.reshape(*shapes, dim, dim), B.reshape(*shapes, dim, nv), defect, C.reshape(*shapes, ny, dim),
+        residual, W.reshape(*shapes, dim, -1), psi.reshape(*shapes, ny, -1),
     )  # fmt: skip
     return Linearised(system, torque.reshape(*shapes, nv), predicted.reshape(*shapes, ny))
 
@@ -195,12 +195,3 @@ def _over_interval(values: Array) -> Array:
     """Mean of a law over an interval, from its values at the nodes, (S, L, nv)."""
     following = np.concatenate([values[:, 1:], values[:, -1:]], axis=1)
     return (values + following) / 2
-
-
-def _gradient(y: Array, segments: Segments) -> Array:
-    """Derivative by time along each segment, (S, L, ny)."""
-    if y.shape[1] < 3:
-        return np.zeros_like(y)
-    rate: Array = np.gradient(y, segments.interval, axis=1, edge_order=2)
-    rate[~segments.inside] = 0
-    return rate

@@ -1,8 +1,8 @@
 """Observation noise and process force, fitted by likelihood.
 
 Each channel has white noise (never less than its quantisation) and coloured noise, an Ornstein-Uhlenbeck
-process; both channels of one quantity share the ratio of the two and the correlation time. What the model leaves
-out acts as a white process force, in shares of the torque that moves each joint.
+process; both channels of one quantity share the ratio of the two and the correlation time. What the model
+leaves out acts as a white process force, in shares of the torque that moves each joint.
 """
 
 from collections.abc import Sequence
@@ -123,9 +123,7 @@ class Prior:
         return np.where(self.law_error, self.sd * noise.law_error, self.sd)
 
 
-def fit_noise(
-    system: Linear, prior: Prior, noise: Noise, segments: Segments, kinds: Sequence[str]
-) -> Noise:
+def fit_noise(system: Linear, prior: Prior, noise: Noise, segments: Segments, kinds: Sequence[str]) -> Noise:
     """Noise of the highest likelihood, all columns being integrated out.
 
     What any column explains is no noise: so the columns should be those of everything that might be there.
@@ -165,7 +163,9 @@ def fit_noise(
         value = -marginal_likelihood(found, prior.at(candidate))
         return value if np.isfinite(value) else 1e12
 
-    def search(begins: Sequence[Array], colour: bool, limits: list[tuple[float, float]]) -> tuple[float, Array]:
+    def search(
+        begins: Sequence[Array], colour: bool, limits: list[tuple[float, float]]
+    ) -> tuple[float, Array]:
         clipped = [np.clip(values, *np.array(limits).T) for values in begins]
         start = min(clipped, key=lambda values: cost(values, colour))
         found = minimize(cost, start, (colour,), "L-BFGS-B", bounds=limits, options={"maxiter": 12})

@@ -1,8 +1,8 @@
 """Recorded signals on a regular grid of nodes, cut into segments.
 
-Nodes lie one interval apart. A sample between two nodes is read at the nearer one and brought there along the
-path (its distance in time is kept in `shift`), so that clocks need neither agree nor tick evenly. Between nodes
-the model takes `substeps` steps; each has the mean of the controls over its time.
+Nodes lie one interval apart. A sample between two nodes is read at the nearer one and brought there along
+the path (its distance in time is kept in `shift`), so that clocks need neither agree nor tick evenly. Between
+nodes the model takes `substeps` steps; each has the mean of the controls over its time.
 """
 
 from collections.abc import Callable
@@ -101,7 +101,24 @@ class Segments:
         """S, L."""
         return self.y.shape[0], self.y.shape[1]
 
-    def control(self, edit: Callable[[Array, float], Array] | None = None) -> Array:
+    def rate(self, values: Array) -> Array:
+        """Derivative by time of values at the nodes, of second order, from what is inside alone.
+
+        Args:
+            values: (S, L, ...).
+
+        Returns:
+            (S, L, ...), 0 beyond the end of an episode.
+        """
+        out = np.zeros_like(values)
+        for length in np.unique(self.inside.sum(axis=1)):
+            if length > 1:
+                own = self.inside.sum(axis=1) == length
+                order = 2 if length > 2 else 1
+                out[own, :length] = np.gradient(values[own, :length], self.interval, axis=1, edge_order=order)
+        return out
+
+    def control(self, edit: ControlEdit | None = None) -> Array:
         """Controls of every model step, (S, L, substeps, nu).
 
         Args:
@@ -171,7 +188,7 @@ def cut(recording: SignalRecording, rig: Rig, *, segment_s: float = SEGMENT_S, f
             y.append(np.pad(values[start : start + L], pad, constant_values=np.nan))
             shift.append(np.pad(offset[start : start + L], pad))
             inside.append(np.arange(L) < length)
-            time.append(t[start] - t[0] + np.arange(L) * interval)
+            time.append(t[start] + np.arange(L) * interval)
             owner.append(index)
             first.append(start)
             order.append(orders[index])

@@ -79,9 +79,8 @@ def torque_scale(rig: Rig, segments: Segments, path: Array) -> Array:
 
 def _dynamics(model: mujoco.MjModel, segments: Segments, path: Array) -> tuple[Array, Array]:
     """Rms torque by inverse dynamics, gravity included, and mean diagonal of the mass matrix; (nv,) each."""
-    S, L = segments.shape
     nq, nv = model.nq, model.nv
-    rate = np.gradient(path[..., nq : nq + nv], segments.interval, axis=1)
+    rate = segments.rate(path[..., nq : nq + nv])
     good = np.argwhere(segments.inside)
     some = good[np.unique(np.linspace(0, len(good) - 1, min(_SAMPLES, len(good))).astype(int))]
     data, full = mujoco.MjData(model), np.zeros((nv, nv))

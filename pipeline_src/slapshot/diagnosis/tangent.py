@@ -1,7 +1,8 @@
 """States of a MuJoCo model and their tangent space.
 
 A state is x = (qpos, qvel, act) of length nq + nv + na; a small change of it is δ of length 2 nv + na, whose
-first nv entries are a rotation vector where a joint holds a quaternion. All functions take many states at once.
+first nv entries are a rotation vector where a joint holds a quaternion. All functions take many states at
+once.
 """
 
 import mujoco
@@ -46,7 +47,7 @@ class Tangent:
         Returns:
             (..., size).
         """
-        moved = np.empty(np.broadcast_shapes(x.shape[:-1], delta.shape[:-1]) + (self.size,))
+        moved = np.empty((*np.broadcast_shapes(x.shape[:-1], delta.shape[:-1]), self.size))
         moved[...] = x
         moved[..., self._q] += delta[..., self._v]
         moved[..., self.nq :] += delta[..., self.nv :]
@@ -56,7 +57,7 @@ class Tangent:
         return moved
 
     def subtract(self, a: Array, b: Array) -> Array:
-        """The change that leads from states b to states a: a = add(b, subtract(a, b)).
+        """The change that leads from states b to states a, so that adding it to b gives a.
 
         Args:
             a: (..., size).
@@ -65,7 +66,7 @@ class Tangent:
         Returns:
             (..., dim).
         """
-        delta = np.empty(np.broadcast_shapes(a.shape[:-1], b.shape[:-1]) + (self.dim,))
+        delta = np.empty((*np.broadcast_shapes(a.shape[:-1], b.shape[:-1]), self.dim))
         delta[..., self._v] = a[..., self._q] - b[..., self._q]
         delta[..., self.nv :] = a[..., self.nq :] - b[..., self.nq :]
         for q, v in self._quaternions:

@@ -1,7 +1,7 @@
 """Is there a mismatch? A p-value by draws in the space of scores.
 
-No simulation is needed: under the null, scores are Gaussian with covariance H, segment by segment, plus what the
-nuisance does. Everything that is done to the data's scores is done to those of every draw.
+No simulation is needed: under the null, scores are Gaussian with covariance H, segment by segment, plus what
+the nuisance does. Everything that is done to the data's scores is done to those of every draw.
 """
 
 from collections.abc import Sequence
@@ -46,10 +46,7 @@ def mismatch_test(
     eliminate = Elimination(of)
     seen = group_statistics(eliminate(of.b), groups)
     largest = np.concatenate(
-        [
-            group_statistics(eliminate(draws(of, part, rng)), groups).max(-1)
-            for part in _parts(count, 100)
-        ]
+        [group_statistics(eliminate(draws(of, part, rng)), groups).max(-1) for part in _parts(count, 100)]
     )
     exceeding = int(np.sum(largest >= seen.max()))
     return MismatchTest((1 + exceeding) / (count + 1), seen, int(np.argmax(seen)))

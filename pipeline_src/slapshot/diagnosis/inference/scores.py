@@ -1,7 +1,7 @@
 """Scores: how well each column explains what is left, after the nuisance was eliminated.
 
-With whitened residuals e and columns Z = [candidates | nuisance] of each segment, all that inference needs are
-b = Zᵀe and H = ZᵀZ, segment by segment.
+With whitened residuals e and columns Z = [candidates | nuisance] of each segment, all that inference needs
+are b = Zᵀe and H = ZᵀZ, segment by segment.
 """
 
 from collections.abc import Sequence
@@ -101,8 +101,8 @@ def draws(of: Scores, count: int, rng: np.random.Generator) -> Array:
 def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> Array:
     """A studentised chi-squared of each group of columns, as -log p; (..., groups).
 
-    The sum of a group's scores over its spread between segments: noise that is larger or longer than thought is
-    in both.
+    The sum of a group's scores over its spread between segments: noise that is larger or longer than thought
+    is in both.
     """
     from scipy.stats import f as f_distribution
 
