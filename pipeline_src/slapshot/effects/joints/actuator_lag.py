@@ -31,7 +31,7 @@ class ActuatorLag(JointEffect):
         if values[0] <= 0:
             return u
         decay = np.exp(-step / values[0])
-        # The mean of a step's response over that step, and what remains of what was before: exact for held input.
+        # Mean of the response over a step, and what remains of what was before: exact for held input.
         mean = values[0] / step * (1 - decay)
         out = u.copy()
         told = u[:, self._actuators]

@@ -1,8 +1,9 @@
 """The face of an effect on a model of joints and bodies.
 
-An effect sits on a part of the model (a joint, body, actuator, channel, or the whole rig) and changes the model
-at one or more of five places: numbers of the compiled model (`edit`), controls (`control`), generalised forces
-(`force`), observations (`observe`), or the model's structure (`restructure`). It overrides what it changes.
+An effect sits on a part of the model (a joint, body, actuator, channel, or the whole rig) and changes the
+model at one or more of five places: numbers of the compiled model (`edit`), controls (`control`), generalised
+forces (`force`), observations (`observe`), or the model's structure (`restructure`). It overrides what it
+changes.
 Where an effect can be built in more than one way, each is a variant; all bear one name.
 """
 

@@ -6,7 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import Array, Parameter, Situation
 
 _COUNTS = 1e-3  # of the whole mass: lighter bodies cannot be told
 
@@ -16,7 +16,7 @@ def shown(name: str) -> str:
     return name.removeprefix("slapshot:")
 
 
-def of_actuators(kind: Any, rig: Situation, parameter: Parameter) -> Iterator[JointEffect]:
+def of_actuators(kind: Any, rig: Situation, parameter: Parameter) -> Iterator[Any]:
     """An effect on all actuators, and, of several, on each."""
     count = rig.model.nu
     if count:
@@ -56,7 +56,7 @@ def far_end(model: mujoco.MjModel, body: int) -> tuple[Array, float]:
 
 
 def add_point_mass(model: mujoco.MjModel, body: int, mass: float, place: Array) -> None:
-    """Fix a point mass (kg) to a body at a place (m) in its frame: mass, centre and inertia change in place."""
+    """Fix a point mass (kg) at a place (m) in the frame of a body; its mass, centre and inertia change."""
     if mass == 0:
         return
     before, centre = float(model.body_mass[body]), model.body_ipos[body].copy()

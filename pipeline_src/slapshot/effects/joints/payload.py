@@ -16,7 +16,7 @@ class Payload(JointEffect):
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["Payload"]:
-        """One a link that carries no other, begun at its far end; prior: a fifth of its mass, within its length."""
+        """One a link that carries no other; prior: a fifth of its mass, at its far end, within its length."""
         model = rig.model
         carrying = {int(model.body_parentid[body]) for body in moving_bodies(model)}
         for body in moving_bodies(model):

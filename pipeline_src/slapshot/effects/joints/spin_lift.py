@@ -16,7 +16,10 @@ class SpinLift(JointEffect):
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["SpinLift"]:
-        """One a free body: its spin, the same in all episodes, as an axis times a strength; prior: a third of its weight."""
+        """One a free body; prior: at the usual speed a third of its weight.
+
+        Its spin, the same in all episodes, is an axis times a strength.
+        """
         for body, v in rig.free_bodies:
             scale = 0.3 * weight(rig.model, body) / max(rig.speed, 1e-6)
             axes = [Parameter(f"spin_{axis}", "N s/m", scale, probe=0.01 * scale) for axis in "xyz"]

@@ -13,7 +13,7 @@ class Spring(JointEffect):
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["Spring"]:
-        """One a joint; prior: over the usual travel a third of the usual torque, rest angle within that travel."""
+        """One a joint; prior: a third of the usual torque, over the usual travel and at its middle."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque / joint.travel
             unit = f"{joint.unit}/{joint.angle_unit}"

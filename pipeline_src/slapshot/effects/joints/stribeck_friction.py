@@ -16,7 +16,7 @@ class StribeckFriction(JointEffect):
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["StribeckFriction"]:
-        """One a joint; prior: as dry friction, with an excess of the same size below a tenth of the usual speed."""
+        """One a joint; prior: as dry friction, and as much again below a seventh of the usual speed."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque
             nominal = float(rig.model.dof_frictionloss[joint.v])
