@@ -112,6 +112,7 @@ def bind(
         InputError: a channel names what the model does not have, or nothing is observed; one line.
     """
     spec = spec.copy()
+    _name_all(spec)
     model = spec.copy().compile()
     bound: dict[str, Control] = {}
     for channel_name, channel in channels.items():
@@ -124,6 +125,9 @@ def bind(
             bound[actuator] = Control(actuator, channel_name)
     plain = spec.copy()
     sensed, added = spec, []
+    for body in sensed.bodies:
+        # A load may move the centre of any body; MuJoCo else compiles balanced ones so that it cannot.
+        body.simple = False
     for channel_name, channel in channels.items():
         if channel.role == "observation":
             added.append((channel_name, channel, *_sensor(sensed, model, channel_name, channel)))
@@ -156,6 +160,16 @@ def bind(
     names = [compiled.actuator(i).name for i in range(compiled.nu)]
     controls = tuple(bound.get(actuator, Control(actuator, None)) for actuator in names)
     return Rig(name, plain, compiled, controls, tuple(observations), tuple(free), load)
+
+
+def _name_all(spec: mujoco.MjSpec) -> None:
+    """Name bodies, joints and actuators without a name, for what is said of them."""
+    for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("actuator", spec.actuators)):
+        taken = {element.name for element in elements}
+        for i, element in enumerate(elements):
+            if not element.name:
+                name = f"{kind} {i}"
+                element.name = name if name not in taken else f"{name} without a name"
 
 
 def _names(model: mujoco.MjModel, kind: str) -> list[str]:
