@@ -79,6 +79,13 @@ class Joint:
         """Width of the smoothed sign of the velocity, rad/s or m/s."""
         return 0.02 * self.speed
 
+    def note(self, law: str) -> str:
+        """How to add a law of the joint's position q and velocity v to a simulation."""
+        return (
+            f"Apply as qfrc_applied at joint {self.name}: {law} (in {self.unit}; position q in "
+            f"{self.angle_unit}, velocity v in {self.angle_unit}/s)."
+        )
+
 
 @dataclass(frozen=True)
 class Sensed:
@@ -209,6 +216,13 @@ class JointEffect:
     def observe(self, seen: Observed, values: Array) -> Array | None:
         """What is added to the observations, (n, ny)."""
         return None
+
+    def note(self, values: Array) -> str:
+        """How to add to a simulation what MJCF cannot hold (`control`, `force`, `observe`), in words.
+
+        Formulas have their values in SI units; "" where the model holds all.
+        """
+        return ""
 
     def restructure(self, spec: mujoco.MjSpec) -> None:
         """Add bodies, joints or tendons, whose numbers `edit` sets; at neutral values they change nothing."""

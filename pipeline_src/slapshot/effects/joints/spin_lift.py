@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation, State
-from slapshot.effects.joints.parts import weight
+from slapshot.effects.joints.parts import freely, weight
 
 
 class SpinLift(JointEffect):
@@ -34,3 +34,8 @@ class SpinLift(JointEffect):
         force = np.zeros_like(state.v)
         force[:, self._v : self._v + 3] = np.cross(values[None, :], state.v[:, self._v : self._v + 3])
         return force
+
+    def note(self, values: Array) -> str:
+        """The law."""
+        x, y, z = values
+        return freely(self.part, f"({x:.4g}, {y:.4g}, {z:.4g}) x v, a cross product")

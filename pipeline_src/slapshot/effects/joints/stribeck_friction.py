@@ -44,3 +44,8 @@ class StribeckFriction(JointEffect):
         return on_joint(
             self._joint, -values[1] * falling * np.tanh(v / self._joint.step_speed), state.v.shape[1]
         )
+
+    def note(self, values: Array) -> str:
+        """The excess."""
+        j = self._joint
+        return j.note(f"-{values[1]:.4g} exp(-(v / {values[2]:.4g})^2) tanh(v / {j.step_speed:.4g})")
