@@ -50,7 +50,7 @@ class Joint:
         unit: of its torque or force.
         actuators: indices of those that drive it.
         torque: rms torque that moves it along the recorded motion, N m or N.
-        largest: largest torque of its actuators along the recorded motion.
+        largest: largest force of each of its actuators along the recorded motion, before the gear.
         speed: rms speed, rad/s or m/s.
         travel: standard deviation of its position, rad or m.
         middle: mean position.
@@ -63,7 +63,7 @@ class Joint:
     unit: str
     actuators: tuple[int, ...]
     torque: float
-    largest: float
+    largest: tuple[float, ...]
     speed: float
     travel: float
     middle: float

@@ -18,15 +18,13 @@ class Saturation(JointEffect):
     def instances(cls, rig: Situation) -> Iterator["Saturation"]:
         """One an actuator of a joint.
 
-        The limit is told as the share of the joint's largest recorded torque that is cut off. Where several
-        actuators share that torque, a limit acts only from some cut on.
+        The limit is told as the share of its largest force along the recorded motion that is cut off.
         """
         for joint in rig.joints:
-            for actuator in joint.actuators:
-                gear = abs(float(rig.model.actuator_gear[actuator, 0]))
-                if joint.largest > 0 and gear > 0:
+            for actuator, largest in zip(joint.actuators, joint.largest, strict=True):
+                if largest > 0:
                     cut = Parameter("cut", "1", 0.4, low=0.0, high=0.98, probe=0.2)
-                    yield cls(shown(rig.model.actuator(actuator).name), actuator, joint.largest / gear, cut)
+                    yield cls(shown(rig.model.actuator(actuator).name), actuator, largest, cut)
 
     def __init__(self, part: str, actuator: int, largest: float, parameter: Parameter) -> None:
         super().__init__(part, (parameter,))
