@@ -122,7 +122,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class Motion:
-    """What a hypothesis does: states x, observations y and actuator torques at the nodes, (episodes, L, n)."""
+    """What a hypothesis does at the nodes: states x, observations y, actuator torques; (episodes, L, n)."""
 
     bench: Bench
     x: Array
@@ -186,7 +186,8 @@ def pendulum() -> Bench:
             <geom type="box" pos="0 0 -.1" size=".02 .03 .1"/>
             <body name="flange"><body name="tool" pos="0 0 -.2"><geom size=".02"/></body></body>
           </body></body></worldbody>
-        <actuator><motor name="geared" joint="axle" gear="20"/><motor name="direct" joint="axle"/></actuator>""",
+        <actuator><motor name="geared" joint="axle" gear="20"/><motor name="direct" joint="axle"/>
+        </actuator>""",
         {
             "u1": tells("geared"),
             "u2": tells("direct"),
@@ -205,8 +206,8 @@ def slide() -> Bench:
         """<option gravity="0 -9.81 0" integrator="implicitfast"/>
         <worldbody><body><joint name="rail" type="slide" axis="1 0 0" damping="2" frictionloss="1"
             stiffness="5"/><geom size=".05" mass="1.5"/><site name="cart" pos=".02 0 0"/></body>
-          <body name="lift"><joint name="mast" type="slide" axis="0 1 0" damping="4" actuatorfrcrange="-40 40"/>
-            <geom type="box" size=".05 .05 .05" mass="1"/></body></worldbody>
+          <body name="lift"><joint name="mast" type="slide" axis="0 1 0" damping="4"
+            actuatorfrcrange="-40 40"/><geom type="box" size=".05 .05 .05" mass="1"/></body></worldbody>
         <tendon><fixed name="rope"><joint joint="mast" coef="1"/></fixed></tendon>
         <actuator><velocity name="belt" joint="rail" kv="30" forcerange="-20 30"/>
           <general name="winch" tendon="rope" dyntype="filterexact" dynprm=".02"/></actuator>""",
@@ -246,7 +247,8 @@ def chain() -> Bench:
     servos = "".join(f'<position name="s{i}" joint="a{i}" kp="200" kv="10"/>' for i in range(7))
     rates = 4 + np.arange(7)
     return bench(
-        f"<option integrator='implicitfast'/><worldbody>{links}{ends}</worldbody><actuator>{servos}</actuator>",
+        f"""<option integrator="implicitfast"/><worldbody>{links}{ends}</worldbody>
+        <actuator>{servos}</actuator>""",
         {f"u{i}": tells(f"s{i}") for i in range(7)} | {f"q{i}": reads(joint=f"a{i}") for i in range(7)},
         [0.3] * 7,
         lambda t: [0.3 + 0.4 * np.sin(rate * t) for rate in rates],
