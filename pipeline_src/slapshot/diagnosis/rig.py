@@ -118,6 +118,9 @@ def bind(
             bound[actuator] = Control(actuator, channel_name)
     plain = spec.copy()
     sensed, added = spec, []
+    for body in sensed.bodies:
+        # A load may move the centre of any body; MuJoCo else compiles balanced ones so that it cannot.
+        body.simple = False
     for channel_name, channel in channels.items():
         if channel.role == "observation":
             added.append((channel_name, channel, *add_sensor(sensed, model, channel_name, channel)))
@@ -153,6 +156,16 @@ def bind(
     for row, observation in enumerate(observations):
         reading[row, observation.address] = 1
     return Rig(name, plain, compiled, controls, tuple(observations), tuple(free), reading, load)
+
+
+def _name_all(spec: mujoco.MjSpec) -> None:
+    """Name bodies, joints and actuators without a name, for what is said of them."""
+    for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("actuator", spec.actuators)):
+        taken = {element.name for element in elements}
+        for i, element in enumerate(elements):
+            if not element.name:
+                name = f"{kind} {i}"
+                element.name = name if name not in taken else f"{name} without a name"
 
 
 def _actuator(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Channel) -> str:

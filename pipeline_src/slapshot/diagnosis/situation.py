@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.hypothesis import actuator_torque
+from slapshot.diagnosis.hypothesis import actuator_force
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Joint, Sensed, Situation
@@ -29,7 +29,8 @@ def situation(rig: Rig, segments: Segments, path: Array) -> Situation:
     q, v = x[:, : model.nq], x[:, model.nq : model.nq + model.nv]
     torque, inertia = _dynamics(model, segments, path)
     control = segments.control()[..., 0, :][inside]
-    driven = np.abs(actuator_torque(model, x, control, rig.load))
+    driven = np.abs(actuator_force(model, x, control))
+    largest = np.quantile(driven, 0.999, axis=0) if len(driven) else np.zeros(model.nu)
     speed = _floored(np.sqrt(np.mean(v**2, axis=0)))
     joints = []
     for j in range(model.njnt):
@@ -37,20 +38,21 @@ def situation(rig: Rig, segments: Segments, path: Array) -> Situation:
             continue
         adr, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
         travel = float(np.std(q[:, adr]))
+        actuators = [
+            i
+            for i in range(model.nu)
+            if model.actuator_trntype[i] == int(mujoco.mjtTrn.mjTRN_JOINT)
+            and model.actuator_trnid[i, 0] == j
+        ]
         joints.append(
             Joint(
                 name=model.joint(j).name,
                 q=adr,
                 v=dof,
                 unit="N m" if model.jnt_type[j] == _SCALAR[0] else "N",
-                actuators=tuple(
-                    i
-                    for i in range(model.nu)
-                    if model.actuator_trntype[i] == int(mujoco.mjtTrn.mjTRN_JOINT)
-                    and model.actuator_trnid[i, 0] == j
-                ),
+                actuators=tuple(actuators),
                 torque=float(torque[dof]),
-                largest=float(np.quantile(driven[:, dof], 0.999)) if len(driven) else 0.0,
+                largest=tuple(float(largest[i]) for i in actuators),
                 speed=float(speed[dof]),
                 travel=max(travel, 1e-3 * max(1.0, travel)),
                 middle=float(np.mean(q[:, adr])),

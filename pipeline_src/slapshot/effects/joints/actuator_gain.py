@@ -7,26 +7,40 @@ import mujoco
 from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation, servo
 from slapshot.effects.joints.parts import shown
 
+_LINEAR = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
+
 
 class ActuatorGain(JointEffect):
     name = "actuator_gain"
     physics = "Motor constant, current sensing or servo stiffness differ from the model's by a factor."
-    source = "Grotjahn, Daemi, Heimann (2001), Robotica 19(5)"
+    source = "Gautier, Briot (2014), ASME Journal of Dynamic Systems, Measurement, and Control 136(5)"
     phrase = "gain of actuator {part}"
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["ActuatorGain"]:
-        """One an actuator; prior: a fifth."""
-        for actuator in range(rig.model.nu):
-            name = shown(rig.model.actuator(actuator).name)
-            yield cls(name, actuator, Parameter("excess", "1", 0.2, low=-0.95, probe=1e-3))
+        """One an actuator, and one for the stiffness alone of a servo with damping; prior: a fifth."""
+        model, parameter = rig.model, Parameter("excess", "1", 0.2, low=-0.95, probe=1e-3)
+        for actuator in range(model.nu):
+            if model.actuator_gaintype[actuator] not in _LINEAR:
+                continue
+            name = shown(model.actuator(actuator).name)
+            if servo(model, actuator) and model.actuator_biasprm[actuator, 2] != 0:
+                yield cls(name, actuator, parameter, "of its whole force")
+                yield cls(name, actuator, parameter, "of its stiffness alone")
+            else:
+                yield cls(name, actuator, parameter)
 
-    def __init__(self, part: str, actuator: int, parameter: Parameter) -> None:
-        super().__init__(part, (parameter,))
-        self._actuator = actuator
+    def __init__(self, part: str, actuator: int, parameter: Parameter, variant: str = "") -> None:
+        super().__init__(part, (parameter,), variant)
+        self._actuator, self._stiffness = actuator, "stiffness" in variant
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
-        """Scale the gain; of a servo with its stiffness."""
-        model.actuator_gainprm[self._actuator, 0] *= 1 + values[0]
-        if servo(model, self._actuator):
-            model.actuator_biasprm[self._actuator, 1] *= 1 + values[0]
+        """Scale the force, or what grows with the angle and the command only."""
+        i, factor = self._actuator, 1 + values[0]
+        if self._stiffness:
+            model.actuator_gainprm[i, 0] *= factor
+            model.actuator_biasprm[i, 1] *= factor
+            return
+        model.actuator_gainprm[i, :3] *= factor
+        if model.actuator_biastype[i] == int(mujoco.mjtBias.mjBIAS_AFFINE):
+            model.actuator_biasprm[i, :3] *= factor

@@ -12,7 +12,7 @@ from slapshot.effects.joints.parts import of_actuators
 class ActuatorLag(JointEffect):
     name = "actuator_lag"
     physics = "Current loop and filters pass a command on with a first-order lag."
-    source = "Hwangbo et al. (2019), Science Robotics 4(26)"
+    source = "Siciliano, Sciavicco, Villani, Oriolo, Robotics (2009), section 5.2"
     phrase = "lag of {part}"
 
     @classmethod
@@ -31,7 +31,7 @@ class ActuatorLag(JointEffect):
         if values[0] <= 0:
             return u
         decay = np.exp(-step / values[0])
-        # The mean of a step's response over that step, and what remains of what was before: exact for held input.
+        # Mean of the response over a step, and what remains of what was before: exact for held input.
         mean = values[0] / step * (1 - decay)
         out = u.copy()
         told = u[:, self._actuators]
@@ -40,3 +40,10 @@ class ActuatorLag(JointEffect):
         before = np.concatenate([start, state[:-1]])
         out[:, self._actuators] = told + mean * (before - told)
         return out
+
+    def note(self, values: Array) -> str:
+        """The filter, as it is stepped."""
+        return (
+            f"Filter the controls of {self.part}: in every step of h s, c += (1 - exp(-h / T)) (u - c) with "
+            f"T = {values[0]:.4g} s; the actuator is given c, which begins at the first command."
+        )

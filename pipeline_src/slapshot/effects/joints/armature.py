@@ -10,7 +10,7 @@ from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter,
 class Armature(JointEffect):
     name = "armature"
     physics = "A rotor turns with its joint and adds its inertia times the square of the gear ratio."
-    source = "Featherstone, Rigid Body Dynamics Algorithms (2008), section 9.6"
+    source = "Siciliano, Sciavicco, Villani, Oriolo, Robotics (2009), section 7.1"
     phrase = "rotor inertia at {part}"
 
     @classmethod

@@ -11,7 +11,7 @@ from slapshot.effects.joints.parts import of_actuators
 class CommandDelay(JointEffect):
     name = "command_delay"
     physics = "Bus and controller pass a command on after a dead time."
-    source = "Tan et al. (2018), Robotics: Science and Systems, section IV"
+    source = "Tan et al. (2018), Robotics: Science and Systems"
     phrase = "delay of {part}"
 
     @classmethod
@@ -35,3 +35,10 @@ class CommandDelay(JointEffect):
             moved = np.where(late < 0, late * told[0, i], np.interp(late, ticks, integral[:, i]))
             out[:, actuator] = np.diff(moved)
         return out
+
+    def note(self, values: Array) -> str:
+        """By how much."""
+        return (
+            f"Delay the controls of {self.part} by {values[0]:.4g} s; before that time the first command "
+            "holds."
+        )

@@ -9,7 +9,7 @@ from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter,
 
 class CoulombFriction(JointEffect):
     name = "coulomb_friction"
-    physics = "Dry contact in bearings and gears resists with a constant torque against the motion, and holds at rest."
+    physics = "Bearings and gears resist with a constant torque against the motion, and hold at rest."
     source = "Olsson et al. (1998), European Journal of Control 4(3)"
     phrase = "Coulomb friction at {part}"
 

@@ -11,19 +11,20 @@ from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter,
 class DirectionFriction(JointEffect):
     name = "direction_friction"
     physics = "Preload or a worn flank makes dry friction larger in one direction than in the other."
-    source = "Armstrong (1988), ICRA; Swevers et al. (2007), IEEE Control Systems 27(5)"
+    source = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
     phrase = "friction at {part} that differs between directions"
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["DirectionFriction"]:
-        """One a joint; prior: as dry friction, and as much between the directions."""
+        """One a joint; prior: in each direction as dry friction."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque
             nominal = float(rig.model.dof_frictionloss[joint.v])
+            way = {"low": -nominal, "probe": 0.01 * scale}
             yield cls(
                 joint,
-                Parameter("torque", joint.unit, scale, low=-nominal, probe=0.01 * scale),
-                Parameter("difference", joint.unit, scale, probe=0.01 * scale),
+                Parameter("forward", joint.unit, scale, **way),
+                Parameter("backward", joint.unit, scale, **way),
             )
 
     def __init__(self, joint: Joint, *parameters: Parameter) -> None:
@@ -32,10 +33,20 @@ class DirectionFriction(JointEffect):
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Add the mean of both directions to the joint's friction loss."""
-        model.dof_frictionloss[self._joint.v] += values[0]
+        model.dof_frictionloss[self._joint.v] += (values[0] + values[1]) / 2
 
     def force(self, state: State, values: Array) -> Array:
-        """Half the difference, against the positive direction, while it moves."""
-        j = self._joint
-        moving = np.tanh(state.v[:, j.v] / j.step_speed) ** 2
-        return on_joint(j, -0.5 * values[1] * moving, state.v.shape[1])
+        """Half the difference, towards negative.
+
+        Beside friction of the mean size, this is exact in motion and at rest: friction then holds up to its
+        size in either direction.
+        """
+        half = np.full(len(state.v), (values[0] - values[1]) / 2)
+        return on_joint(self._joint, -half, state.v.shape[1])
+
+    def note(self, values: Array) -> str:
+        """The constant part."""
+        return self._joint.note(
+            f"a constant {-(values[0] - values[1]) / 2:.4g}, which makes the friction loss in the model "
+            "larger in one direction than in the other"
+        )

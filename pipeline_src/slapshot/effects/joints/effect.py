@@ -1,8 +1,9 @@
 """The face of an effect on a model of joints and bodies.
 
-An effect sits on a part of the model (a joint, body, actuator, channel, or the whole rig) and changes the model
-at one or more of five places: numbers of the compiled model (`edit`), controls (`control`), generalised forces
-(`force`), observations (`observe`), or the model's structure (`restructure`). It overrides what it changes.
+An effect sits on a part of the model (a joint, body, actuator, channel, or the whole rig) and changes the
+model at one or more of five places: numbers of the compiled model (`edit`), controls (`control`), generalised
+forces (`force`), observations (`observe`), or the model's structure (`restructure`). It overrides what it
+changes.
 Where an effect can be built in more than one way, each is a variant; all bear one name.
 """
 
@@ -49,7 +50,7 @@ class Joint:
         unit: of its torque or force.
         actuators: indices of those that drive it.
         torque: rms torque that moves it along the recorded motion, N m or N.
-        largest: largest torque of its actuators along the recorded motion.
+        largest: largest force of each of its actuators along the recorded motion, before the gear.
         speed: rms speed, rad/s or m/s.
         travel: standard deviation of its position, rad or m.
         middle: mean position.
@@ -62,7 +63,7 @@ class Joint:
     unit: str
     actuators: tuple[int, ...]
     torque: float
-    largest: float
+    largest: tuple[float, ...]
     speed: float
     travel: float
     middle: float
@@ -77,6 +78,13 @@ class Joint:
     def step_speed(self) -> float:
         """Width of the smoothed sign of the velocity, rad/s or m/s."""
         return 0.02 * self.speed
+
+    def note(self, law: str) -> str:
+        """How to add a law of the joint's position q and velocity v to a simulation."""
+        return (
+            f"Apply as qfrc_applied at joint {self.name}: {law} (in {self.unit}; position q in "
+            f"{self.angle_unit}, velocity v in {self.angle_unit}/s)."
+        )
 
 
 @dataclass(frozen=True)
@@ -208,6 +216,13 @@ class JointEffect:
     def observe(self, seen: Observed, values: Array) -> Array | None:
         """What is added to the observations, (n, ny)."""
         return None
+
+    def note(self, values: Array) -> str:
+        """How to add to a simulation what MJCF cannot hold (`control`, `force`, `observe`), in words.
+
+        Formulas have their values in SI units; "" where the model holds all.
+        """
+        return ""
 
     def restructure(self, spec: mujoco.MjSpec) -> None:
         """Add bodies, joints or tendons, whose numbers `edit` sets; at neutral values they change nothing."""

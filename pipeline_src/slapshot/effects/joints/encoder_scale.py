@@ -11,7 +11,7 @@ from slapshot.effects.joints.effect import Array, Joint, JointEffect, Observed, 
 class EncoderScale(JointEffect):
     name = "encoder_scale"
     physics = "Gear ratio or counts per turn are wrong: readings are off by a factor."
-    source = "Mooring, Roth, Driels, Fundamentals of Manipulator Calibration (1991), chapter 2"
+    source = "Mooring, Roth, Driels, Fundamentals of Manipulator Calibration (1991)"
     phrase = "scale of the encoder of {part}"
 
     @classmethod
@@ -46,3 +46,7 @@ class EncoderScale(JointEffect):
         added = np.zeros_like(seen.y)
         added[:, self._columns] = values[0] * seen.y[:, self._columns]
         return added
+
+    def note(self, values: Array) -> str:
+        """The factor."""
+        return f"Multiply simulated readings of joint {self.part}, about 0, by {1 + values[0]:.6g}."

@@ -10,7 +10,7 @@ from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter,
 class FrictionDrift(JointEffect):
     name = "friction_drift"
     physics = "Bearings warm up, and lubricant thins: friction changes from the first episode to the last."
-    source = "Bittencourt, Axelsson (2014), IEEE/ASME Transactions on Mechatronics 19(5)"
+    source = "Bittencourt, Gunnarsson (2012), ASME J. of Dynamic Systems, Measurement, and Control 134(5)"
     phrase = "friction at {part} that drifts over the session"
 
     @classmethod
@@ -37,3 +37,11 @@ class FrictionDrift(JointEffect):
         v = state.v[:, j.v]
         friction = values[0] * np.tanh(v / j.step_speed) + values[1] * v
         return on_joint(j, -state.order * friction, state.v.shape[1])
+
+    def note(self, values: Array) -> str:
+        """The law, and how it goes over the session."""
+        j = self._joint
+        return j.note(
+            f"-p ({values[0]:.4g} tanh(v / {j.step_speed:.4g}) + {values[1]:.4g} v), where p goes evenly "
+            "from -1/2 in the first episode to 1/2 in the last"
+        )

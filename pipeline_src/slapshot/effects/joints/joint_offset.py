@@ -11,17 +11,18 @@ from slapshot.effects.joints.effect import Array, Joint, JointEffect, Observed, 
 class JointOffset(JointEffect):
     name = "joint_offset"
     physics = "The encoder was zeroed in another pose: what is read and told is off by a constant angle."
-    source = "Mooring, Roth, Driels, Fundamentals of Manipulator Calibration (1991), chapter 2"
+    source = "Mooring, Roth, Driels, Fundamentals of Manipulator Calibration (1991)"
     phrase = "zero of joint {part}"
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["JointOffset"]:
-        """One a joint; prior: 20 mrad, or a hundredth of a metre."""
+        """One a joint; prior: 20 mrad, or 5 mm."""
         for joint in rig.joints:
             columns = tuple(
                 s.column for s in rig.sensed if s.joint == joint.name and s.quantity == "position"
             )
-            parameter = Parameter("offset", joint.angle_unit, 0.02, probe=1e-4)
+            scale = 0.02 if joint.angle_unit == "rad" else 0.005
+            parameter = Parameter("offset", joint.angle_unit, scale, probe=1e-4)
             yield cls(joint, columns, parameter, "of the geometry")
             if columns and any(servo(rig.model, a) for a in joint.actuators):
                 yield cls(joint, columns, parameter, "of the encoder that is recorded alone")
@@ -31,7 +32,10 @@ class JointOffset(JointEffect):
         self._joint, self._columns, self._geometry = joint, columns, "geometry" in variant
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
-        """Turn the link against the angle that servo and encoder share."""
+        """Turn the link back by the offset: at a reading of q it stands where the model has it at q - offset.
+
+        Servo, springs and limits keep the readings that the model has them at.
+        """
         if self._geometry:
             model.qpos0[self._joint.q] += values[0]
 
@@ -42,3 +46,9 @@ class JointOffset(JointEffect):
         added = np.zeros_like(seen.y)
         added[:, list(self._columns)] = values[0]
         return added
+
+    def note(self, values: Array) -> str:
+        """What is added, where that is not in the model."""
+        if self._geometry:
+            return ""
+        return f"Add {values[0]:.4g} {self._joint.angle_unit} to simulated readings of joint {self.part}."

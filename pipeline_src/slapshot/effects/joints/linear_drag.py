@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation, State
-from slapshot.effects.joints.parts import weight
+from slapshot.effects.joints.parts import freely, weight
 
 
 class LinearDrag(JointEffect):
@@ -31,3 +31,7 @@ class LinearDrag(JointEffect):
         force = np.zeros_like(state.v)
         force[:, self._v : self._v + 3] = -values[0] * state.v[:, self._v : self._v + 3]
         return force
+
+    def note(self, values: Array) -> str:
+        """The law."""
+        return freely(self.part, f"-{values[0]:.4g} v")

@@ -10,7 +10,7 @@ from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter,
 class LoadFriction(JointEffect):
     name = "load_friction"
     physics = "Teeth under load press on one another: friction is a share of the transmitted torque."
-    source = "Rhoban, Better Actuator Models (2025), https://arxiv.org/abs/2410.08650, eq. 5"
+    source = "Hamon, Gautier, Garrec (2010), IROS"
     phrase = "friction at {part} that grows with load"
 
     @classmethod
@@ -29,3 +29,8 @@ class LoadFriction(JointEffect):
         j = self._joint
         against = -values[0] * np.abs(state.torque[:, j.v]) * np.tanh(state.v[:, j.v] / j.step_speed)
         return on_joint(j, against, state.v.shape[1])
+
+    def note(self, values: Array) -> str:
+        """The law."""
+        j = self._joint
+        return j.note(f"-{values[0]:.4g} |torque of its actuators| tanh(v / {j.step_speed:.4g})")

@@ -6,7 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import Array, Parameter, Situation
 
 _COUNTS = 1e-3  # of the whole mass: lighter bodies cannot be told
 
@@ -16,7 +16,21 @@ def shown(name: str) -> str:
     return name.removeprefix("slapshot:")
 
 
-def of_actuators(kind: Any, rig: Situation, parameter: Parameter) -> Iterator[JointEffect]:
+def level(gravity: Array) -> list[int]:
+    """The two axes (0 to 2) of the world that are closest to level; x and y without gravity."""
+    upright = int(np.argmax(np.abs(gravity))) if np.any(gravity) else 2
+    return [axis for axis in range(3) if axis != upright]
+
+
+def freely(body: str, law: str) -> str:
+    """How to add a force on a free body to a simulation; a law of its velocity v."""
+    return (
+        f"Apply as qfrc_applied at the free joint of body {body}, its first three numbers: {law} "
+        "(in N; velocity v in m/s, all in the axes of the world)."
+    )
+
+
+def of_actuators(kind: Any, rig: Situation, parameter: Parameter) -> Iterator[Any]:
     """An effect on all actuators, and, of several, on each."""
     count = rig.model.nu
     if count:
@@ -25,6 +39,15 @@ def of_actuators(kind: Any, rig: Situation, parameter: Parameter) -> Iterator[Jo
     if count > 1:
         for i in range(count):
             yield kind(shown(rig.model.actuator(i).name), (i,), parameter)
+
+
+def carriers(model: mujoco.MjModel, body: int) -> list[int]:
+    """A body and those that carry it, without the world."""
+    chain = []
+    while body:
+        chain.append(body)
+        body = int(model.body_parentid[body])
+    return chain
 
 
 def moving_bodies(model: mujoco.MjModel) -> list[int]:
@@ -45,18 +68,20 @@ def weight(model: mujoco.MjModel, body: int) -> float:
 
 def far_end(model: mujoco.MjModel, body: int) -> tuple[Array, float]:
     """The point of a body that lies farthest from its joint, in its frame, and the body's length in m."""
-    centre = model.body_ipos[body].copy()
-    points = [2 * centre]
+    joint = model.body_jntadr[body]
+    anchor = model.jnt_pos[joint] if joint >= 0 else np.zeros(3)
+    arms, length = [2 * (model.body_ipos[body] - anchor)], 0.02
     for geom in np.flatnonzero(model.geom_bodyid == body):
-        place, size = model.geom_pos[geom], float(model.geom_rbound[geom])
-        along = np.linalg.norm(place)
-        points.append(place * (1 + size / along) if along > 1e-9 else place)
-    end = max(points, key=lambda point: float(np.linalg.norm(point)))
-    return np.array(end), max(float(np.linalg.norm(end)), 0.02)
+        arm, size = model.geom_pos[geom] - anchor, float(model.geom_rbound[geom])
+        along = float(np.linalg.norm(arm))
+        arms.append(arm * (1 + size / along) if along > 1e-9 else arm)
+        length = max(length, along + size)
+    end = max(arms, key=lambda arm: float(np.linalg.norm(arm)))
+    return np.array(anchor + end), max(float(np.linalg.norm(end)), length)
 
 
 def add_point_mass(model: mujoco.MjModel, body: int, mass: float, place: Array) -> None:
-    """Fix a point mass (kg) to a body at a place (m) in its frame: mass, centre and inertia change in place."""
+    """Fix a point mass (kg) at a place (m) in the frame of a body; its mass, centre and inertia change."""
     if mass == 0:
         return
     before, centre = float(model.body_mass[body]), model.body_ipos[body].copy()

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 
 from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation
-from slapshot.effects.joints.parts import add_point_mass, far_end, moving_bodies
+from slapshot.effects.joints.parts import add_point_mass, carriers, far_end, moving_bodies
 
 
 class Payload(JointEffect):
@@ -16,14 +16,18 @@ class Payload(JointEffect):
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["Payload"]:
-        """One a link that carries no other, begun at its far end; prior: a fifth of its mass, within its length."""
+        """One a link that carries no other, unless it flies freely, when nothing tells.
+
+        Prior: a fifth of the mass of the arm that carries it, at the link's far end, within its length.
+        """
         model = rig.model
-        carrying = {int(model.body_parentid[body]) for body in moving_bodies(model)}
-        for body in moving_bodies(model):
-            if body in carrying and len(moving_bodies(model)) > 1:
+        bodies, free = moving_bodies(model), {body for body, _ in rig.free_bodies}
+        carrying = {carrier for body in bodies for carrier in carriers(model, body)[1:]}
+        for body in bodies:
+            if body in carrying or body in free:
                 continue
             end, length = far_end(model, body)
-            scale = 0.2 * float(model.body_mass[body])
+            scale = 0.2 * sum(float(model.body_mass[b]) for b in carriers(model, body) if b in bodies)
             yield cls(
                 model.body(body).name,
                 body,

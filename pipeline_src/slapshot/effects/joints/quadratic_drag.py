@@ -5,13 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation, State
-from slapshot.effects.joints.parts import weight
+from slapshot.effects.joints.parts import freely, weight
 
 
 class QuadraticDrag(JointEffect):
     name = "quadratic_drag"
     physics = "Fast bodies leave a wake: drag grows with the square of speed."
-    source = "Batchelor, An Introduction to Fluid Dynamics (1967), section 5.11"
+    source = "Batchelor, An Introduction to Fluid Dynamics (1967), chapter 5"
     phrase = "air drag on {part}"
 
     @classmethod
@@ -33,3 +33,7 @@ class QuadraticDrag(JointEffect):
         speed = np.linalg.norm(velocity, axis=1, keepdims=True)
         force[:, self._v : self._v + 3] = -values[0] * speed * velocity
         return force
+
+    def note(self, values: Array) -> str:
+        """The law."""
+        return freely(self.part, f"-{values[0]:.4g} |v| v")

@@ -11,17 +11,20 @@ from slapshot.effects.joints.parts import shown
 class Saturation(JointEffect):
     name = "saturation"
     physics = "Current or torque is limited, by the amplifier or by its settings."
-    source = "Grimm et al. (2003), IEEE Transactions on Automatic Control 48(9), section I"
+    source = "Astrom, Murray, Feedback Systems (2008), section 10.4"
     phrase = "torque limit of actuator {part}"
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["Saturation"]:
-        """One an actuator; the limit is told as the share of the largest recorded torque that is cut off."""
+        """One an actuator of a joint.
+
+        The limit is told as the share of its largest force along the recorded motion that is cut off.
+        """
         for joint in rig.joints:
-            for actuator in joint.actuators:
-                if joint.largest > 0:
+            for actuator, largest in zip(joint.actuators, joint.largest, strict=True):
+                if largest > 0:
                     cut = Parameter("cut", "1", 0.4, low=0.0, high=0.98, probe=0.2)
-                    yield cls(shown(rig.model.actuator(actuator).name), actuator, joint.largest, cut)
+                    yield cls(shown(rig.model.actuator(actuator).name), actuator, largest, cut)
 
     def __init__(self, part: str, actuator: int, largest: float, parameter: Parameter) -> None:
         super().__init__(part, (parameter,))
@@ -33,7 +36,7 @@ class Saturation(JointEffect):
         return ((0.1,), (0.3,), (0.6,))
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
-        """Limit the force."""
+        """Limit the force before the gear; what the model already limits more tightly stays."""
         limit = self._largest * (1 - values[0])
         low, high = -limit, limit
         if model.actuator_forcelimited[self._actuator]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation, State
-from slapshot.effects.joints.parts import weight
+from slapshot.effects.joints.parts import freely, weight
 
 
 class SpinLift(JointEffect):
@@ -16,7 +16,10 @@ class SpinLift(JointEffect):
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["SpinLift"]:
-        """One a free body: its spin, the same in all episodes, as an axis times a strength; prior: a third of its weight."""
+        """One a free body; prior: at the usual speed a third of its weight.
+
+        Its spin, the same in all episodes, is an axis times a strength.
+        """
         for body, v in rig.free_bodies:
             scale = 0.3 * weight(rig.model, body) / max(rig.speed, 1e-6)
             axes = [Parameter(f"spin_{axis}", "N s/m", scale, probe=0.01 * scale) for axis in "xyz"]
@@ -31,3 +34,8 @@ class SpinLift(JointEffect):
         force = np.zeros_like(state.v)
         force[:, self._v : self._v + 3] = np.cross(values[None, :], state.v[:, self._v : self._v + 3])
         return force
+
+    def note(self, values: Array) -> str:
+        """The law."""
+        x, y, z = values
+        return freely(self.part, f"({x:.4g}, {y:.4g}, {z:.4g}) x v, a cross product")

@@ -8,18 +8,19 @@ from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter,
 class Spring(JointEffect):
     name = "spring"
     physics = "Cables, hoses or a balance pull the joint towards an angle."
-    source = "Swevers, Verdonck, De Schutter (2007), IEEE Control Systems 27(5)"
+    source = "Arakelian (2016), Advanced Robotics 30(2)"
     phrase = "a spring at {part}"
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["Spring"]:
-        """One a joint; prior: over the usual travel a third of the usual torque, rest angle within that travel."""
+        """One a joint; prior: a third of the usual torque, over the usual travel and at its middle."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque / joint.travel
             unit = f"{joint.unit}/{joint.angle_unit}"
+            nominal = float(rig.model.jnt_stiffness[rig.model.dof_jntid[joint.v]])
             yield cls(
                 joint,
-                Parameter("stiffness", unit, scale, probe=0.01 * scale),
+                Parameter("stiffness", unit, scale, low=-nominal, probe=0.01 * scale),
                 Parameter("torque", joint.unit, 0.3 * joint.torque, probe=0.003 * joint.torque),
             )
 
@@ -32,3 +33,7 @@ class Spring(JointEffect):
         j = self._joint
         pull = values[1] - values[0] * (state.q[:, j.q] - j.middle)
         return on_joint(j, pull, state.v.shape[1])
+
+    def note(self, values: Array) -> str:
+        """The law."""
+        return self._joint.note(f"{values[1]:.4g} - {values[0]:.4g} (q - {self._joint.middle:.4g})")

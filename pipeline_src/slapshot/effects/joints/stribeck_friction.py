@@ -16,7 +16,7 @@ class StribeckFriction(JointEffect):
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["StribeckFriction"]:
-        """One a joint; prior: as dry friction, with an excess of the same size below a tenth of the usual speed."""
+        """One a joint; prior: as dry friction, and as much again below a seventh of the usual speed."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque
             nominal = float(rig.model.dof_frictionloss[joint.v])
@@ -44,3 +44,8 @@ class StribeckFriction(JointEffect):
         return on_joint(
             self._joint, -values[1] * falling * np.tanh(v / self._joint.step_speed), state.v.shape[1]
         )
+
+    def note(self, values: Array) -> str:
+        """The excess."""
+        j = self._joint
+        return j.note(f"-{values[1]:.4g} exp(-(v / {values[2]:.4g})^2) tanh(v / {j.step_speed:.4g})")

@@ -6,7 +6,7 @@ import numpy as np
 
 from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
 
-MOST = 24  # periods over the travel that are looked at
+MOST = 24  # orders that are looked at, half a period over the travel apart
 
 
 class TorqueRipple(JointEffect):
@@ -22,13 +22,13 @@ class TorqueRipple(JointEffect):
         for joint in rig.joints:
             scale = 0.1 * joint.torque
             # Periods closer than the travel can tell apart are one; slower ones than it are springs.
-            width = 2.5 * joint.travel
-            for order in np.arange(1.5, 1.5 + MOST) / (2 * width) * 2 * np.pi:
+            apart = np.pi / (2.5 * joint.travel)
+            for order in apart * np.arange(1.5, 1.5 + MOST):
                 yield cls(
                     joint,
                     Parameter("sine", joint.unit, scale, probe=0.01 * scale),
                     Parameter("cosine", joint.unit, scale, probe=0.01 * scale),
-                    Parameter("order", f"1/{joint.angle_unit}", 0.5 * np.pi / width, float(order)),
+                    Parameter("order", f"1/{joint.angle_unit}", 0.5 * apart, float(order), low=apart),
                 )
 
     def __init__(self, joint: Joint, *parameters: Parameter) -> None:
@@ -39,7 +39,7 @@ class TorqueRipple(JointEffect):
     @property
     def key(self) -> str:
         """With the order at which a fit begins."""
-        return f"{super().key} from order {self.start_order:.1f}"
+        return f"{super().key} from order {self.start_order:.4g}"
 
     def force(self, state: State, values: Array) -> Array:
         """A sine of the angle."""
@@ -47,3 +47,8 @@ class TorqueRipple(JointEffect):
         angle = values[2] * (state.q[:, j.q] - j.middle)
         ripple = values[0] * np.sin(angle) + values[1] * np.cos(angle)
         return on_joint(j, ripple, state.v.shape[1])
+
+    def note(self, values: Array) -> str:
+        """The law."""
+        angle = f"{values[2]:.6g} (q - {self._joint.middle:.6g})"
+        return self._joint.note(f"{values[0]:.4g} sin({angle}) + {values[1]:.4g} cos({angle})")
