@@ -72,9 +72,7 @@ class FreeReading(JointEffect):
     source = "Rasmussen, Williams, Gaussian Processes for Machine Learning (2006), section 2.7"
     phrase = "an error of the readings of {part} of unknown shape"
 
-    def __init__(
-        self, joint: Joint, columns: list[int], variable: str, low: float, high: float
-    ) -> None:
+    def __init__(self, joint: Joint, columns: list[int], variable: str, low: float, high: float) -> None:
         weights = [Parameter(f"weight_{i}", joint.angle_unit, 0.01, probe=1e-4) for i in range(BUMPS)]
         super().__init__(joint.name, weights, f"over {variable}")
         self._columns, self.variable, self.low, self.high = columns, variable, low, high
@@ -96,8 +94,9 @@ def free_forms(rig: Situation, segments: Segments) -> Iterator[JointEffect]:
         span = 2.2 * joint.travel
         yield FreeForce(joint, "position", joint.middle - span, joint.middle + span)
         yield FreeForce(joint, "velocity", -2.2 * joint.speed, 2.2 * joint.speed)
-        if joint.largest > 0:
-            yield FreeForce(joint, "load", -joint.largest, joint.largest)
+        largest = max(joint.largest, default=0.0)
+        if largest > 0:
+            yield FreeForce(joint, "load", -largest, largest)
         if several:
             yield FreeForce(joint, "time", 0.0, longest)
             yield FreeForce(joint, "session", -0.5, 0.5)

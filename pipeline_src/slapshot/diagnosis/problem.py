@@ -76,9 +76,7 @@ class Problem:
             if rig.model.joint(int(rig.model.dof_jntid[dof])).name.startswith("slapshot:"):
                 torque[dof] *= 1e-3
         nuisance = _nuisance(rig, self.segments, scales, moved)
-        return Problem(
-            rig, self.channels, self.segments, scales, moved, torque, nuisance, self.threads
-        )
+        return Problem(rig, self.channels, self.segments, scales, moved, torque, nuisance, self.threads)
 
     @cached_property
     def fitter(self) -> Fitter:
@@ -88,9 +86,7 @@ class Problem:
     @cached_property
     def kinds(self) -> tuple[str, ...]:
         """Quantity of each channel; places of bodies and angles of joints apart."""
-        return tuple(
-            o.quantity + (" of joint" if o.dof is not None else "") for o in self.rig.observations
-        )
+        return tuple(o.quantity + (" of joint" if o.dof is not None else "") for o in self.rig.observations)
 
     @cached_property
     def catalogue(self) -> tuple[JointEffect, ...]:
@@ -105,9 +101,7 @@ class Problem:
         for joint in self.situation.joints:
             speed[joint.v] = joint.speed
         dim = self.fitter.simulator.tangent.dim
-        return first_noise(
-            self.segments, self.torque, dim, np.full(nv, POSITION_SPREAD), _TIGHTEN * speed
-        )
+        return first_noise(self.segments, self.torque, dim, np.full(nv, POSITION_SPREAD), _TIGHTEN * speed)
 
     def base(self, free: Sequence[JointEffect]) -> Hypothesis:
         """The nominal rig with its free parameters."""

@@ -6,7 +6,7 @@ nodes the model takes `substeps` steps; each has the mean of the controls over i
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +117,11 @@ class Segments:
                 order = 2 if length > 2 else 1
                 out[own, :length] = np.gradient(values[own, :length], self.interval, axis=1, edge_order=order)
         return out
+
+    def select(self, some: NDArray[np.bool_] | NDArray[np.intp]) -> "Segments":
+        """Some of the segments; controls stay whole."""
+        kept = ("y", "shift", "inside", "time", "episode", "first", "order")
+        return replace(self, **{name: getattr(self, name)[some] for name in kept})
 
     def control(self, edit: ControlEdit | None = None) -> Array:
         """Controls of every model step, (S, L, substeps, nu).

@@ -41,8 +41,7 @@ def situation(rig: Rig, segments: Segments, path: Array) -> Situation:
         actuators = [
             i
             for i in range(model.nu)
-            if model.actuator_trntype[i] == int(mujoco.mjtTrn.mjTRN_JOINT)
-            and model.actuator_trnid[i, 0] == j
+            if model.actuator_trntype[i] == int(mujoco.mjtTrn.mjTRN_JOINT) and model.actuator_trnid[i, 0] == j
         ]
         joints.append(
             Joint(

@@ -43,9 +43,7 @@ def moved_situation(of: Situation, rig: Rig) -> Situation:
     for joint in of.joints:
         own = rig.model.joint(joint.name)
         joints.append(replace(joint, q=int(own.qposadr[0]), v=int(own.dofadr[0])))
-    free = tuple(
-        (body, int(rig.model.jnt_dofadr[rig.model.body_jntadr[body]])) for body, _ in of.free_bodies
-    )
+    free = tuple((body, int(rig.model.jnt_dofadr[rig.model.body_jntadr[body]])) for body, _ in of.free_bodies)
     return replace(of, model=rig.model, joints=tuple(joints), free_bodies=free)
 
 
@@ -111,4 +109,3 @@ def same_effects(effects: Sequence[JointEffect], instances: Sequence[JointEffect
     """The instances on another rig of the same effects."""
     by_key = {effect.key: effect for effect in instances}
     return tuple(by_key[effect.key] for effect in effects)
-

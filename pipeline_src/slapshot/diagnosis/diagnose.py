@@ -1,0 +1,506 @@
+"""Diagnose a recording of joints and bodies: `diagnose(recording, rig)`.
+
+A part of the recording is held out. On the rest the nominal model is fitted, tested, and extended by what is
+missing; names stand only if they predict the held-out part better.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis import held_out
+from slapshot.diagnosis.free_forms import is_free
+from slapshot.diagnosis.held_out import Predictions
+from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.inference.selection import gains
+from slapshot.diagnosis.problem import Problem
+from slapshot.diagnosis.rig import Rig
+from slapshot.diagnosis.search import CLASS_NATS, P_VALUE, Search, Step, search
+from slapshot.diagnosis.segments import Segments, cut
+from slapshot.diagnosis.verdict import (
+    ChannelNoise,
+    Errors,
+    Fits,
+    Interval,
+    Limit,
+    Location,
+    Mismatch,
+    NamedEffect,
+    NamedParameter,
+    Unknown,
+    Verdict,
+)
+from slapshot.effects.joints.catalogue import instances
+from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
+from slapshot.errors import InputError
+from slapshot.recordings.signals import SignalRecording
+
+Array = NDArray[np.float64]
+
+HELD_OUT = 5  # every fifth episode or block
+_FEWEST_SEGMENTS = 5
+_HALF_90, _ONE_SIDED_95 = 1.645, 1.645
+_RESAMPLES = 1000
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One model's predictions of held-out windows."""
+
+    hypothesis: Hypothesis
+    theta: Array
+    predictions: Predictions
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A verdict and what it rests on.
+
+    Attributes:
+        verdict: without versions.
+        rig: nominal.
+        search: None where nothing could be fitted.
+        windows: held-out segments, of which the second halves were predicted.
+        nominal, refitted, augmented: predictions of them.
+    """
+
+    verdict: Verdict
+    rig: Rig
+    search: Search | None = None
+    windows: Segments | None = None
+    nominal: Prediction | None = None
+    refitted: Prediction | None = None
+    augmented: Prediction | None = None
+
+
+def diagnose(
+    recording: SignalRecording,
+    rig: Rig,
+    *,
+    seed: int = 0,
+    threads: int = 1,
+    findings: Sequence[str] = (),
+    report: Callable[[str], None] = lambda text: None,
+) -> Diagnosis:
+    """Say what physics a model lacks that a recording shows.
+
+    Args:
+        recording: checked.
+        rig: the model, with the recording's channels bound to it.
+        seed: of the draws behind p-values and intervals.
+        threads: for simulation; the result does not depend on them.
+        findings: what is known to be odd about the recording.
+        report: told what is being done.
+
+    Returns:
+        A verdict of any kind; where the data do not suffice, it says so.
+    """
+    began = time.process_time()
+    said = [*findings, *_unbound(rig)]
+    try:
+        segments = cut(recording, rig)
+        used, held = split(segments)
+        problem = Problem.of(rig, recording.channels, used, threads)
+        free = free_effects(rig, problem)
+    except InputError as error:
+        return Diagnosis(_untold(recording, rig, said, str(error), began), rig)
+    reason = _insufficient(problem)
+    if reason is None:
+        try:
+            found = search(problem, free, seed, report)
+            reason = _unfit(found)
+        except np.linalg.LinAlgError:
+            reason = (
+                "the nominal model diverges from the recorded motion at once; check units and signs of the "
+                "controls, and whether the model is that of this robot"
+            )
+    if reason is not None:
+        return Diagnosis(_untold(recording, rig, said, reason, began), rig)
+    report("predicting held-out windows")
+    windows = _windows(recording, rig, segments, held)
+    arms = _arms(found, problem, windows)
+    verdict = _verdict(recording, rig, found, windows, arms, segments, held, said, seed, began)
+    return Diagnosis(verdict, rig, found, windows, *arms)
+
+
+def split(segments: Segments) -> tuple[Segments, NDArray[np.intp]]:
+    """Segments that may be used, and the episodes or blocks that are held out.
+
+    Returns:
+        The segments, and indices of those that are held out.
+    """
+    episodes = len(np.unique(segments.episode))
+    S = segments.shape[0]
+    if episodes >= HELD_OUT:
+        out = segments.episode % HELD_OUT == HELD_OUT // 2
+    else:
+        out = np.arange(S) % (2 * HELD_OUT) // 2 == HELD_OUT // 2  # two segments side by side
+    if S < _FEWEST_SEGMENTS or not out.any():
+        raise InputError(
+            f"only {S} segments of {segments.interval * segments.shape[1]:.2g} s were recorded, of which some "
+            "must be held out; record longer"
+        )
+    return segments.select(~out), np.flatnonzero(out)
+
+
+def free_effects(rig: Rig, problem: Problem) -> tuple[JointEffect, ...]:
+    """The effects that the rig file says belong to the nominal model.
+
+    Raises:
+        InputError: one is none of the catalogue.
+    """
+    found: list[JointEffect] = []
+    for wanted in rig.free:
+        own = [e for e in instances(problem.situation) if wanted in (e.name, e.key, f"{e.name}@{e.part}")]
+        own = [e for e in own if not e.hidden_state and not e.many_forms]
+        if not own:
+            keys = sorted({e.name for e in instances(problem.situation) if not e.hidden_state})
+            raise InputError(f"free: {wanted!r} is no parameter of this model; use some of: {', '.join(keys)}")
+        seen: set[tuple[str, str]] = set()
+        for effect in own:
+            if (effect.name, effect.part) not in seen:
+                seen.add((effect.name, effect.part))
+                found.append(effect)
+    return tuple(found)
+
+
+def _unbound(rig: Rig) -> list[str]:
+    return [
+        f"actuator {control.actuator} has no recorded control: it counts as 0"
+        for control in rig.controls
+        if control.channel is None
+    ]
+
+
+def _insufficient(problem: Problem) -> str | None:
+    """Why the motion cannot identify anything; None if it can."""
+    moving = [j for j in problem.situation.joints if j.travel > 2e-3 * max(1.0, abs(j.middle))]
+    if problem.situation.joints and not moving and not problem.situation.free_bodies:
+        return "no joint moves by more than a few thousandths; record motions"
+    return None
+
+
+def _unfit(found: Search) -> str | None:
+    """Why the nominal fit cannot be trusted; None if it can."""
+    fit = found.nominal.examination.fit
+    if not np.all(np.isfinite(fit.path)) or not np.isfinite(fit.log_evidence):
+        return (
+            "the nominal model diverges from the recorded motion; check units and signs of the controls, and "
+            "whether the model is that of this robot"
+        )
+    if not fit.converged and len(fit.theta):
+        return (
+            "the fit of the nominal model's free parameters does not converge (they still moved by "
+            f"{fit.moved:.2g} standard deviations); free fewer, or record motions that tell them apart"
+        )
+    return None
+
+
+def _windows(
+    recording: SignalRecording, rig: Rig, segments: Segments, held: NDArray[np.intp]
+) -> Segments:
+    """Held-out data as pairs of windows, of which the second is predicted."""
+    whole = cut(recording, rig, segment_s=2 * held_out.WINDOW_S)
+    wanted = {(int(segments.episode[k]), int(segments.first[k])) for k in held}
+    L = segments.shape[1]
+    keep = []
+    for k in range(whole.shape[0]):
+        first = int(whole.first[k])
+        both = {(int(whole.episode[k]), first), (int(whole.episode[k]), first + L)}
+        full = whole.inside[k].sum() > 1.5 * L
+        keep.append(both <= wanted and bool(full))
+    return whole.select(np.array(keep, bool))
+
+
+def _arms(found: Search, problem: Problem, windows: Segments) -> tuple[Prediction, Prediction, Prediction]:
+    """Predictions of the nominal, refitted and augmented model, each with the noise of its own."""
+    first, last = found.nominal, found.final
+    base = first.hypothesis
+    arms = []
+    for step, hypothesis, theta in (
+        (first, base, base.start),
+        (first, base, first.examination.fit.theta),
+        (last, last.hypothesis, last.examination.fit.theta),
+    ):
+        fit, noise = step.examination.fit, step.examination.noise
+        path = held_out.first_path(step.problem, problem, windows)
+        noise, _ = held_out.own_noise(step.problem, hypothesis, theta, fit.path, noise)
+        arms.append(
+            Prediction(
+                hypothesis, theta, held_out.predict(step.problem, hypothesis, theta, windows, noise, path)
+            )
+        )
+    return arms[0], arms[1], arms[2]
+
+
+def _verdict(
+    recording: SignalRecording,
+    rig: Rig,
+    found: Search,
+    windows: Segments,
+    arms: tuple[Prediction, Prediction, Prediction],
+    segments: Segments,
+    held: NDArray[np.intp],
+    said: list[str],
+    seed: int,
+    began: float,
+) -> Verdict:
+    rng = np.random.default_rng([seed, 1])
+    first, last = found.nominal, found.final
+    p = first.test.p_value
+    missing = p < P_VALUE
+    named = found.named if missing else ()
+    reason = "no test says that anything is missing"
+    held_up = True
+    if named:
+        held_up = _improves(arms, rig)
+        if not held_up:
+            said = [*said, "what was named does not predict held-out windows better, so no name is given"]
+            named = ()
+    left = last.test.p_value
+    flagged = missing and (left < P_VALUE or not named)
+    headline = "nothing_found"
+    if missing:
+        headline = "found" if named else "found_not_named"
+        reason = (
+            "what is named explains what was missing"
+            if named and not flagged
+            else "what is named leaves something that no name explains"
+            if named
+            else "something is missing, and no name holds"
+        )
+    kinds = problem_kinds(rig)
+    units = {kind: recording.channels[rig.observations[c[0]].channel].unit for kind, c in kinds.items()}
+    fits = [_errors(arm.predictions, kinds, units, rng) for arm in arms]
+    if not named and missing:
+        fits[2] = fits[1]
+    strongest = first.examination.effects[first.test.largest]
+    return Verdict(
+        headline=headline,  # type: ignore[arg-type]
+        reason=reason,
+        rig=recording.rig,
+        stand_in=recording.stand_in,
+        episodes=len(recording.episodes),
+        seconds=float(segments.inside.sum() * segments.interval),
+        held_out_episodes=sorted({int(segments.ids[segments.episode[k]]) for k in held}),
+        cannot_tell=None,
+        findings=said,
+        mismatch=Mismatch(found=missing, p_value=p, strongest=_told(strongest)),
+        location=_location(first) if missing else None,
+        effects=[_named(found, effect, last) for effect in named],
+        nominal_parameters=[_named(found, effect, last) for effect in found.free],
+        unknown=Unknown(flagged=flagged, p_value=left, description=_unknown(last) if flagged else ""),
+        fit=Fits(
+            nominal=fits[0],
+            refitted=fits[1],
+            augmented=fits[2],
+            noise_floor=_floor(arms[2].predictions, kinds, units),
+        ),
+        noise=_noise(recording, rig, last),
+        limits=[] if missing else _limits(first),
+        converged=last.examination.fit.converged,
+        cpu_s=time.process_time() - began,
+        versions={},
+    )
+
+
+def problem_kinds(rig: Rig) -> dict[str, NDArray[np.intp]]:
+    """Quantity -> columns of the observations; joints and bodies apart."""
+    kinds: dict[str, list[int]] = {}
+    for c, observation in enumerate(rig.observations):
+        of = "joint" if observation.dof is not None else "body"
+        kinds.setdefault(f"{of} {observation.quantity}", []).append(c)
+    return {kind: np.array(columns) for kind, columns in kinds.items()}
+
+
+def _improves(arms: tuple[Prediction, Prediction, Prediction], rig: Rig) -> bool:
+    """Whether the augmented model predicts held-out windows better than the refitted one."""
+    before, after = arms[1].predictions, arms[2].predictions
+    columns = np.arange(len(rig.observations))
+    scale = np.maximum(before.floor.mean(axis=(0, 1)), 1e-12)
+    errors = [
+        float(np.sqrt(np.nanmean((arm.error[..., columns] / scale) ** 2))) for arm in (before, after)
+    ]
+    return bool(errors[1] < errors[0] and after.log_likelihood.sum() > before.log_likelihood.sum())
+
+
+def _errors(
+    found: Predictions, kinds: dict[str, NDArray[np.intp]], units: dict[str, str], rng: np.random.Generator
+) -> Errors:
+    rms = {}
+    for kind, columns in kinds.items():
+        squares = found.squares(columns)
+        squares = squares[np.isfinite(squares)]
+        picks = rng.integers(0, len(squares), (_RESAMPLES, len(squares)))
+        low, high = np.quantile(np.sqrt(squares[picks].mean(1)), [0.05, 0.95])
+        value = float(np.sqrt(squares.mean()))
+        rms[kind] = Interval(
+            value=value, low=min(float(low), value), high=max(float(high), value), unit=units[kind]
+        )
+    return Errors(rms=rms, log_likelihood=float(found.log_likelihood.mean()))
+
+
+def _floor(found: Predictions, kinds: dict[str, NDArray[np.intp]], units: dict[str, str]) -> Errors:
+    rms = {}
+    for kind, columns in kinds.items():
+        value = found.rms_floor(columns)
+        rms[kind] = Interval(value=value, low=value, high=value, unit=units[kind])
+    return Errors(rms=rms, log_likelihood=None)
+
+
+def _named(found: Search, effect: JointEffect, last: Step) -> NamedEffect:
+    fit = last.examination.fit
+    index = next(i for i, e in enumerate(fit.hypothesis.effects) if e.key == effect.key)
+    part = fit.hypothesis.slices[index]
+    sd = fit.sd
+    parameters = []
+    for k, parameter in zip(range(part.start, part.stop), effect.parameters, strict=True):
+        value, spread = float(fit.theta[k]), _HALF_90 * float(sd[k])
+        low, high = max(value - spread, parameter.low), min(value + spread, parameter.high)
+        bound = value in (parameter.low, parameter.high)
+        flat = sd[k] > 0.7 * parameter.scale
+        parameters.append(
+            NamedParameter(
+                name=parameter.name,
+                value=value,
+                low=min(low, value),
+                high=max(high, value),
+                unit=parameter.unit,
+                state="at a bound" if bound else "flat" if flat else "moved",
+            )
+        )
+    step = next((s for s in found.steps if s.added is not None and s.added.key == effect.key), None)
+    rivals = {}
+    if step is not None:
+        best = step.rivals[0].gain
+        for rival in step.rivals:
+            if rival.effect.key != effect.key and best - rival.gain < CLASS_NATS:
+                rivals[rival.effect.key] = best - rival.gain
+    return NamedEffect(
+        name=effect.name,
+        part=effect.part,
+        variant=effect.variant,
+        phrase=_told(effect),
+        gain_nats=step.gain if step is not None else 0.0,
+        rivals=rivals,
+        parameters=parameters,
+    )
+
+
+def _told(effect: JointEffect) -> str:
+    return effect.phrase.format(part=effect.part) + (f" {effect.variant}" if is_free(effect) else "")
+
+
+def _location(step: Step) -> Location:
+    """The free form that gains most says where the mismatch is and what it follows."""
+    examined = step.examination
+    found = gains(examined.scores, examined.columns)
+    free = [i for i, effect in enumerate(examined.effects) if is_free(effect)]
+    if not free:
+        effect = examined.effects[step.test.largest]
+        return Location(part=effect.part, follows="the whole motion", size=None)
+    best = max(free, key=lambda i: found[i].log_evidence)
+    effect = examined.effects[best]
+    size = _size(step, effect, found[best].values)
+    return Location(part=effect.part, follows=getattr(effect, "variable", "the motion"), size=size)
+
+
+def _size(step: Step, effect: JointEffect, values: Array) -> Interval | None:
+    """Rms of a free form along the path."""
+    problem, fit = step.problem, step.examination.fit
+    segments, model = problem.segments, problem.rig.model
+    weights = values * np.array([parameter.scale for parameter in effect.parameters])
+    x = fit.path[segments.inside]
+    order = np.repeat(segments.order[:, None], segments.shape[1], 1)[segments.inside]
+    unit = effect.parameters[0].unit
+    if overrides(effect, "force"):
+        zeros = np.zeros((len(x), model.nv))
+        state = State(
+            x[:, : model.nq], x[:, model.nq : model.nq + model.nv], zeros, segments.time[segments.inside], order
+        )
+        change = effect.force(state, weights)
+    else:
+        y = np.nan_to_num(segments.y[segments.inside])
+        change = effect.observe(Observed(y, 0 * y, 0 * y, order), weights)
+    if change is None:
+        return None
+    rms = float(np.sqrt(np.mean(np.sum(change**2, axis=1))))
+    return Interval(value=rms, low=rms, high=rms, unit=unit)
+
+
+def _unknown(step: Step) -> str:
+    examined = step.examination
+    found = gains(examined.scores, examined.columns)
+    free = [i for i, effect in enumerate(examined.effects) if is_free(effect)]
+    if not free:
+        return "something is left that has no free form"
+    best = max(free, key=lambda i: found[i].log_evidence)
+    return f"best described as {_told(examined.effects[best])}"
+
+
+def _noise(recording: SignalRecording, rig: Rig, step: Step) -> dict[str, ChannelNoise]:
+    noise = step.examination.noise
+    return {
+        observation.channel: ChannelNoise(
+            white=float(noise.white[c]),
+            coloured=float(noise.coloured[c]),
+            correlation_s=float(noise.correlation_s[c]),
+            unit=recording.channels[observation.channel].unit,
+        )
+        for c, observation in enumerate(rig.observations)
+    }
+
+
+def _limits(step: Step) -> list[Limit]:
+    """What each effect could still be, by itself, at 95 %."""
+    examined = step.examination
+    from slapshot.diagnosis.inference.scores import Elimination
+
+    eliminated = Elimination(examined.scores)(examined.scores.b)
+    total, information = eliminated.segment.sum(0), eliminated.information
+    limits = []
+    for effect, columns in zip(examined.effects, examined.columns, strict=True):
+        if is_free(effect) or effect.many_forms or len(columns) > len(effect.parameters):
+            continue
+        precision = np.eye(len(columns)) + information[np.ix_(columns, columns)]
+        covariance = np.linalg.inv(precision)
+        values = covariance @ total[columns]
+        for k, c in enumerate(columns):
+            look = examined.looks[c]
+            start = [parameter.start for parameter in effect.parameters]
+            which = int(np.argmax(np.abs(np.array(look.values) - start)))
+            limit = (abs(values[k]) + _ONE_SIDED_95 * float(np.sqrt(covariance[k, k]))) * look.scale
+            parameter = effect.parameters[which]
+            limits.append(
+                Limit(effect=effect.key, parameter=parameter.name, limit=limit, unit=parameter.unit)
+            )
+    return limits
+
+
+def _untold(recording: SignalRecording, rig: Rig, said: list[str], reason: str, began: float) -> Verdict:
+    """A verdict that says why there is none."""
+    return Verdict(
+        headline="cannot_tell",
+        reason=reason,
+        rig=recording.rig,
+        stand_in=recording.stand_in,
+        episodes=len(recording.episodes),
+        seconds=0.0,
+        held_out_episodes=[],
+        cannot_tell=reason,
+        findings=said,
+        mismatch=None,
+        location=None,
+        effects=[],
+        nominal_parameters=[],
+        unknown=None,
+        fit=None,
+        noise={},
+        limits=[],
+        converged=False,
+        cpu_s=time.process_time() - began,
+        versions={},
+    )

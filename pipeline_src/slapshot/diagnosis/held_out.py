@@ -1,0 +1,139 @@
+"""How well are motions predicted that took no part in fitting?
+
+A window is predicted from a state that the model itself estimates from the data before it, and from the recorded
+controls; nothing that was recorded within the window is used.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.filter import innovations
+from slapshot.diagnosis.fit import Fitter, prior_of
+from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.linear import Look
+from slapshot.diagnosis.noise import Noise, fit_noise
+from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.problem import Problem
+from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.structure import moved_path
+
+Array = NDArray[np.float64]
+
+WINDOW_S = 0.5
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """Predictions of W windows.
+
+    Attributes:
+        error: (W, nodes, ny) recorded less predicted; NaN where nothing was recorded.
+        predicted: (W, nodes, ny).
+        floor: (W, nodes, ny) standard deviation of the error that noise alone would make.
+        log_likelihood: (W,) of what was recorded in the windows, given the data before.
+    """
+
+    error: Array
+    predicted: Array
+    floor: Array
+    log_likelihood: Array
+
+    def rms(self, columns: NDArray[np.intp]) -> float:
+        """Root mean square error of some channels."""
+        return float(np.sqrt(np.nanmean(self.error[..., columns] ** 2)))
+
+    def rms_floor(self, columns: NDArray[np.intp]) -> float:
+        """Root mean square error of some channels that noise alone would make."""
+        there = np.isfinite(self.error[..., columns])
+        return float(np.sqrt(np.mean(self.floor[..., columns][there] ** 2)))
+
+    def squares(self, columns: NDArray[np.intp]) -> Array:
+        """(W,) mean squared error of each window."""
+        return np.nanmean(self.error[..., columns] ** 2, axis=(1, 2))
+
+
+def predict(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    theta: Array,
+    windows: Segments,
+    noise: Noise,
+    path: Array,
+) -> Predictions:
+    """Predict the second half of every segment from its first.
+
+    Args:
+        problem: whose rig the hypothesis is on.
+        hypothesis: effects.
+        theta: their values.
+        windows: held-out segments of two window lengths.
+        noise: of the hypothesis, fitted elsewhere.
+        path: (W, 2 n, nx) where the first states are looked for.
+    """
+    half = windows.shape[1] // 2
+    masked = windows.y.copy()
+    masked[:, half:] = np.nan
+    before = replace(windows, y=masked)
+    own = replace(noise, weight=np.ones_like(masked))
+    fitter = Fitter(problem.fitter.simulator, before, problem.torque)
+    path = _without_parameters(fitter, hypothesis, theta, path, own)
+    system = fitter.linearise(hypothesis, theta, path).system.without_columns()
+    predicted = windows.y - _residual(fitter, hypothesis, theta, path, windows)
+    quiet = replace(own, force=1e-6)
+    floor = np.sqrt(innovations(system, quiet.covariances(windows.interval)).variance)
+    whole = replace(fitter, segments=windows)
+    there = whole.linearise(hypothesis, theta, path).system.without_columns()
+    covariances = own.covariances(windows.interval)
+    all_of_it, first = innovations(there, covariances), innovations(system, covariances)
+    log_likelihoods = -0.5 * (
+        np.sum(all_of_it.e**2, axis=(1, 2)) + all_of_it.logdet
+        - np.sum(first.e**2, axis=(1, 2)) - first.logdet
+    )  # fmt: skip
+    error = (windows.y - predicted)[:, half:]
+    return Predictions(error, predicted[:, half:], floor[:, half:], log_likelihoods)
+
+
+def _without_parameters(
+    fitter: Fitter, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise
+) -> Array:
+    """Smoothed path with the values held."""
+    from slapshot.diagnosis.filter import smooth
+
+    for _ in range(5):
+        system = fitter.linearise(hypothesis, theta, path).system.without_columns()
+        delta, _ = smooth(system, noise.covariances(fitter.segments.interval))
+        path = fitter.simulator.tangent.add(path, delta)
+    return path
+
+
+def _residual(fitter: Fitter, hypothesis: Hypothesis, theta: Array, path: Array, windows: Segments) -> Array:
+    return replace(fitter, segments=windows).linearise(hypothesis, theta, path).system.r
+
+
+def own_noise(
+    problem: Problem, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise
+) -> tuple[Noise, Array]:
+    """Noise of a hypothesis whose values are held, and the path under it."""
+    for _ in range(2):
+        system = problem.fitter.linearise(hypothesis, theta, path).system.without_columns()
+        nothing: tuple[Look, ...] = ()
+        prior = prior_of(Hypothesis(problem.rig), nothing)
+        noise = fit_noise(system, prior, noise, problem.segments, problem.kinds)
+        path = _without_parameters(problem.fitter, hypothesis, theta, path, noise)
+    return noise, path
+
+
+def first_path(problem: Problem, nominal: Problem, windows: Segments) -> Array:
+    """Where first states of windows are looked for; restructured rigs begin without deflection."""
+    path = recorded_path(nominal.rig, windows)
+    if problem.rig is nominal.rig:
+        return path
+    added = next(e for e in problem.catalogue if e.hidden_state and _added(problem, e))
+    return moved_path(nominal.rig, problem.rig, added, windows, path)
+
+
+def _added(problem: Problem, effect: object) -> bool:
+    name = f"slapshot:deflection:{getattr(effect, 'part', '')}"
+    return any(problem.rig.model.joint(j).name == name for j in range(problem.rig.model.njnt))

@@ -1,0 +1,275 @@
+"""What is missing? Effects are added one at a time, by refits, until nothing more can be told.
+
+Columns screen, refits decide. Where no law of the present state explains what is left, models with a state of
+their own are tried (a spring or play in a joint), by shooting. Free forms are rivals that never make a name: where
+one explains what names do not, something is missing that the catalogue does not have.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.fit import Fit, prior_of
+from slapshot.diagnosis.free_forms import is_free
+from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.inference.null import MismatchTest, mismatch_test
+from slapshot.diagnosis.inference.selection import gains
+from slapshot.diagnosis.noise import Noise, fit_noise
+from slapshot.diagnosis.problem import Examination, Problem, examine
+from slapshot.diagnosis.shooting import shoot
+from slapshot.diagnosis.structure import same_effects
+from slapshot.effects.joints.catalogue import instances
+from slapshot.effects.joints.effect import JointEffect
+
+Array = NDArray[np.float64]
+
+P_VALUE = 0.01
+MOST_EFFECTS = 5
+REFITTED = 6  # candidates that are refitted in a step
+CLASS_NATS = float(np.log(20.0))  # rivals within a factor of twenty cannot be told apart
+_STRUCTURE_JOINTS = 3
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that was refitted in a step, and by how many nats it gained."""
+
+    effect: JointEffect
+    gain: float
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the search.
+
+    Attributes:
+        problem: which may be restructured.
+        examination: of the hypothesis at the end of the step.
+        test: whether something is missing in it.
+        added: effect that was added; None at first.
+        gain: nats that it gained.
+        rivals: refitted in this step, best first.
+    """
+
+    problem: Problem
+    examination: Examination
+    test: MismatchTest
+    added: JointEffect | None = None
+    gain: float = 0.0
+    rivals: tuple[Rival, ...] = ()
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """What is in the model."""
+        return self.examination.fit.hypothesis
+
+
+@dataclass(frozen=True)
+class Search:
+    """All steps; the first is the nominal rig with its free parameters."""
+
+    steps: tuple[Step, ...]
+    free: tuple[JointEffect, ...]
+
+    @property
+    def nominal(self) -> Step:
+        """The first."""
+        return self.steps[0]
+
+    @property
+    def final(self) -> Step:
+        """The last."""
+        return self.steps[-1]
+
+    @property
+    def named(self) -> tuple[JointEffect, ...]:
+        """Effects that were added and stayed."""
+        free = {effect.key for effect in self.free}
+        return tuple(e for e in self.final.hypothesis.effects if e.key not in free)
+
+
+def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Report) -> Search:
+    """Look for what is missing.
+
+    Args:
+        problem: segments that may be used.
+        free: effects of the nominal rig itself.
+        seed: of the draws behind p-values.
+        report: told what is being done.
+    """
+    rng = np.random.default_rng(seed)
+    base = problem.base(free)
+    report("fitting the nominal model")
+    examined = examine(problem, base, base.start, problem.path, problem.first_noise, passes=2)
+    steps = [Step(problem, examined, _test(examined, rng))]
+    while steps[-1].test.p_value < P_VALUE and len(steps) <= MOST_EFFECTS:
+        step = _extended(steps[-1], rng, report)
+        if step is None:
+            break
+        steps.append(step)
+        if len(steps) == 2 and step.test.p_value < P_VALUE:
+            other = _structured(steps[0], step, rng, report)
+            if other is not None:
+                steps[-1] = other
+    final = _pruned(steps[-1], free, rng, report)
+    if final is not steps[-1]:
+        steps.append(final)
+    return Search(tuple(steps), tuple(free))
+
+
+def _test(examined: Examination, rng: np.random.Generator) -> MismatchTest:
+    return mismatch_test(examined.scores, examined.columns, rng)
+
+
+def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
+    """The step with the effect more that gains most; None where none gains enough."""
+    examined, problem = step.examination, step.problem
+    worth = float(np.log(len(examined.effects))) + CLASS_NATS
+    found = gains(examined.scores, examined.columns)
+    order = sorted(range(len(found)), key=lambda i: -found[i].log_evidence)
+    rivals: list[Rival] = []
+    tried: set[str] = set()
+    for i in order:
+        effect = examined.effects[i]
+        # One start of a period is enough for each joint.
+        family = f"{effect.name}@{effect.part}{effect.variant}"
+        if is_free(effect) or family in tried or found[i].log_evidence < min(worth, 3.0):
+            continue
+        tried.add(family)
+        fit = refit(step, effect, _start(examined, i, found[i].values))
+        rivals.append(Rival(effect, fit.log_evidence - examined.fit.log_evidence, fit))
+        report(f"refitted {effect.key}: {rivals[-1].gain:+.1f} nats")
+        if len(tried) >= REFITTED:
+            break
+    rivals.sort(key=lambda rival: -rival.gain)
+    if not rivals or rivals[0].gain < worth:
+        return None
+    best = rivals[0]
+    examined = examine(problem, best.fit.hypothesis, best.fit.theta, best.fit.path, step.examination.noise)
+    return Step(problem, examined, _test(examined, rng), best.effect, best.gain, tuple(rivals))
+
+
+def refit(step: Step, effect: JointEffect, start: Array) -> Fit:
+    """The step's hypothesis with one effect more, fitted under the step's noise."""
+    examined = step.examination
+    hypothesis = examined.fit.hypothesis.with_effect(effect)
+    theta = np.concatenate([examined.fit.theta, start])
+    return step.problem.fitter.fit(hypothesis, theta, examined.fit.path, examined.noise)
+
+
+def _start(examined: Examination, index: int, values: Array) -> Array:
+    """First values of an effect: where its columns point, in as far as they are possible."""
+    effect = examined.effects[index]
+    start = np.array([parameter.start for parameter in effect.parameters])
+    looks = [examined.looks[c] for c in examined.columns[index]]
+    moved = start.copy()
+    best = -np.inf
+    for look, value in zip(looks, values, strict=True):
+        which = int(np.argmax(np.abs(np.array(look.values) - start)))
+        if len(looks) <= len(start):
+            moved[which] = start[which] + value * look.scale
+        elif abs(value) > best:  # several looks at one parameter: the one that is needed most
+            best = abs(value)
+            moved[which] = look.values[which]
+    low = [parameter.low for parameter in effect.parameters]
+    high = [parameter.high for parameter in effect.parameters]
+    return np.clip(moved, low, high)
+
+
+def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Report) -> Step | None:
+    """A model with a state of its own in place of the rival; None where none is better."""
+    problem, examined = before.problem, before.examination
+    candidates = [effect for effect in problem.catalogue if effect.hidden_state]
+    statistic = {j.name: 0.0 for j in problem.situation.joints}
+    for effect, value in zip(examined.effects, before.test.statistics, strict=True):
+        if effect.part in statistic:
+            statistic[effect.part] = max(statistic[effect.part], float(value))
+    parts = sorted(statistic, key=lambda part: -statistic[part])[:_STRUCTURE_JOINTS]
+    own = rival.examination
+    level = _own_evidence(rival.problem, own.fit, own.noise)[0]
+    fits: list[tuple[float, Problem, Fit, Noise, JointEffect]] = []
+    for effect in candidates:
+        if effect.part not in parts and effect.part in statistic:
+            continue
+        report(f"trying {effect.key}")
+        try:
+            moved = problem.restructured(effect, examined.fit.path)
+        except (ValueError, KeyError):  # the model has no room for it
+            continue
+        there = (*before.hypothesis.effects, effect)
+        hypothesis = Hypothesis(moved.rig, same_effects(there, instances(moved.situation)))
+        noise = replace(examined.noise, torque=moved.torque, initial=moved.first_noise.initial)
+        white = np.sqrt(noise.white**2 + noise.coloured**2)
+        still = replace(noise, white=white, coloured=0 * white)
+        theta = np.concatenate([examined.fit.theta, [p.start for p in effect.parameters]])
+        fit = shoot(moved.fitter.simulator, hypothesis, theta, moved.segments, moved.path, still)
+        if np.isfinite(fit.log_evidence):
+            fits.append((fit.log_evidence, moved, fit, noise, effect))
+    fits.sort(key=lambda item: -item[0])
+    best: tuple[float, Problem, Fit, Noise, JointEffect] | None = None
+    for _, moved, fit, noise, effect in fits[:2]:
+        evidence, improved, noise = _own_evidence(moved, fit, noise)
+        report(
+            f"refitted {effect.key}: {evidence - level:+.1f} nats against {rival.added.key if rival.added else ''}"
+        )
+        if best is None or evidence > best[0]:
+            best = (evidence, moved, improved, noise, effect)
+    if best is None or best[0] < level + CLASS_NATS:
+        return None
+    evidence, moved, fit, noise, effect = best
+    examined = examine(moved, fit.hypothesis, fit.theta, fit.path, noise)
+    gain = evidence - level + rival.gain
+    return Step(
+        moved, examined, _test(examined, rng), effect, gain, (Rival(effect, gain, fit), *rival.rivals)
+    )
+
+
+def _own_evidence(problem: Problem, fit: Fit, noise: Noise) -> tuple[float, Fit, Noise]:
+    """Evidence of a fit under the noise of its own: what it leaves is noise to it."""
+    for _ in range(2):
+        hypothesis = fit.hypothesis
+        system = problem.fitter.linearise(hypothesis, fit.theta, fit.path, problem.nuisance).system
+        prior = prior_of(hypothesis, problem.nuisance)
+        noise = fit_noise(system, prior, noise, problem.segments, problem.kinds)
+        still = problem.fitter.fit(hypothesis, fit.theta, fit.path, noise, rounds=0)
+        moved = problem.fitter.fit(hypothesis, fit.theta, fit.path, noise, rounds=3)
+        fit = moved if moved.log_evidence > still.log_evidence else still
+    return fit.log_evidence, fit, noise
+
+
+def _pruned(step: Step, free: Sequence[JointEffect], rng: np.random.Generator, report: Report) -> Step:
+    """The step without effects that later ones have made needless."""
+    kept_for_good = {effect.key for effect in free}
+    while True:
+        fit = step.examination.fit
+        effects = fit.hypothesis.effects
+        removable = [i for i, e in enumerate(effects) if e.key not in kept_for_good and not e.hidden_state]
+        if len([e for e in effects if e.key not in kept_for_good]) < 2 or not removable:
+            return step
+        worth = float(np.log(len(step.examination.effects))) + CLASS_NATS
+        best: Fit | None = None
+        for i in removable:
+            less = Hypothesis(fit.hypothesis.rig, tuple(e for k, e in enumerate(effects) if k != i))
+            keep = np.ones(len(fit.theta), bool)
+            keep[fit.hypothesis.slices[i]] = False
+            # A quadratic tells what is not worth a refit.
+            part = fit.hypothesis.slices[i]
+            own = fit.theta[part] - fit.hypothesis.start[part]
+            covariance = np.linalg.inv(fit.precision)[part, part]
+            if 0.5 * own @ np.linalg.solve(covariance, own) > 4 * worth:
+                continue
+            without = step.problem.fitter.fit(less, fit.theta[keep], fit.path, step.examination.noise)
+            if without.log_evidence > fit.log_evidence - worth and (
+                best is None or without.log_evidence > best.log_evidence
+            ):
+                best = without
+        if best is None:
+            return step
+        report("removed an effect that is no longer needed")
+        examined = examine(step.problem, best.hypothesis, best.theta, best.path, step.examination.noise)
+        step = replace(step, examination=examined, test=_test(examined, rng))
