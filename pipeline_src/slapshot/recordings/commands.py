@@ -4,10 +4,14 @@ import argparse
 from pathlib import Path
 
 from slapshot.recordings.__main__ import describe
+from slapshot.recordings.describe_signals import describe_signals
 from slapshot.recordings.finding import Finding
 from slapshot.recordings.importing.importer import ImportSummary, import_tracks
+from slapshot.recordings.odd_signals import odd_signals
 from slapshot.recordings.oddities import odd_things
-from slapshot.recordings.read import read_recording
+from slapshot.recordings.read import format_version, read_recording
+from slapshot.recordings.signal_measures import measure_all
+from slapshot.recordings.signals import SIGNAL_FORMAT_VERSION, read_signals
 from slapshot.text import printable
 
 
@@ -33,9 +37,16 @@ def run_check(args: argparse.Namespace) -> int:
     Raises:
         InputError: A line for a person.
     """
-    recording = read_recording(Path(args.recording))
-    print(describe(recording))
-    print(say_findings(odd_things(recording)))
+    folder = Path(args.recording)
+    if format_version(folder) == SIGNAL_FORMAT_VERSION:
+        signals = read_signals(folder)
+        channels = measure_all(signals)
+        print(describe_signals(signals, channels))
+        print(say_findings(odd_signals(signals, channels)))
+    else:
+        recording = read_recording(folder)
+        print(describe(recording))
+        print(say_findings(odd_things(recording)))
     return 0
 
 
