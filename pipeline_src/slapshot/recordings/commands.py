@@ -7,6 +7,8 @@ from slapshot.recordings.__main__ import describe
 from slapshot.recordings.describe_signals import describe_signals
 from slapshot.recordings.finding import Finding
 from slapshot.recordings.importing.importer import ImportSummary, import_tracks
+from slapshot.recordings.importing.signal_importer import SignalSummary, import_signals
+from slapshot.recordings.importing.signal_mapping import is_signal_mapping
 from slapshot.recordings.odd_signals import odd_signals
 from slapshot.recordings.oddities import odd_things
 from slapshot.recordings.read import format_version, read_recording
@@ -24,7 +26,10 @@ def run_import(args: argparse.Namespace) -> int:
     Raises:
         InputError: A line for a person.
     """
-    print(say_imported(import_tracks(args.mapping, args.source, args.out)))
+    if is_signal_mapping(args.mapping):
+        print(say_signals(import_signals(args.mapping, args.source, args.out)))
+    else:
+        print(say_imported(import_tracks(args.mapping, args.source, args.out)))
     return 0
 
 
@@ -56,6 +61,16 @@ def say_imported(summary: ImportSummary) -> str:
     if summary.dropped:
         lines[0] += f"; {len(summary.dropped)} dropped"
     return "\n".join(printable(line) for line in [*lines, *(f"  {line}" for line in summary.lines)])
+
+
+def say_signals(summary: SignalSummary) -> str:
+    """What an import of signals did, one fact a line."""
+    episodes = f"{summary.episodes} episode{'s' * (summary.episodes > 1)}"
+    lines = [
+        f"{summary.out}: {episodes}, {summary.samples} samples",
+        *(f"  {line}" for line in summary.lines),
+    ]
+    return "\n".join(printable(line) for line in lines)
 
 
 def say_findings(findings: list[Finding]) -> str:

@@ -12,16 +12,21 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _LONG_RUN, _AROUND = 5, 10  # samples and times the usual run of equal values; runs that tell the usual one
+_CUT_RUN = 3  # samples that are equal only if cut off, where numbers lie on no grid
 _FAR = 3.0  # times the usual change between runs
 _MANY_SAME, _FEWEST_MOVING, _REACH = 0.15, 50, 5  # share, samples, and samples on either side
-_RECURS = 2.0  # times that a number recurs, on average, where numbers lie on some grid
+_RECURS = 1.1  # times that a number comes again, on average, where numbers lie on some grid
 _STANDS_OUT, _STEPS = 8.0, 4.0  # times the noise, and steps of the numbers
-_AGREE = 0.5  # of an outlier's height
+_AGREE, _LATE = 0.5, 0.1  # of an outlier's height; intervals by which times may err
 _LEAST_CUT, _FEW_NUMBERS, _LEAST_END = 0.002, 10, 0.5  # share of samples, numbers, of the largest size
 _FAST = 3.0  # steps of the numbers with which a channel that is cut off reaches its end
+_BESIDE = (-2, -1, 2, 3)  # samples before a jump, and after
 _TURN, _TURN_ERR = 2 * np.pi, 0.5
 _OTHER_NOISE = 3.0  # times
-_SMOOTH = 0.0  # correlation of neighbouring residuals; that of white noise is -0.8
+_SMOOTH, _COARSE = (
+    -0.5,
+    1e-3,
+)  # correlation of neighbouring residuals (white: -0.8), share of the channel's sd
 _MANY_JITTER, _LEAST_JITTER = 3.0, 0.02  # times the noise of slow samples, and of the interval
 
 
@@ -104,7 +109,7 @@ def _cut_off(x: Array, end: float, grid: float) -> Mask:
     """
     mask = np.zeros(len(x), dtype=bool)
     for first, last in zip(*runs(x), strict=True):
-        if abs(x[first] - end) > grid / 2 or last - first + 1 < _LONG_RUN:
+        if abs(x[first] - end) > grid / 2 or last - first + 1 < (_LONG_RUN if grid else _CUT_RUN):
             continue
         beside = [abs(x[i] - end) for i in (first - 1, last + 1) if 0 <= i < len(x)]
         if max(beside, default=0.0) >= _FAST * grid:
@@ -167,10 +172,9 @@ def _outliers(measured: Measured) -> Iterator[Finding]:
     for one in measured.series:
         mask = np.zeros(len(one.x), dtype=bool)
         if len(one.x) > 4:
-            around = np.stack([one.x[:-4], one.x[1:-3], one.x[3:-1], one.x[4:]])  # (4, n - 4)
-            height = np.abs(one.x[2:-2] - np.median(around, axis=0))
-            least = max(_STANDS_OUT * measured.noise, _STEPS * measured.grid)
-            mask[2:-2] = (height > least) & (np.ptp(around, axis=0) < _AGREE * height)
+            height, spread, late = _above_line(one)
+            least = np.maximum(max(_STANDS_OUT * measured.noise, _STEPS * measured.grid), late)
+            mask[2:-2] = (height > least) & (spread < _AGREE * height)
         masks.append(mask)
     count = sum(int(mask.sum()) for mask in masks)
     if count:
@@ -179,30 +183,32 @@ def _outliers(measured: Measured) -> Iterator[Finding]:
             "outliers",
             masks,
             f"{count} of {len(measured.values)} samples of {measured.name} stand out from their neighbours",
-            f"single readings off by {_STANDS_OUT:g} times the noise outweigh all others: leave them out",
+            f"readings, or their times, off by {_STANDS_OUT:g} times the noise outweigh all others: leave them out",
         )
+
+
+def _above_line(one: Series) -> tuple[Array, Array, Array]:
+    """How far each sample lies from the line through its four neighbours, which is told with each.
+
+    Returns:
+        (n - 4,) distance from the line, spread of the neighbours about it, and what the line does in a tenth
+        of an interval: as far off is a time that errs, and no wrong reading.
+    """
+    t, x = (np.stack([part[:-4], part[1:-3], part[3:-1], part[4:]]) for part in (one.t, one.x))  # (4, n - 4)
+    middle, since = x.mean(axis=0), t - t.mean(axis=0)
+    slope = (since * x).sum(axis=0) / (since**2).sum(axis=0)
+    height = one.x[2:-2] - middle - slope * (one.t[2:-2] - t.mean(axis=0))
+    return np.abs(height), np.ptp(x - slope * since, axis=0), np.abs(slope) * np.ptp(t, axis=0) / 4 * _LATE
 
 
 def _jumps(measured: Measured, stuck: Sequence[Mask]) -> Iterator[Finding]:
     """Changes of a position from one sample to the next that its speed before and after does not explain."""
     turns, others = [], []
     for one, mask in zip(measured.series, stuck, strict=True):
-        turn, other = np.zeros(len(one.x), dtype=bool), np.zeros(len(one.x), dtype=bool)
-        if len(one.x) > 5:
-            interval, change = np.diff(one.t), np.diff(one.x)
-            speed = change / interval
-            around = np.sort(np.stack([speed[:-4], speed[1:-3], speed[3:-1], speed[4:]]), axis=0)
-            spread = np.abs(around[[0, -1]]).max(axis=0) * interval[2:-2]
-            excess = change[2:-2] - around[1:3].mean(axis=0) * interval[2:-2]
-            far = np.abs(excess) > np.maximum(
-                max(_STANDS_OUT * measured.noise, _STEPS * measured.grid), _FAR * spread
-            )
-            wraps = measured.channel.unit == "rad"
-            turned = (np.abs(np.abs(excess) - _TURN) < _TURN_ERR) & wraps
-            turn[3:-2] = far & turned
-            other[3:-2] = far & ~turned & ~mask[2:-3]
-        turns.append(turn)
-        others.append(other)
+        excess = _excess(one, max(_STANDS_OUT * measured.noise, _STEPS * measured.grid))
+        turned = (np.abs(np.abs(excess) - _TURN) < _TURN_ERR) & (measured.channel.unit == "rad")
+        turns.append(turned)
+        others.append((excess != 0) & ~turned & ~np.append(False, mask[:-1]))
     for kind, masks, what, why in (
         (
             "wraps",
@@ -222,18 +228,52 @@ def _jumps(measured: Measured, stuck: Sequence[Mask]) -> Iterator[Finding]:
             yield _of_samples(measured, kind, masks, f"{measured.name} {what.format(count)}", why)  # type: ignore[arg-type]
 
 
+def _excess(one: Series, least: float) -> Array:
+    """How far a sample and those after it lie from where those before it lead.
+
+    Args:
+        one: samples.
+        least: of a distance that counts.
+
+    Returns:
+        (n,) distance, 0 where there is none.
+    """
+    found = np.zeros(len(one.x))
+    if len(one.x) < 6:
+        return found
+    interval, change = np.diff(one.t), np.diff(one.x)
+    speed = change / interval
+    around = np.sort(np.stack([speed[:-4], speed[1:-3], speed[3:-1], speed[4:]]), axis=0)  # (4, n - 5)
+    typical = around[1:3].mean(axis=0)
+    excess = change[2:-2] - typical * interval[2:-2]
+    here = np.arange(2, len(one.x) - 3)
+    off = np.stack(
+        [one.x[here + k] - one.x[here] - typical * (one.t[here + k] - one.t[here]) for k in _BESIDE]
+    )
+    after, before = off[-2:] * np.sign(excess), np.abs(off[:2])
+    stays = (after > _AGREE * np.abs(excess)).all(axis=0) & (before < _AGREE * np.abs(excess)).all(axis=0)
+    fastest = np.abs(around[[0, -1]]).max(axis=0) * interval[2:-2]
+    far = np.abs(excess) > np.maximum(least, _FAR * fastest)
+    found[here + 1] = np.where(far & stays, excess, 0.0)
+    return found
+
+
 def _odd_motion(measured: Measured) -> Iterator[Finding]:
     """Positions that scatter more at speed, since their times err, or change too much between samples."""
     parts = [(residuals(one.t, one.x), *_speed(one)) for one in measured.series if len(one.t) > 4]
     if not parts:
         return
     left, speed, interval = (np.concatenate(part) for part in zip(*parts, strict=True))
-    neighbours = (
-        np.concatenate([part[0][:-1] for part in parts]),
-        np.concatenate([part[0][1:] for part in parts]),
+    most = 3 * robust_sd(left)  # a stop or a wrong reading tells nothing of the others
+    neighbours = np.stack(
+        [
+            np.concatenate([np.clip(part[0][rows], -most, most) for part in parts])
+            for rows in (slice(None, -1), slice(1, None))
+        ]
     )
-    large = robust_sd(left) > measured.grid  # else rounding is all there is
-    if large and np.corrcoef(*neighbours)[0, 1] > _SMOOTH:
+    # Of less, rounding is all there is, or a simulation without noise.
+    large = robust_sd(left) > max(measured.grid, _COARSE * float(measured.values.std()))
+    if large and np.corrcoef(neighbours)[0, 1] > _SMOOTH:
         yield Finding(
             "coarse_sampling",
             f"{measured.name} bends between samples: what a cubic through its neighbours misses "

@@ -15,7 +15,10 @@ from slapshot.recordings.signals import SignalRecording
 
 Array = NDArray[np.float64]
 
-GAP = 1.5  # intervals; a longer one lacks a sample
+_GAP, _UNEVEN_GAP = (
+    1.5,
+    4.0,
+)  # intervals and, beyond the usual one, sds of an uneven clock: longer lacks a sample
 MAD_TO_SD = 1.4826  # of a normal distribution
 _FEWEST = 20  # samples that a measure of spread needs
 # Steps: numbers of one grid are multiples of it, and the numbers of a text file err in their last digit.
@@ -65,7 +68,8 @@ def sampling(times: Sequence[Array]) -> Sampling:
         return Sampling(float("nan"), float("nan"), 0.0, 0.0)
     typical = float(np.median(intervals))
     whole = intervals / typical
-    gaps = whole > GAP
+    spread = MAD_TO_SD * float(np.median(np.abs(whole - 1)))
+    gaps = whole > max(_GAP, 1 + _UNEVEN_GAP * spread)
     lost = float((np.rint(whole[gaps]) - 1).sum())
     return Sampling(
         interval_s=typical,
