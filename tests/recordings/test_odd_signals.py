@@ -176,7 +176,7 @@ CASES: dict[str, tuple[FindingKind, Change, list[str]]] = {
         lambda recording: with_channel(recording, "q", noise=0.0001),
         ["noise of q is said to be 0.0001 rad", "scatter by 0.001"],
     ),
-    "times that err": ("moving_noise", of_main(late_times), ["q scatters by", "times erred by 0.97 ms"]),
+    "times that err": ("moving_noise", of_main(late_times), ["q scatters by", "times erred by 0.98 ms"]),
     "too few frames": ("coarse_sampling", slow_frames, ["seen bends between samples"]),
     "quotient": (
         "no_own_velocity",

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.recordings.finding import Finding, FindingKind
-from slapshot.recordings.signal_measures import Measured, Series, residuals, robust_sd, runs
+from slapshot.recordings.signal_measures import Measured, Series, runs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -16,18 +16,11 @@ _CUT_RUN = 3  # samples that are equal only if cut off, where numbers lie on no 
 _FAR = 3.0  # times the usual change between runs
 _MANY_SAME, _FEWEST_MOVING, _REACH = 0.15, 50, 5  # share, samples, and samples on either side
 _RECURS = 1.1  # times that a number comes again, on average, where numbers lie on some grid
-_STANDS_OUT, _STEPS = 8.0, 4.0  # times the noise, and steps of the numbers
+STANDS_OUT, STEPS = 8.0, 4.0  # times the noise, and steps of the numbers
 _AGREE, _LATE = 0.5, 0.1  # of an outlier's height; intervals by which times may err
 _LEAST_CUT, _FEW_NUMBERS, _LEAST_END = 0.002, 10, 0.5  # share of samples, numbers, of the largest size
 _FAST = 3.0  # steps of the numbers with which a channel that is cut off reaches its end
-_BESIDE = (-2, -1, 2, 3)  # samples before a jump, and after
-_TURN, _TURN_ERR = 2 * np.pi, 0.5
 _OTHER_NOISE = 3.0  # times
-_SMOOTH, _COARSE = (
-    -0.5,
-    1e-3,
-)  # correlation of neighbouring residuals (white: -0.8), share of the channel's sd
-_MANY_JITTER, _LEAST_JITTER = 3.0, 0.02  # times the noise of slow samples, and of the interval
 
 
 def odd_samples(measured: Measured) -> Iterator[Finding]:
@@ -38,9 +31,9 @@ def odd_samples(measured: Measured) -> Iterator[Finding]:
     yield from _saturated(measured)
     if measured.channel.role == "control":
         return  # what was commanded may stand still, jump and wrap
-    stuck = [_stuck(one, measured.grid) for one in measured.series]
+    stuck = [stuck_samples(one, measured.grid) for one in measured.series]
     if any(mask.any() for mask in stuck):
-        yield _of_samples(
+        yield of_samples(
             measured,
             "stuck_samples",
             stuck,
@@ -50,13 +43,10 @@ def odd_samples(measured: Measured) -> Iterator[Finding]:
         )
     yield from _repeated(measured, stuck)
     yield from _outliers(measured)
-    if measured.channel.quantity == "position":
-        yield from _jumps(measured, stuck)
-        yield from _odd_motion(measured)
     yield from _other_noise(measured)
 
 
-def _of_samples(measured: Measured, kind: FindingKind, masks: Sequence[Mask], what: str, why: str) -> Finding:
+def of_samples(measured: Measured, kind: FindingKind, masks: Sequence[Mask], what: str, why: str) -> Finding:
     """A finding of the episodes in which a mask holds anywhere."""
     where = tuple(one.episode for one, mask in zip(measured.series, masks, strict=True) if mask.any())
     return Finding(kind, what, where if len(measured.series) > 1 else (), why, "episode")
@@ -92,7 +82,7 @@ def _saturated(measured: Measured) -> Iterator[Finding]:
         masks = [_cut_off(one.x, end, measured.grid) for one in measured.series]
         share = sum(int(mask.sum()) for mask in masks) / len(values)
         if share >= _LEAST_CUT:
-            yield _of_samples(
+            yield of_samples(
                 measured,
                 "saturated",
                 masks,
@@ -117,7 +107,7 @@ def _cut_off(x: Array, end: float, grid: float) -> Mask:
     return mask
 
 
-def _stuck(one: Series, grid: float) -> Mask:
+def stuck_samples(one: Series, grid: float) -> Mask:
     """(n,) samples of runs that last much longer than those around them and end with a far jump."""
     mask = np.zeros(len(one.x), dtype=bool)
     firsts, lasts = runs(one.x)
@@ -173,17 +163,17 @@ def _outliers(measured: Measured) -> Iterator[Finding]:
         mask = np.zeros(len(one.x), dtype=bool)
         if len(one.x) > 4:
             height, spread, late = _above_line(one)
-            least = np.maximum(max(_STANDS_OUT * measured.noise, _STEPS * measured.grid), late)
+            least = np.maximum(max(STANDS_OUT * measured.noise, STEPS * measured.grid), late)
             mask[2:-2] = (height > least) & (spread < _AGREE * height)
         masks.append(mask)
     count = sum(int(mask.sum()) for mask in masks)
     if count:
-        yield _of_samples(
+        yield of_samples(
             measured,
             "outliers",
             masks,
             f"{count} of {len(measured.values)} samples of {measured.name} stand out from their neighbours",
-            f"readings, or their times, off by {_STANDS_OUT:g} times the noise outweigh all others: leave them out",
+            f"readings or times off by {STANDS_OUT:g} times the noise outweigh all others: leave them out",
         )
 
 
@@ -199,110 +189,6 @@ def _above_line(one: Series) -> tuple[Array, Array, Array]:
     slope = (since * x).sum(axis=0) / (since**2).sum(axis=0)
     height = one.x[2:-2] - middle - slope * (one.t[2:-2] - t.mean(axis=0))
     return np.abs(height), np.ptp(x - slope * since, axis=0), np.abs(slope) * np.ptp(t, axis=0) / 4 * _LATE
-
-
-def _jumps(measured: Measured, stuck: Sequence[Mask]) -> Iterator[Finding]:
-    """Changes of a position from one sample to the next that its speed before and after does not explain."""
-    turns, others = [], []
-    for one, mask in zip(measured.series, stuck, strict=True):
-        excess = _excess(one, max(_STANDS_OUT * measured.noise, _STEPS * measured.grid))
-        turned = (np.abs(np.abs(excess) - _TURN) < _TURN_ERR) & (measured.channel.unit == "rad")
-        turns.append(turned)
-        others.append((excess != 0) & ~turned & ~np.append(False, mask[:-1]))
-    for kind, masks, what, why in (
-        (
-            "wraps",
-            turns,
-            "jumps by a whole turn, {} times",
-            "an angle that wraps does not move so: unwrap it (numpy.unwrap), for simulated joints turn on",
-        ),
-        (
-            "jumps",
-            others,
-            "jumps {} times by more than its speed before and after explains",
-            "an encoder slipped, samples are lost, or two recordings were joined: split the episode there",
-        ),
-    ):
-        count = sum(int(mask.sum()) for mask in masks)
-        if count:
-            yield _of_samples(measured, kind, masks, f"{measured.name} {what.format(count)}", why)  # type: ignore[arg-type]
-
-
-def _excess(one: Series, least: float) -> Array:
-    """How far a sample and those after it lie from where those before it lead.
-
-    Args:
-        one: samples.
-        least: of a distance that counts.
-
-    Returns:
-        (n,) distance, 0 where there is none.
-    """
-    found = np.zeros(len(one.x))
-    if len(one.x) < 6:
-        return found
-    interval, change = np.diff(one.t), np.diff(one.x)
-    speed = change / interval
-    around = np.sort(np.stack([speed[:-4], speed[1:-3], speed[3:-1], speed[4:]]), axis=0)  # (4, n - 5)
-    typical = around[1:3].mean(axis=0)
-    excess = change[2:-2] - typical * interval[2:-2]
-    here = np.arange(2, len(one.x) - 3)
-    off = np.stack(
-        [one.x[here + k] - one.x[here] - typical * (one.t[here + k] - one.t[here]) for k in _BESIDE]
-    )
-    after, before = off[-2:] * np.sign(excess), np.abs(off[:2])
-    stays = (after > _AGREE * np.abs(excess)).all(axis=0) & (before < _AGREE * np.abs(excess)).all(axis=0)
-    fastest = np.abs(around[[0, -1]]).max(axis=0) * interval[2:-2]
-    far = np.abs(excess) > np.maximum(least, _FAR * fastest)
-    found[here + 1] = np.where(far & stays, excess, 0.0)
-    return found
-
-
-def _odd_motion(measured: Measured) -> Iterator[Finding]:
-    """Positions that scatter more at speed, since their times err, or change too much between samples."""
-    parts = [(residuals(one.t, one.x), *_speed(one)) for one in measured.series if len(one.t) > 4]
-    if not parts:
-        return
-    left, speed, interval = (np.concatenate(part) for part in zip(*parts, strict=True))
-    most = 3 * robust_sd(left)  # a stop or a wrong reading tells nothing of the others
-    neighbours = np.stack(
-        [
-            np.concatenate([np.clip(part[0][rows], -most, most) for part in parts])
-            for rows in (slice(None, -1), slice(1, None))
-        ]
-    )
-    # Of less, rounding is all there is, or a simulation without noise.
-    large = robust_sd(left) > max(measured.grid, _COARSE * float(measured.values.std()))
-    if large and np.corrcoef(neighbours)[0, 1] > _SMOOTH:
-        yield Finding(
-            "coarse_sampling",
-            f"{measured.name} bends between samples: what a cubic through its neighbours misses "
-            f"({robust_sd(left):.2g} {measured.channel.unit}) is no noise",
-            (),
-            "noise cannot be told, and motion between samples is not seen: record more often",
-            "episode",
-        )
-        return
-    slow, fast = speed <= np.quantile(speed, 0.5), speed >= np.quantile(speed, 0.9)
-    still = max(robust_sd(left[slow]), measured.grid / np.sqrt(12))
-    moving, typical = robust_sd(left[fast]), float(np.median(speed[fast]))
-    if moving > _MANY_JITTER * still and typical > 0:
-        jitter = np.sqrt(moving**2 - still**2) / typical
-        if jitter > _LEAST_JITTER * float(np.median(interval)):
-            yield Finding(
-                "moving_noise",
-                f"{measured.name} scatters by {moving:.2g} {measured.channel.unit} where it is fast and by "
-                f"{still:.2g} where it is slow, as if its times erred by {1000 * jitter:.2g} ms",
-                (),
-                "noise that grows with speed is none of place: weighed alike, all samples show it as physics",
-                "episode",
-            )
-
-
-def _speed(one: Series) -> tuple[Array, Array]:
-    """(n - 4,) speed about each sample that has two neighbours on either side, and interval there."""
-    span = one.t[4:] - one.t[:-4]
-    return np.abs(one.x[4:] - one.x[:-4]) / span, span / 4
 
 
 def _other_noise(measured: Measured) -> Iterator[Finding]:

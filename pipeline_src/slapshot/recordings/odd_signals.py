@@ -7,6 +7,7 @@ import numpy as np
 from slapshot.recordings.finding import Finding, FindingKind
 from slapshot.recordings.odd_hits import odd_order
 from slapshot.recordings.odd_pairs import odd_pairs
+from slapshot.recordings.odd_positions import odd_positions
 from slapshot.recordings.odd_samples import odd_samples
 from slapshot.recordings.signal_measures import Measured, Sampling, sampling
 from slapshot.recordings.signals import SignalRecording
@@ -30,7 +31,7 @@ def odd_signals(recording: SignalRecording, channels: Mapping[str, Measured]) ->
     found += controls_end(recording)
     for measured in channels.values():
         found += more_gaps(recording, measured)
-        found += odd_samples(measured)
+        found += [*odd_samples(measured), *odd_positions(measured)]
     found += odd_pairs(list(channels.values()))
     return _merged(found)
 

@@ -20,7 +20,7 @@ _GAP, _UNEVEN_GAP = (
     4.0,
 )  # intervals and, beyond the usual one, sds of an uneven clock: longer lacks a sample
 MAD_TO_SD = 1.4826  # of a normal distribution
-_FEWEST = 20  # samples that a measure of spread needs
+_FEWEST, _BULK = 20, 4.0  # samples that a measure of spread needs; sds within which all but odd ones lie
 # Steps: numbers of one grid are multiples of it, and the numbers of a text file err in their last digit.
 _SAME, _ON_GRID, _MOST_ON_GRID, _FEWEST_STEPS = 1e-9, 0.1, 0.95, 3
 _FAR_STEPS = 20
@@ -124,9 +124,24 @@ def residuals(t: Array, x: Array) -> Array:
     return (x[2:-2] - (weights * values).sum(axis=0)) / np.sqrt(1 + (weights**2).sum(axis=0))
 
 
-def robust_sd(values: Array) -> float:
-    """Standard deviation from the median absolute value; NaN of too few values."""
-    return MAD_TO_SD * float(np.median(np.abs(values))) if len(values) >= _FEWEST else float("nan")
+def robust_sd(values: Array, least: float = 0.0) -> float:
+    """Root mean square of all values but those that stand out, about 0.
+
+    The median absolute value, from which those are told, is itself no good sd: of rounding errors, which are
+    even over a step, it would make a fourth too much.
+
+    Args:
+        values: (n,).
+        least: size of the sd by which values are told to stand out, at least.
+
+    Returns:
+        NaN of too few values.
+    """
+    if len(values) < _FEWEST:
+        return float("nan")
+    most = _BULK * max(MAD_TO_SD * float(np.median(np.abs(values))), least)
+    bulk = values[np.abs(values) <= most]
+    return float(np.sqrt(np.mean(bulk**2)))
 
 
 def white_noise(series: Sequence[Series], step: float) -> float:
@@ -139,8 +154,8 @@ def white_noise(series: Sequence[Series], step: float) -> float:
     Returns:
         In the channel's unit; NaN where there are too few samples.
     """
-    found = robust_sd(np.concatenate([residuals(one.t, one.x) for one in series]))
-    return found if np.isnan(step) else max(found, step / np.sqrt(12))
+    rounding = 0.0 if np.isnan(step) else step / np.sqrt(12)
+    return max(robust_sd(np.concatenate([residuals(one.t, one.x) for one in series]), rounding), rounding)
 
 
 @dataclass(frozen=True)
