@@ -27,7 +27,7 @@ _ITERATIONS = 4
 _FOLLOWS = 0.9  # share of a window's variance that the fit explains
 _LATE, _SURE = 1.5, 4.0  # intervals, and standard errors
 _OTHER_SCALE = 0.1
-_LAGS, _FEWEST = 20, 500  # samples on either side; samples of a pair
+_LAGS, _FEWEST, _MOST = 20, 500, 40_000  # samples on either side; samples of a pair that are enough
 _OWN = 0.5  # share of a velocity's noise that is not that of the position
 _ROUNDING = 1.5  # times what rounding leaves
 
@@ -228,11 +228,11 @@ def _explained(inputs: list[Array], outputs: list[Array]) -> tuple[float, float]
 
     Both of samples that the filter was not fitted to.
     """
+    every = 1 + sum(map(len, outputs)) // _MOST
     lagged, wanted = [], []
     for x, y in zip(inputs, outputs, strict=True):
-        view = np.lib.stride_tricks.sliding_window_view(x, 2 * _LAGS + 1)
-        lagged.append(view)
-        wanted.append(y[_LAGS : len(y) - _LAGS])
+        lagged.append(np.lib.stride_tricks.sliding_window_view(x, 2 * _LAGS + 1)[::every])
+        wanted.append(y[_LAGS : len(y) - _LAGS : every])
     design, target = np.concatenate(lagged), np.concatenate(wanted)
     half = len(target) // 2
     coefficients, *_ = np.linalg.lstsq(design[:half], target[:half], rcond=None)

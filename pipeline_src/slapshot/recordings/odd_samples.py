@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.recordings.finding import Finding, FindingKind
-from slapshot.recordings.signal_measures import Measured, Series, runs
+from slapshot.recordings.signal_measures import Measured, Series, residuals, runs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -18,6 +18,7 @@ _MANY_SAME, _FEWEST_MOVING, _REACH = 0.15, 50, 5  # share, samples, and samples 
 _RECURS = 1.1  # times that a number comes again, on average, where numbers lie on some grid
 STANDS_OUT, STEPS = 8.0, 4.0  # times the noise, and steps of the numbers
 _AGREE, _LATE = 0.5, 0.1  # of an outlier's height; intervals by which times may err
+_OF_CUBIC = 1.394  # sd of what a cubic through four neighbours of a regular series misses of white noise
 _LEAST_CUT, _FEW_NUMBERS, _LEAST_END = 0.002, 10, 0.5  # share of samples, numbers, of the largest size
 _FAST = 3.0  # steps of the numbers with which a channel that is cut off reaches its end
 _OTHER_NOISE = 3.0  # times
@@ -98,9 +99,9 @@ def _cut_off(x: Array, end: float, grid: float) -> Mask:
     A smooth signal comes to its largest value slowly, by one step of its numbers at last.
     """
     mask = np.zeros(len(x), dtype=bool)
-    for first, last in zip(*runs(x), strict=True):
-        if abs(x[first] - end) > grid / 2 or last - first + 1 < (_LONG_RUN if grid else _CUT_RUN):
-            continue
+    firsts, lasts = runs(x)
+    long = (np.abs(x[firsts] - end) <= grid / 2) & (lasts - firsts + 1 >= (_LONG_RUN if grid else _CUT_RUN))
+    for first, last in zip(firsts[long], lasts[long], strict=True):
         beside = [abs(x[i] - end) for i in (first - 1, last + 1) if 0 <= i < len(x)]
         if max(beside, default=0.0) >= _FAST * grid:
             mask[first : last + 1] = True
@@ -164,7 +165,8 @@ def _outliers(measured: Measured) -> Iterator[Finding]:
         if len(one.x) > 4:
             height, spread, late = _above_line(one)
             least = np.maximum(max(STANDS_OUT * measured.noise, STEPS * measured.grid), late)
-            mask[2:-2] = (height > least) & (spread < _AGREE * height)
+            bends = np.abs(residuals(one.t, one.x)) < least / _OF_CUBIC  # and does not stand out
+            mask[2:-2] = (height > least) & (spread < _AGREE * height) & ~bends
         masks.append(mask)
     count = sum(int(mask.sum()) for mask in masks)
     if count:
