@@ -158,7 +158,9 @@ def free_effects(rig: Rig, problem: Problem) -> tuple[JointEffect, ...]:
         own = [e for e in own if not e.hidden_state and not e.many_forms]
         if not own:
             keys = sorted({e.name for e in instances(problem.situation) if not e.hidden_state})
-            raise InputError(f"free: {wanted!r} is no parameter of this model; use some of: {', '.join(keys)}")
+            raise InputError(
+                f"free: {wanted!r} is no parameter of this model; use some of: {', '.join(keys)}"
+            )
         seen: set[tuple[str, str]] = set()
         for effect in own:
             if (effect.name, effect.part) not in seen:
@@ -199,9 +201,7 @@ def _unfit(found: Search) -> str | None:
     return None
 
 
-def _windows(
-    recording: SignalRecording, rig: Rig, segments: Segments, held: NDArray[np.intp]
-) -> Segments:
+def _windows(recording: SignalRecording, rig: Rig, segments: Segments, held: NDArray[np.intp]) -> Segments:
     """Held-out data as pairs of windows, of which the second is predicted."""
     whole = cut(recording, rig, segment_s=2 * held_out.WINDOW_S)
     wanted = {(int(segments.episode[k]), int(segments.first[k])) for k in held}
@@ -321,9 +321,7 @@ def _improves(arms: tuple[Prediction, Prediction, Prediction], rig: Rig) -> bool
     before, after = arms[1].predictions, arms[2].predictions
     columns = np.arange(len(rig.observations))
     scale = np.maximum(before.floor.mean(axis=(0, 1)), 1e-12)
-    errors = [
-        float(np.sqrt(np.nanmean((arm.error[..., columns] / scale) ** 2))) for arm in (before, after)
-    ]
+    errors = [float(np.sqrt(np.nanmean((arm.error[..., columns] / scale) ** 2))) for arm in (before, after)]
     return bool(errors[1] < errors[0] and after.log_likelihood.sum() > before.log_likelihood.sum())
 
 
@@ -419,7 +417,11 @@ def _size(step: Step, effect: JointEffect, values: Array) -> Interval | None:
     if overrides(effect, "force"):
         zeros = np.zeros((len(x), model.nv))
         state = State(
-            x[:, : model.nq], x[:, model.nq : model.nq + model.nv], zeros, segments.time[segments.inside], order
+            x[:, : model.nq],
+            x[:, model.nq : model.nq + model.nv],
+            zeros,
+            segments.time[segments.inside],
+            order,
         )
         change = effect.force(state, weights)
     else:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.fit import Fit, Fitter, prior_of
-from slapshot.diagnosis.free_forms import free_forms
+from slapshot.diagnosis.free_forms import free_forms, is_free
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
 from slapshot.diagnosis.inference.scores import Scores, scores
 from slapshot.diagnosis.law_error import law_errors
@@ -159,7 +159,8 @@ def examine(
     own = len(hypothesis.parameters)
     fixed = own + len(problem.nuisance)
     explains = np.array(
-        [True] * fixed + [look.effect is not None and not look.effect.many_forms for look in looks]
+        [True] * fixed
+        + [look.effect is not None and not (look.effect.many_forms or is_free(look.effect)) for look in looks]
     )
     everything = (*problem.nuisance, *looks)
     prior = prior_of(hypothesis, everything)
