@@ -1,7 +1,7 @@
 """A diagnosis' problem: segments of a recording, the nominal rig, nuisance, and everything that might be missing."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ from slapshot.diagnosis.law_error import law_errors
 from slapshot.diagnosis.linear import STEP_ERROR, Look, looks_at
 from slapshot.diagnosis.noise import Noise, Prior, first_noise, fit_noise
 from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.pulses import Scan, scan
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.situation import situation, torque_scale
@@ -129,6 +130,7 @@ class Examination:
         effects: candidates; `columns` says which of the scores' candidates are theirs.
         columns: one index array for each effect.
         looks: one for each candidate column.
+        pulses: when something pushes.
     """
 
     fit: Fit
@@ -136,7 +138,8 @@ class Examination:
     scores: Scores
     effects: tuple[JointEffect, ...]
     columns: tuple[NDArray[np.intp], ...]
-    looks: tuple[Look, ...] = field(default=())
+    looks: tuple[Look, ...]
+    pulses: Scan
 
 
 def examine(
@@ -167,19 +170,22 @@ def examine(
     few = Prior(prior.sd[explains], prior.law_error[explains])
     for _ in range(passes):
         system = fitter.linearise(hypothesis, theta, path, everything).system
-        part = _with(system, explains)
-        noise = fit_noise(part, few, noise, problem.segments, problem.kinds)
-        fit = fitter.fit(hypothesis, theta, path, noise, rounds=6)
+        noise = fit_noise(_with(system, explains), few, noise, problem.segments, problem.kinds)
+        fit = fitter.fit(hypothesis, theta, path, noise, rounds=3)
         theta, path = fit.theta, fit.path
-    system = fitter.linearise(hypothesis, theta, path, everything).system
+    # About the path before the last fit, which is as good a point: scores eliminate what the fit moved.
     found = innovations(system, noise.covariances(problem.segments.interval))
+    fixed_columns = np.arange(len(prior.sd)) < fixed
+    sd = prior.at(noise)[fixed_columns]
+    z = found.Z[..., fixed_columns].reshape(found.e.size, -1) * sd
+    values = sd * np.linalg.solve(np.eye(len(sd)) + z.T @ z, z.T @ found.e.reshape(-1))
+    pulses = scan(_with(system, fixed_columns), values, noise, problem.segments, problem.situation)
     columns = []
     for effect in effects:
         columns.append(np.array([i for i, look in enumerate(looks) if look.effect is effect]))
     return Examination(
-        fit, noise, scores(found, prior.at(noise), np.arange(len(prior.sd)) < fixed), effects,
-        tuple(columns), tuple(looks),
-    )  # fmt: skip
+        fit, noise, scores(found, prior.at(noise), fixed_columns), effects, tuple(columns), tuple(looks), pulses
+    )
 
 
 def _with(system: Linear, columns: NDArray[np.bool_]) -> Linear:

@@ -18,6 +18,7 @@ from slapshot.diagnosis.inference.null import MismatchTest, mismatch_test
 from slapshot.diagnosis.inference.selection import gains
 from slapshot.diagnosis.noise import Noise, fit_noise
 from slapshot.diagnosis.problem import Examination, Problem, examine
+from slapshot.diagnosis.pulses import pushes
 from slapshot.diagnosis.shooting import shoot
 from slapshot.diagnosis.structure import same_effects
 from slapshot.effects.joints.catalogue import instances
@@ -123,7 +124,10 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
 
 
 def _test(examined: Examination, rng: np.random.Generator) -> MismatchTest:
-    return mismatch_test(examined.scores, examined.columns, rng)
+    """Of all groups of columns and of pushes; the smaller p-value of two independent ones, made one again."""
+    found = mismatch_test(examined.scores, examined.columns, rng)
+    smaller = min(found.p_value, examined.pulses.p_value)
+    return replace(found, p_value=1 - (1 - smaller) ** 2)
 
 
 def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
@@ -146,6 +150,13 @@ def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | No
         report(f"refitted {effect.key}: {rivals[-1].gain:+.1f} nats")
         if len(tried) >= REFITTED:
             break
+    present = {effect.key for effect in step.hypothesis.effects}
+    if examined.pulses.p_value < P_VALUE:
+        for push in pushes(examined.pulses, problem.segments, problem.situation):
+            if push.key not in present:
+                fit = refit(step, push, np.zeros(len(push.parameters)))
+                rivals.append(Rival(push, fit.log_evidence - examined.fit.log_evidence, fit))
+                report(f"refitted {push.name}@{push.part}: {rivals[-1].gain:+.1f} nats")
     rivals.sort(key=lambda rival: -rival.gain)
     if not rivals or rivals[0].gain < worth:
         return None

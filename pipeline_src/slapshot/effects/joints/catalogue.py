@@ -5,21 +5,50 @@ from importlib import import_module
 from pathlib import Path
 
 from slapshot.effects.joints.effect import JointEffect, Situation
+from slapshot.errors import InputError
+from slapshot.own_code import import_own
 
 _OTHERS = {"__init__", "catalogue", "effect", "parts", "split"}
 
 
+_registered: set[str] = set()
+
+
 @cache
+def _shipped() -> frozenset[str]:
+    """Modules of this folder that define an effect."""
+    names = [file.stem for file in sorted(Path(__file__).parent.glob("*.py")) if file.stem not in _OTHERS]
+    return frozenset(import_module(f"{__package__}.{name}").__name__ for name in names)
+
+
 def joint_effects() -> dict[str, type[JointEffect]]:
     """Name -> effect, in alphabetical order."""
-    for file in sorted(Path(__file__).parent.glob("*.py")):
-        if file.stem not in _OTHERS:
-            import_module(f"{__package__}.{file.stem}")
-    found: dict[str, type[JointEffect]] = {}
-    for kind in _all(JointEffect):
-        if hasattr(kind, "name") and kind.__module__.startswith(f"{__package__}."):
-            found[kind.name] = kind
+    modules = _shipped() | _registered
+    found = {kind.name: kind for kind in _all(JointEffect) if kind.__module__ in modules}
     return dict(sorted(found.items()))
+
+
+def import_joint_effects(module: str, where: str) -> None:
+    """Register every effect that a module of one's own defines.
+
+    Args:
+        module: dotted name; it is announced before its code runs.
+        where: file and key that name it.
+
+    Raises:
+        InputError: there is no such module, it cannot be imported, or it defines no effect.
+    """
+    taken = joint_effects()
+    name = import_own(module, where).__name__
+    own = [kind for kind in _all(JointEffect) if kind.__module__ == name and hasattr(kind, "name")]
+    if not own:
+        raise InputError(
+            f"{where}: module {module} defines no JointEffect; derive one from effects.joints.effect.JointEffect"
+        )
+    for kind in own:
+        if kind.name in taken and taken[kind.name] is not kind:
+            raise InputError(f"{where}: module {module} defines {kind.name!r} anew; give it another name")
+    _registered.add(name)
 
 
 def instances(rig: Situation) -> list[JointEffect]:

@@ -1,0 +1,136 @@
+"""When does something push? A constant force in every short window, against all others.
+
+A window's force is judged by the spread of all windows: what acts always is no push, and neither is what the
+model gets a little wrong everywhere.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from slapshot.diagnosis.filter import Linear, innovations
+from slapshot.diagnosis.noise import Noise
+from slapshot.diagnosis.segments import Segments
+from slapshot.effects.joints.effect import Situation
+from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
+
+Array = NDArray[np.float64]
+
+WINDOW_S = 0.05
+_LEVEL = 0.01  # chance that any window of a recording without pushes is called one
+_MOST = 40  # pushes of a joint that are fitted
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Standardised force of every window.
+
+    Attributes:
+        ratio: (S, windows, joints) force over its spread.
+        nodes: of a window.
+        p_value: that the largest is chance.
+    """
+
+    ratio: Array
+    nodes: int
+    p_value: float
+
+
+def scan(
+    system: Linear, values: Array, noise: Noise, segments: Segments, rig: Situation
+) -> Scan:
+    """Scan the joints of a linear system.
+
+    Args:
+        system: with the columns of parameters and nuisance.
+        values: of those columns.
+        noise: of the data.
+        segments: data.
+        rig: whose joints may be pushed.
+    """
+    S, L = segments.shape
+    nodes = max(2, round(WINDOW_S / segments.interval))
+    count, joints = L // nodes, rig.joints
+    system = system.moved(values)
+    W = np.zeros((S, L, system.d.shape[-1], count * len(joints)))
+    for w in range(count):
+        at = slice(w * nodes, (w + 1) * nodes)
+        for j, joint in enumerate(joints):
+            W[:, at, :, w * len(joints) + j] = system.B[:, at, :, joint.v]
+    psi = np.zeros((*system.r.shape, W.shape[-1]))
+    found = innovations(system.with_columns(W, psi), noise.covariances(segments.interval))
+    b = np.einsum("stc,stck->sk", found.e, found.Z)
+    h = np.einsum("stck,stck->sk", found.Z, found.Z)
+    # Where next to nothing is observed of a window there is nothing to be judged.
+    told = h > 1e-3 * np.median(h[h > 0]) if np.any(h > 0) else h > 0
+    ratio = np.where(told, b / np.sqrt(np.maximum(h, 1e-300)), 0.0)
+    ratio = ratio.reshape(S, count, len(joints))
+    told = told.reshape(S, count, len(joints))
+    for j in range(len(joints)):
+        own = ratio[..., j][told[..., j]]
+        spread = 1.4826 * float(np.median(np.abs(own))) if len(own) else 1.0
+        ratio[..., j] /= max(spread, 1.0)
+    tests = max(int(told.sum()), 1)
+    largest = float(np.abs(ratio).max(initial=0.0))
+    p_value = float(-np.expm1(tests * np.log1p(-2 * norm.sf(largest)))) if largest < 30 else 0.0
+    return Scan(ratio, nodes, p_value)
+
+
+def pushes(found: Scan, segments: Segments, rig: Situation) -> Sequence[ExternalPulse]:
+    """Pushes that stand out, one effect a joint."""
+    limit = float(norm.isf(_LEVEL / 2 / max(found.ratio.size, 1)))
+    effects = []
+    for j, joint in enumerate(rig.joints):
+        pulses: list[tuple[float, Pulse]] = []
+        for s in range(found.ratio.shape[0]):
+            pulses += _in_segment(found, segments, s, j, limit)
+        joined = _joined(sorted(pulses, key=lambda item: (item[1].episode, item[1].begin)))
+        strongest = sorted(joined, key=lambda item: -item[0])[:_MOST]
+        if strongest:
+            ordered = sorted((p for _, p in strongest), key=lambda p: (p.episode, p.begin))
+            effects.append(ExternalPulse(joint, ordered))
+    return effects
+
+
+def _in_segment(
+    found: Scan, segments: Segments, s: int, j: int, limit: float
+) -> list[tuple[float, Pulse]]:
+    """Runs of windows that stand out, with those next to them that lean the same way."""
+    ratio = found.ratio[s, :, j]
+    out = []
+    w = 0
+    while w < len(ratio):
+        if abs(ratio[w]) < limit:
+            w += 1
+            continue
+        sign, begin = np.sign(ratio[w]), w
+        while begin > 0 and sign * ratio[begin - 1] > limit / 2:
+            begin -= 1
+        end = w + 1
+        while end < len(ratio) and sign * ratio[end] > limit / 2:
+            end += 1
+        start = float(segments.time[s, 0])
+        width = found.nodes * segments.interval
+        pulse = Pulse(
+            int(segments.ids[segments.episode[s]]), float(segments.order[s]),
+            start + begin * width, start + end * width,
+        )  # fmt: skip
+        out.append((float(np.abs(ratio[begin:end]).max()), pulse))
+        w = end
+    return out
+
+
+def _joined(pulses: Sequence[tuple[float, Pulse]]) -> list[tuple[float, Pulse]]:
+    """Pulses that touch, as where a segment ends, are one."""
+    out: list[tuple[float, Pulse]] = []
+    for strength, pulse in pulses:
+        if out and out[-1][1].episode == pulse.episode and pulse.begin - out[-1][1].end < 1e-6:
+            before = out[-1]
+            whole = Pulse(pulse.episode, pulse.order, before[1].begin, pulse.end)
+            out[-1] = (max(before[0], strength), whole)
+        else:
+            out.append((strength, pulse))
+    return out

@@ -1,0 +1,73 @@
+"""Pushes from outside, at some times."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from slapshot.effects.joints.effect import (
+    Array,
+    Joint,
+    JointEffect,
+    Parameter,
+    Situation,
+    State,
+    on_joint,
+)
+
+
+@dataclass(frozen=True)
+class Pulse:
+    """A time in an episode in which something pushes.
+
+    Attributes:
+        episode: as recorded.
+        order: place of the episode in the session, -1/2 to 1/2.
+        begin, end: s from the episode's start.
+    """
+
+    episode: int
+    order: float
+    begin: float
+    end: float
+
+
+class ExternalPulse(JointEffect):
+    name = "external_pulse"
+    physics = "Somebody or something pushes for a while: a contact, a hand, a disturbance torque."
+    source = "Haddadin, De Luca, Albu-Schäffer (2017), IEEE Transactions on Robotics 33(6)"
+    phrase = "a push from outside at {part}"
+
+    @classmethod
+    def instances(cls, rig: Situation) -> Iterator["ExternalPulse"]:
+        """None: times are found in the data first, see diagnosis.pulses."""
+        return iter(())
+
+    def __init__(self, joint: Joint, pulses: Sequence[Pulse]) -> None:
+        super().__init__(
+            joint.name,
+            [
+                Parameter(f"push_{i}", joint.unit, joint.torque, probe=0.01 * joint.torque)
+                for i in range(len(pulses))
+            ],
+            self._when(pulses),
+        )
+        self._joint, self.pulses = joint, tuple(pulses)
+
+    @staticmethod
+    def _when(pulses: Sequence[Pulse]) -> str:
+        told = [f"{p.begin:.2f} to {p.end:.2f} s of episode {p.episode}" for p in pulses[:6]]
+        more = f" and {len(pulses) - 6} more" if len(pulses) > 6 else ""
+        return ", ".join(told) + more
+
+    def force(self, state: State, values: Array) -> Array:
+        """A constant in each of the times."""
+        push = np.zeros(len(state.v))
+        for pulse, value in zip(self.pulses, values, strict=True):
+            during = (
+                (np.abs(state.order - pulse.order) < 1e-9)
+                & (state.time >= pulse.begin - 1e-9)
+                & (state.time < pulse.end - 1e-9)
+            )
+            push[during] += value
+        return on_joint(self._joint, push, state.v.shape[1])
