@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from slapshot.lab.joints.bench import draw_excitation
+from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.rehearsal import Rehearsal
-from slapshot.lab.joints.rig import rig_named
+from slapshot.lab.joints.rigs import rig_named
 
 EPISODES, SECONDS = 3, 0.8
 
@@ -18,7 +18,7 @@ def short(name):
 def rehearsals():
     """Rig -> rehearsal of a short session."""
     found = {}
-    for name in ("pendulum", "arm"):
+    for name in ("pendulum", "arm", "fetchslide_arm"):
         rig = short(name)
         excitation = draw_excitation(rig, EPISODES, SECONDS, np.random.default_rng(7))
         found[name] = Rehearsal(rig, excitation)

@@ -2,13 +2,11 @@
 
 import hashlib
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from slapshot.errors import InputError
-from slapshot.lab.joints.__main__ import write_case
+from slapshot.lab.joints.__main__ import main, write_case
 from slapshot.lab.joints.case import Order, make_case
 from slapshot.lab.joints.cases import Case, read_cases, write_cases
 from slapshot.lab.joints.noise import Condition
@@ -24,7 +22,7 @@ CONCEALS = (("spring", 4.0), ("encoder_scale", 6.0))
 def folders(tmp_path_factory):
     root = tmp_path_factory.mktemp("cases")
     for name, conceals in (("pair", CONCEALS), ("null", ())):
-        write_case(Order("pendulum", SEED, conceals, **SHORT), root / name)
+        write_case(Order("arm", SEED, conceals, **SHORT), root / name)
     return root
 
 
@@ -65,7 +63,7 @@ def test_the_truth_knows_what_encoders_told_without_noise(folders):
     noiseless = truth["noiseless"]
     assert noiseless["episodes"] == [1, 2, 3, 4]
     rows = table[table["episode"].isin(noiseless["episodes"])]
-    for channel, values in noiseless["rad"].items():
+    for channel, values in noiseless["channels"].items():
         noise = rows[channel].to_numpy() - np.ravel(values)
         assert noise.std() == pytest.approx(1e-3, rel=4 / np.sqrt(2 * len(noise)))
         assert abs(noise.mean()) < 4e-3 / np.sqrt(len(noise))
@@ -89,6 +87,7 @@ def test_a_size_that_is_left_open_is_drawn():
 def test_clutter_and_coarse_encoders_are_told_in_the_truth_alone():
     recording, truth = make_case("arm", (), 3, noise="ou20", cluttered=True, quantised=1e-3, **SHORT)
     assert truth["law_error"]["rms"] == 0.1
+    assert truth["law_error"]["size"] > 0.5
     assert truth["chance"]["correlation_s"] == 0.02
     assert truth["size"] == 0.0
     (table,) = recording.signals.values()
@@ -146,9 +145,17 @@ def test_rows_that_cannot_be_say_so_in_one_line(tmp_path, line, words):
     assert "\n" not in str(caught.value)
 
 
-def test_the_command_names_what_is_missing(tmp_path):
-    command = [sys.executable, "-m", "slapshot.lab.joints", "--rig", "arm", "--out", str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert done.stderr.strip().splitlines()[-1].startswith("--seed is missing")
-    assert not (tmp_path / "out").exists()
+def test_the_command_names_what_is_missing(tmp_path, monkeypatch, capsys):
+    out, file = tmp_path / "out", tmp_path / "list.csv"
+    write_cases([Case("j0000", "null", Order("arm", 4))], file)
+    for given, words in (
+        (["--rig", "arm"], "--seed is missing"),
+        (["--case", "j0001", "--list", str(file)], f"--case j0001: is not in {file}"),
+        (["--rig", "arm", "--seed", "1", "--kinds", "ghost"], "lab: no kind 'ghost'"),
+    ):
+        monkeypatch.setattr("sys.argv", ["joints", *given, "--out", str(out)])
+        with pytest.raises(SystemExit, match="1"):
+            main()
+        (line,) = capsys.readouterr().err.strip().splitlines()
+        assert line.startswith(words)
+        assert not out.exists()

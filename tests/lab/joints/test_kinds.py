@@ -4,10 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from slapshot.lab.joints.bench import Bench, draw_excitation
+from slapshot.lab.joints.bench import Bench
+from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.noise import NOISE_SD, read_clean
 from slapshot.lab.joints.registry import KINDS
-from slapshot.lab.joints.rig import RIGS, rig_named
+from slapshot.lab.joints.rigs import RIGS, rig_named
 
 from tests.lab.joints.conftest import EPISODES, SECONDS, short
 
@@ -28,18 +29,29 @@ def test_names_and_what_is_catalogued():
 
 @pytest.mark.parametrize("name", KINDS)
 def test_every_kind_changes_the_motion_by_what_is_asked(rehearsals, name):
-    rehearsal, kind, rig = rehearsals[RIG_OF[name]], KINDS[name], short(RIG_OF[name])
+    check_size(rehearsals, name, RIG_OF[name])
+
+
+def test_kinds_that_need_no_actuator_do_so_for_a_robot_that_is_dragged(rehearsals):
+    fitting = [name for name, kind in KINDS.items() if kind.fits(rig_named("fetchslide_arm"))]
+    assert len(fitting) == 19
+    for name in fitting:
+        check_size(rehearsals, name, "fetchslide_arm")
+
+
+def check_size(rehearsals, name, of):
+    rehearsal, kind, rig = rehearsals[of], KINDS[name], short(of)
     found = rehearsal.find(kind, ASKED, np.random.default_rng(1))
     assert not found.bounded
     truth = json.loads(json.dumps(found.truth()))
     assert truth["kind"] == name
     assert truth["parameters"]
     assert truth["joint"] in (None, *rig.joints)
-    assert truth["body"] in (None, *rig.links, rig.base)
+    assert truth["body"] in (None, *rig.links, rig.base, rig.tip[0])
     # Simulated anew, from the seed on, and measured without the rehearsal.
     excitation = draw_excitation(rig, EPISODES, SECONDS, np.random.default_rng(7))
     motion = Bench(rig, [found]).execute(excitation)
-    clean = read_clean(motion, [found])
+    clean = read_clean(rig, motion, [found])
     assert np.isfinite(clean).all()
     moved = np.sqrt(((clean - rehearsal.setting.positions) ** 2).mean((0, 1)))
     assert moved.max() / NOISE_SD == pytest.approx(ASKED, rel=0.2)

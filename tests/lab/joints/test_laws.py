@@ -5,15 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import ellipk
-from slapshot.lab.joints.bench import Bench, Excitation
+from slapshot.lab.joints.bench import Bench
+from slapshot.lab.joints.excitation import Excitation
 from slapshot.lab.joints.kind import Concealed, Now
 from slapshot.lab.joints.kinds.drive import _Delay, _Limit
 from slapshot.lab.joints.kinds.friction import Bristles
 from slapshot.lab.joints.kinds.surroundings import _Magnet
 from slapshot.lab.joints.noise import read_clean
 from slapshot.lab.joints.registry import KINDS
-from slapshot.lab.joints.rig import CONTROL_PERIOD, Rig
+from slapshot.lab.joints.rig import CLOCK, Rig
 
+PERIOD = CLOCK.period
 MASS, LENGTH, ARMATURE = 0.7, 0.4, 0.02
 INERTIA = MASS * LENGTH**2 + 1e-9 + ARMATURE  # about the joint
 WEIGHT = MASS * 9.81 * LENGTH  # N m of a level link
@@ -41,7 +43,7 @@ def single(gravity=True, servo=False, pose=0.0, seconds=3.0, gravcomp=0, axis="0
         band=(0.5, 2.0),
         settle=0.0,
     )
-    return rig, Excitation(np.array([[pose]]), np.zeros((1, round(seconds / CONTROL_PERIOD), 1)))
+    return rig, Excitation(np.array([[pose]]), np.zeros((1, round(seconds / PERIOD), 1)))
 
 
 def conceal(name, amplitude, **shape):
@@ -176,7 +178,7 @@ def test_a_base_leans_as_its_spring_lets_it():
 
 
 def test_commands_and_readings_come_late_by_their_delays():
-    times = np.arange(0, 3, CONTROL_PERIOD)
+    times = np.arange(0, 3, PERIOD)
     rig, excitation = single(gravity=False, servo=True)
     excitation = replace(excitation, wave=0.4 * np.sin(3 * times)[None, :, None])
     null = Bench(rig).execute(excitation)
@@ -188,7 +190,7 @@ def test_commands_and_readings_come_late_by_their_delays():
         # Single commands are late by 10 % more or less, 1.3 ms at 1.2 rad/s, of which the servo takes a mean.
         assert np.sqrt((off**2).mean()) < 4e-4
     assert np.sqrt(((late.positions - null.positions)[0, after] ** 2).mean()) > 5e-3
-    delayed = read_clean(null, [conceal("encoder_delay", 0.013, joints=["j"], wander_share=0, wander_hz=1)])
+    delayed = read_clean(rig, null, [conceal("encoder_delay", 0.013, wander_share=0, wander_hz=1)])
     assert delayed[0, 10:, 0] == pytest.approx(
         np.interp(times[10:] - 0.013, null.times, null.positions[0, :, 0])
     )

@@ -17,7 +17,7 @@ from slapshot.lab.joints.case import SIZES, Order, make
 from slapshot.lab.joints.cases import read_cases
 from slapshot.lab.joints.noise import CORRELATION, Condition
 from slapshot.lab.joints.registry import KINDS
-from slapshot.lab.joints.rig import RIGS, rig_named
+from slapshot.lab.joints.rigs import RIGS, rig_named
 from slapshot.recordings.signals import write_signals
 from slapshot.whole_file import replacing
 

@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 
 from slapshot.errors import InputError
-from slapshot.lab.joints.bench import Motion, draw_excitation
 from slapshot.lab.joints.clutter import LawError
+from slapshot.lab.joints.excitation import draw_excitation
+from slapshot.lab.joints.execution import Motion
 from slapshot.lab.joints.kind import Array, Concealed
 from slapshot.lab.joints.noise import (
     CORRELATION,
@@ -20,16 +21,15 @@ from slapshot.lab.joints.noise import (
     read_clean,
 )
 from slapshot.lab.joints.registry import kind_named
-from slapshot.lab.joints.rehearsal import Rehearsal
-from slapshot.lab.joints.rig import CONTROL_PERIOD, Rig, rig_named
+from slapshot.lab.joints.rehearsal import Rehearsal, change
+from slapshot.lab.joints.rig import Rig
+from slapshot.lab.joints.rigs import rig_named
 from slapshot.lab.streams import stream_for
-from slapshot.recordings.channels import Channel
 from slapshot.recordings.signals import SignalRecording
 
 SIZES = (0.3, 30.0)  # from undetectable to plain, which is 5 and more
 ORACLE = 4  # last episodes whose noiseless record is in the truth
 TOGETHER_NEVER = {"joint_elasticity", "backlash"}
-CLOCK = "encoders"
 NOTE = (
     "STAND-IN: this recording was simulated by slapshot's lab; no real robot was involved. The rig's "
     "physics is concealed in a sealed file whose digest is given. Commands are what actuators were told, "
@@ -73,11 +73,11 @@ def make_case(
     """Record a session on a rig that conceals kinds of physics.
 
     Args:
-        rig: pendulum, arm or kuka.
+        rig: pendulum, arm, kuka or fetchslide_arm.
         kinds: what it conceals, in `registry.KINDS`; nothing for a null.
         seed: of everything that is drawn.
-        noise: colour of the encoders' noise of 1 mrad; ou20 and ou100 have a correlation time of 20 and
-            100 ms.
+        noise: colour of the encoders' noise of 1 mrad (or mm); ou20 and ou100 have a correlation time of 20
+            and 100 ms.
         cluttered: whether the rig's laws are off by 10 %, times jitter, noise has heavy tails and drifts.
         quantised: rad, step of the encoders; None for fine ones.
         episodes: of the session.
@@ -111,19 +111,20 @@ def make(order: Order) -> tuple[SignalRecording, dict[str, Any]]:
     excitation_rng, concealed_rng, clutter_rng, chance_rng = np.random.default_rng(order.seed).spawn(4)
     excitation = draw_excitation(rig, order.episodes, order.seconds, excitation_rng)
     rehearsal = Rehearsal(rig, excitation)
-    error = None
+    law_error = None
     if order.condition.cluttered:
-        error = LawError(rehearsal.setting, clutter_rng)
+        error, plain = LawError(rehearsal.setting, clutter_rng), rehearsal.setting.positions
         rehearsal = Rehearsal(rig, excitation, [error.law])
+        law_error = error.truth() | {"size": change(rehearsal.setting.positions, plain)}
     concealed = [
         _find(rehearsal, kind, size, stream_for(concealed_rng, kind)) for kind, size in order.conceals
     ]
     motion = rehearsal.motion(concealed)
     if motion is None:
         raise InputError(f"lab: rig {rig.name} falls apart when it conceals all that; take another seed")
-    chance = draw_chance(order.condition, motion.told.shape, chance_rng)
-    angles = read_clean(motion, concealed, chance.late) + chance.added
-    clean = read_clean(motion, concealed)
+    clean = read_clean(rig, motion, concealed)
+    chance = draw_chance(order.condition, clean.shape, rig.clock.sample, chance_rng)
+    told = read_clean(rig, motion, concealed, chance.late) + chance.added
     truth = {
         "stand_in": True,
         "rig": rig.name,
@@ -139,10 +140,10 @@ def make(order: Order) -> tuple[SignalRecording, dict[str, Any]]:
         "size": rehearsal.size(concealed, motion),
         "concealed": [c.truth() for c in concealed],
         "chance": chance.truth,
-        "law_error": None if error is None else error.truth(),
+        "law_error": law_error,
         "noiseless": _noiseless(rig, clean),
     }
-    return _recording(rig, motion, quantise(angles, order.condition.quantised)), truth
+    return _recording(rig, motion, quantise(told, order.condition.quantised)), truth
 
 
 def check_kinds(kinds: Sequence[str], rig: Rig) -> None:
@@ -168,45 +169,39 @@ def _find(rehearsal: Rehearsal, kind: str, size: float | None, rng: np.random.Ge
 
 
 def _noiseless(rig: Rig, clean: Array) -> dict[str, Any]:
-    """What encoders told in the last episodes, but for chance: rounded to 1e-8 rad."""
+    """What encoders told in the last episodes, but for chance: rounded to 1e-8 rad or m."""
     first = max(0, len(clean) - ORACLE)
+    values = np.round(clean[first:], 8)
     return {
         "episodes": list(range(first, len(clean))),
-        "rad": {
-            _position(joint): np.round(clean[first:, :, i], 8).tolist() for i, joint in enumerate(rig.joints)
-        },
+        "channels": {name: values[..., i].tolist() for i, name in enumerate(rig.observations())},
     }
 
 
-def _position(joint: str) -> str:
-    return f"{joint}_position"
-
-
-def _recording(rig: Rig, motion: Motion, angles: Array) -> SignalRecording:
-    episodes, samples, _ = angles.shape
-    channels: dict[str, Channel] = {}
-    columns: dict[str, Any] = {
-        "episode": np.repeat(np.arange(episodes), samples),
-        "t": np.tile(np.arange(samples) * CONTROL_PERIOD, episodes),
-    }
-    for i, joint in enumerate(rig.joints):
-        name = f"{joint}_command"
-        channels[name] = Channel(
-            clock=CLOCK, role="control", quantity="command", actuator=joint, unit=rig.command_unit
-        )
-        columns[name] = motion.told[..., i].ravel()
-    for i, joint in enumerate(rig.joints):
-        channels[_position(joint)] = Channel(
-            clock=CLOCK, role="observation", quantity="position", joint=joint, unit="rad"
-        )
-        columns[_position(joint)] = angles[..., i].ravel()
-    number = np.arange(episodes)
+def _recording(rig: Rig, motion: Motion, told: Array) -> SignalRecording:
+    controls, observations = rig.controls(), rig.observations()
+    signals: dict[str, dict[str, Any]] = {}
+    for channels, values, period in (
+        (controls, motion.told, rig.clock.period),
+        (observations, told, rig.clock.sample),
+    ):
+        episodes, samples = values.shape[:2]
+        for i, (name, channel) in enumerate(channels.items()):
+            table = signals.setdefault(
+                channel.clock,
+                {
+                    "episode": np.repeat(np.arange(episodes), samples),
+                    "t": np.tile(np.arange(samples) * period, episodes),
+                },
+            )
+            table[name] = values[..., i].ravel()
+    number = np.arange(len(told))
     return SignalRecording(
         rig=f"stand-in {rig.name}",
         stand_in=True,
         note=NOTE,
         sealed_truth_sha256=None,
-        channels=channels,
+        channels=controls | observations,
         episodes=pd.DataFrame({"episode": number, "order": number}),
-        signals={CLOCK: pd.DataFrame(columns)},
+        signals={clock: pd.DataFrame(table) for clock, table in signals.items()},
     )

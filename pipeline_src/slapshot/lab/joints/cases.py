@@ -17,7 +17,7 @@ from slapshot.config.values import Name
 from slapshot.errors import InputError, reading
 from slapshot.lab.joints.case import Order, check_kinds
 from slapshot.lab.joints.noise import Colour, Condition
-from slapshot.lab.joints.rig import rig_named
+from slapshot.lab.joints.rigs import rig_named
 from slapshot.validation import Model, short, validated
 
 _JOIN = "+"

@@ -28,9 +28,9 @@ class Setting:
         rig: that moves.
         episodes: of the session.
         seconds: of an episode.
-        positions: (episodes, samples, joints) rad.
-        speeds: the same, rad/s.
-        forces: the same, N m of the actuators.
+        positions: (episodes, samples, observed) rad of joints, then m of the site.
+        speeds: (episodes, samples, joints) rad/s.
+        forces: the same, N m of the actuators; of a gripper that is dragged, of the joints' damping.
         peaks: (joints,) N m, largest size of these.
         tip: (episodes, samples, 3) m, of the last link's tip.
     """
@@ -74,16 +74,17 @@ class Plant:
         batch: one simulation an episode.
         model: of all of them.
         place: (episodes,) in the session, from 0 for the first to 1 for the last one.
-        timestep: s.
-        settle: s; episodes begin at this time of the simulations.
     """
 
     rig: Rig
     batch: Batch
     model: mujoco.MjModel
     place: Array
-    timestep: float
-    settle: float
+
+    @property
+    def timestep(self) -> float:
+        """S."""
+        return self.rig.clock.step
 
     def dof(self, joint: str) -> int:
         """Column of a joint in forces and velocities."""
@@ -167,12 +168,12 @@ class Kind:
         """What it does in every step, from the first one on."""
         return None
 
-    def when(self, amplitude: float, shape: Shape, times: Array, joint: int) -> Array:
-        """Times (...) in s at which a joint's encoder is really read."""
+    def when(self, amplitude: float, shape: Shape, times: Array) -> Array:
+        """Times (...) in s at which the joint's encoder is really read."""
         return times
 
     def read(self, amplitude: float, shape: Shape, angles: Array) -> Array:
-        """Angles (episodes, samples, joints) in rad as encoders tell them."""
+        """The joint's angles (episodes, samples) in rad as its encoder tells them."""
         return angles
 
     @classmethod

@@ -14,7 +14,7 @@ from slapshot.lab.joints.case import SIZES, TOGETHER_NEVER, Order
 from slapshot.lab.joints.cases import Case, write_cases
 from slapshot.lab.joints.noise import CORRELATION, Colour, Condition
 from slapshot.lab.joints.registry import KINDS
-from slapshot.lab.joints.rig import rig_named
+from slapshot.lab.joints.rigs import rig_named
 
 _RIGS = {"pendulum": 0.35, "arm": 0.4, "kuka": 0.25}  # shares
 _COLOURS = (0.5, 0.25, 0.25)  # shares of white noise and of noise with correlation times of 20 and 100 ms

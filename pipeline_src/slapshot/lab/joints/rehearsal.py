@@ -1,21 +1,23 @@
 """How much of a kind a rig is to conceal: a whole session is rehearsed with each amplitude that is tried.
 
 The size of a piece of concealed physics is the rms change that it makes to the noiseless record of the joint
-whose record changes most, over the standard deviation of the encoders' noise.
+whose record changes most, over the standard deviation of the encoders' noise (of a site, along an axis).
 """
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from slapshot.lab.joints.bench import Bench, Excitation, MakeLaw, Motion
+from slapshot.lab.joints.bench import Bench
+from slapshot.lab.joints.excitation import Excitation
+from slapshot.lab.joints.execution import MakeLaw, Motion
 from slapshot.lab.joints.kind import Array, Bounds, Concealed, Kind, Setting, Shape
 from slapshot.lab.joints.noise import NOISE_SD, read_clean
-from slapshot.lab.joints.rig import CONTROL_PERIOD, Rig
+from slapshot.lab.joints.rig import Rig
 
 CLOSE = 0.05  # share of a size that is asked for by which the one found may differ
 TRIES = 9  # simulations of a search
-DRAWS = 6  # shapes that are tried until one can be as large as is asked for
+DRAWS = 4  # shapes that are tried until one can be as large as is asked for
 _STRIDE = 20.0  # most by which an amplitude changes between tries
 
 
@@ -32,16 +34,20 @@ class Rehearsal:
         self._rig, self._excitation, self._laws = rig, excitation, tuple(laws)
         motion = Bench(rig, laws=self._laws).execute(excitation)
         assert motion is not None, "a rig that conceals nothing holds together"
-        self._null, self._clean = motion, read_clean(motion, ())
+        self._null, self._clean = motion, read_clean(rig, motion, ())
         self._last: tuple[Concealed, Motion] | None = None
+        forces, peaks = motion.forces, motion.peak
+        if rig.drive == "mocap":
+            forces = rig.damping * motion.speeds
+            peaks = np.abs(forces).max((0, 1))
         self.setting = Setting(
             rig=rig,
             episodes=motion.told.shape[0],
-            seconds=motion.told.shape[1] * CONTROL_PERIOD,
+            seconds=excitation.wave.shape[1] * rig.clock.period,
             positions=self._clean,
             speeds=motion.speeds,
-            forces=motion.forces,
-            peaks=motion.peak,
+            forces=forces,
+            peaks=peaks,
             tip=motion.tip,
         )
 
@@ -61,7 +67,7 @@ class Rehearsal:
         motion = motion or self.motion(concealed)
         if motion is None:
             return np.inf
-        return change(read_clean(motion, concealed), self._clean)
+        return change(read_clean(self._rig, motion, concealed), self._clean)
 
     def find(self, kind: Kind, asked: float, rng: np.random.Generator) -> Concealed:
         """The kind as large as is asked for, with the first shape that can be, or as near as any can be."""

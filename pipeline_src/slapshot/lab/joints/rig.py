@@ -1,47 +1,69 @@
-"""The rigs for joints: what everybody believes of them, and how they are made to move."""
+"""What everybody believes of a rig with joints, and how it is made to move and recorded."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.errors import InputError
+from slapshot.recordings.channels import QUATERNION, Channel, Component
 
 Array = NDArray[np.float64]
 
-CONTROL_PERIOD = 0.005  # s, between commands and between readings of the encoders
-NOMINAL_TIMESTEP = 0.0025  # s, with MuJoCo's Runge-Kutta method of fourth order
-_HOCKEY = {"puck": "inline", "timestep_s": NOMINAL_TIMESTEP, "start_m": [0.55, 0.0], "board_m": [2.4, 1.2]}
+PLACE: tuple[Component, ...] = ("x", "y", "z")
+_ENCODERS, _COMMANDS = "encoders", "commands"  # clocks
+
+
+class Clock(NamedTuple):
+    """Times in s, each a whole multiple of the one before.
+
+    Attributes:
+        step: of the lab's integration.
+        kept: between positions that are kept.
+        sample: between readings of the encoders.
+        period: between commands.
+    """
+
+    step: float = 2.5e-4
+    kept: float = 1e-3
+    sample: float = 5e-3
+    period: float = 5e-3
+
+
+CLOCK = Clock()
 
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A rig as a diagnosis is given it, and what the lab needs besides to move it.
+    """A rig as a diagnosis is given it, and what the lab needs besides.
 
     Attributes:
         name: of the rig.
-        xml: nominal MJCF without files of its own; each joint is a hinge and has the actuator of its name.
-        drive: "torque" for motors that are told a torque, "servo" for servos that are told an angle.
+        xml: nominal MJCF, angles in radians, without files of its own and with hinges and slides alone. Each
+            joint that moves has the actuator of its name, but for a gripper that is dragged.
+        drive: "torque" for motors that are told a torque, "servo" for servos that are told an angle, "mocap"
+            for a gripper that is dragged by a body that is told a velocity.
         base: body that stands on the ground and carries the rest.
         tip: body of the last link, and where its tip is in the body's frame (m).
         loaded: joints that gravity loads, in most poses.
-        centre: (joints, 2) rad, lowest and highest angle about which an episode moves.
-        swing: (joints,) rms of the multi-sine that is added: N m for motors, rad for servos.
+        centre: lowest and highest angle (rad) of each joint about which an episode moves; of a gripper, the
+            velocity (shares of the largest) along each axis with which it leaves its start.
+        swing: rms of the multi-sine that is added to each: N m, rad, or shares of the largest velocity.
         band: lowest and highest frequency in it, Hz.
-        hold: (2,) stiffness in N m/rad and damping in N m s/rad by which a torque motor's controller keeps
-            joint 1 near the centre; the others scale with `swing`.
-        settle: s before an episode in which the rig comes to rest at its first command.
+        hold: stiffness in N m/rad and damping in N m s/rad by which a torque motor's controller keeps joint 1
+            near the centre; the others' scale with `swing`.
+        settle: s before an episode, in which the rig comes to rest.
         turns: how its base can turn: "slide" along x, or "yaw" about the upright.
+        clock: when things happen.
+        moving: joints that are observed; all if empty.
+        site: whose place is observed besides, if any.
     """
 
     name: str
     xml: str
-    drive: Literal["torque", "servo"]
+    drive: Literal["torque", "servo", "mocap"]
     base: str
     tip: tuple[str, tuple[float, float, float]]
     loaded: tuple[str, ...]
@@ -51,117 +73,98 @@ class Rig:
     hold: tuple[float, float] = (0.0, 0.0)
     settle: float = 1.0
     turns: Literal["slide", "yaw"] = "yaw"
+    clock: Clock = CLOCK
+    moving: tuple[str, ...] = ()
+    site: str | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of the joints, in the model's order."""
-        return _joints_of(self.xml)[0]
+        """Names of the joints that are observed, in the model's order."""
+        return self.moving or tuple(_joints_of(self.xml))
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Names of the bodies that the joints move, in the same order."""
-        return _joints_of(self.xml)[1]
+        """Names of the bodies that these joints move."""
+        return tuple(_joints_of(self.xml)[name].link for name in self.joints)
 
     @property
-    def damping(self) -> tuple[float, ...]:
-        """Of the joints, N m s/rad, that the nominal model has besides its actuators'."""
-        return _joints_of(self.xml)[2]
+    def damping(self) -> Array:
+        """Of these joints, N m s/rad, that the nominal model has besides its actuators'."""
+        return np.array([_joints_of(self.xml)[name].damping for name in self.joints])
 
     @property
-    def armature(self) -> tuple[float, ...]:
-        """Of the joints, kg m^2."""
-        return _joints_of(self.xml)[3]
+    def armature(self) -> Array:
+        """Of these joints, kg m^2."""
+        return np.array([_joints_of(self.xml)[name].armature for name in self.joints])
 
-    @property
-    def command_unit(self) -> str:
-        """What an actuator is told."""
-        return "N m" if self.drive == "torque" else "rad"
+    def controls(self) -> dict[str, Channel]:
+        """Channels of what is told, in the order of `Motion.told`."""
+        if self.drive != "mocap":
+            unit = "N m" if self.drive == "torque" else "rad"
+            return {
+                f"{name}_command": Channel(
+                    clock=_ENCODERS, role="control", quantity="command", actuator=name, unit=unit
+                )
+                for name in self.joints
+            }
+        body = _mocap_of(self.xml)
+        return {
+            f"target_{component}": Channel(
+                clock=_COMMANDS,
+                role="control",
+                quantity="position",
+                body=body,
+                component=component,
+                unit="m" if component in PLACE else "1",
+            )
+            for component in (*PLACE, *QUATERNION)
+        }
+
+    def observations(self) -> dict[str, Channel]:
+        """Channels of what is observed: joints, then the site's place."""
+        found = {
+            f"{_plain(name)}_position": Channel(
+                clock=_ENCODERS, role="observation", quantity="position", joint=name, unit="rad"
+            )
+            for name in self.joints
+        }
+        for component in PLACE if self.site else ():
+            found[f"{_plain(str(self.site))}_{component}"] = Channel(
+                clock=_ENCODERS,
+                role="observation",
+                quantity="position",
+                site=self.site,
+                component=component,
+                unit="m",
+            )
+        return found
+
+
+def _plain(name: str) -> str:
+    """A name in a model as a column may have it."""
+    return name.rpartition(":")[2]
+
+
+class _Joint(NamedTuple):
+    link: str
+    damping: float
+    armature: float
 
 
 @cache
-def _joints_of(xml: str) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...], tuple[float, ...]]:
+def _joints_of(xml: str) -> dict[str, _Joint]:
     model = mujoco.MjModel.from_xml_string(xml)
-    joints = tuple(model.joint(i).name for i in range(model.njnt))
-    bodies = tuple(model.body(model.jnt_bodyid[i]).name for i in range(model.njnt))
-    return joints, bodies, tuple(model.dof_damping.tolist()), tuple(model.dof_armature.tolist())
-
-
-def _pendulum() -> Rig:
-    return Rig(
-        name="pendulum",
-        xml=Path(__file__).with_name("pendulum.xml").read_text(),
-        drive="torque",
-        base="base",
-        tip=("lower", (0.0, 0.0, -0.3)),
-        loaded=("joint1", "joint2"),
-        centre=((-0.5, 0.5), (-0.5, 0.5)),
-        swing=(1.0, 0.3),
-        band=(0.3, 2.5),
-        hold=(2.0, 0.25),
-        settle=2.0,
-        turns="slide",
-    )
-
-
-def _arm() -> Rig:
-    return Rig(
-        name="arm",
-        xml=Path(__file__).with_name("arm.xml").read_text(),
-        drive="servo",
-        base="base",
-        tip=("fore", (0.28, 0.0, 0.0)),
-        loaded=("joint2", "joint3"),
-        centre=((-0.8, 0.8), (-0.9, 0.1), (0.2, 1.2)),
-        swing=(0.35, 0.25, 0.35),
-        band=(0.3, 2.5),
-    )
-
-
-def _kuka() -> Rig:
-    from slapshot.scenes.hockey import build_scene  # takes a second to import
-
-    spec = mujoco.MjSpec.from_string(build_scene(_HOCKEY).xml)
-    for part in (*spec.pairs, *spec.cameras, *spec.lights, *spec.textures):
-        spec.delete(part)
-    spec.delete(spec.body("puck"))
-    for name in ("board", "whiteboard"):
-        spec.delete(spec.geom(name))
-    spec.modelname = "kuka"
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    spec.compile()
-    return Rig(
-        name="kuka",
-        xml=spec.to_xml(),
-        drive="servo",
-        base="base",
-        tip=("blade", (0.0, 0.0, 0.03)),
-        loaded=(),  # the controller compensates gravity
-        centre=((-0.6, 0.6), (0.2, 0.7), (-0.6, 0.6), (0.6, 1.2), (-0.6, 0.6), (0.3, 0.9), (-0.6, 0.6)),
-        swing=(0.2, 0.12, 0.2, 0.15, 0.25, 0.2, 0.25),
-        band=(0.3, 1.5),
-    )
-
-
-_RIGS: Mapping[str, Callable[[], Rig]] = {"pendulum": _pendulum, "arm": _arm, "kuka": _kuka}
-RIGS = tuple(_RIGS)
+    return {
+        model.joint(i).name: _Joint(
+            model.body(model.jnt_bodyid[i]).name,
+            float(model.dof_damping[model.jnt_dofadr[i]]),
+            float(model.dof_armature[model.jnt_dofadr[i]]),
+        )
+        for i in range(model.njnt)
+    }
 
 
 @cache
-def rig_named(name: str) -> Rig:
-    """A rig.
-
-    Raises:
-        InputError: there is none of that name.
-    """
-    if name not in _RIGS:
-        raise InputError(f"lab: no rig {name!r}; use one of: {', '.join(RIGS)}")
-    return _RIGS[name]()
-
-
-def nominal_model(name: str) -> str:
-    """MJCF of a rig as everybody believes it to be.
-
-    Raises:
-        InputError: there is no rig of that name.
-    """
-    return rig_named(name).xml
+def _mocap_of(xml: str) -> str:
+    model = mujoco.MjModel.from_xml_string(xml)
+    return next(model.body(i).name for i in range(model.nbody) if model.body_mocapid[i] >= 0)

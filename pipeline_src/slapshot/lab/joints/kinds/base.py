@@ -43,13 +43,13 @@ class GravityTilt(Kind):
 
 
 class BaseCompliance(Kind):
-    """The base rocks on what it is screwed to, about both level axes."""
+    """The base rocks on what it is screwed to, about both level axes. Stiff servos hardly feel it."""
 
     name = "base_compliance"
     unit, amplitude = "rad/(N m)", "mean compliance about both axes"
 
     def fits(self, rig: Rig) -> bool:
-        return bool(rig.loaded)
+        return bool(rig.loaded) and rig.drive != "mocap"
 
     def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
         return {
@@ -93,7 +93,7 @@ class SlippingBase(Kind):
     unit, amplitude = "1/(N m) or 1/N", "one over the feet's sliding friction"
 
     def fits(self, rig: Rig) -> bool:
-        return bool(rig.loaded)
+        return bool(rig.loaded) and rig.drive != "mocap"
 
     def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
         return {

@@ -16,14 +16,19 @@ from slapshot.lab.joints.kind import (
     draw_joint,
     draw_sign,
 )
-from slapshot.lab.joints.rig import CONTROL_PERIOD
+from slapshot.lab.joints.rig import Rig
 
 _LATE = 0.1  # relative standard deviation of a command's delay
 _HOT = 0.3  # heat at which a controller has folded back
 _TABLE = 60  # entries of a table of ripple, for one period
 
 
-class ActuatorGain(Kind):
+class _OfActuators(Kind):
+    def fits(self, rig: Rig) -> bool:
+        return rig.drive != "mocap"
+
+
+class ActuatorGain(_OfActuators):
     """An actuator does more or less than it was said to, a little less so the more it does."""
 
     name = "actuator_gain"
@@ -59,7 +64,7 @@ class _Gain(Law):
         own *= 1 + self._error * fading
 
 
-class ActuatorLag(Kind):
+class ActuatorLag(_OfActuators):
     """A command comes through as through a low-pass filter of first order, which rises faster than it falls.
 
     A servo is told its angle late; a motor its torque.
@@ -96,7 +101,7 @@ class _Lag(Law):
         own[:] = self._value
 
 
-class CommandDelay(Kind):
+class CommandDelay(_OfActuators):
     """Commands come late, one a little later than the other."""
 
     name = "command_delay"
@@ -122,7 +127,7 @@ class _Delay(Law):
         self._mean, self._timestep = amplitude, plant.timestep
         self._joint = plant.rig.joints.index(shape["joint"])
         self._rng = np.random.default_rng(shape["stream"])
-        self._every = round(CONTROL_PERIOD / plant.timestep)
+        self._every = round(plant.rig.clock.period / plant.timestep)
         self._waiting: list[tuple[Array, Array]] = []  # when they arrive, and what they say
         self._step, self._value = 0, np.empty(0)
 
@@ -149,7 +154,7 @@ class _Delay(Law):
         own[:] = mean
 
 
-class Saturation(Kind):
+class Saturation(_OfActuators):
     """An actuator does no more than so much, and gives in softly shortly before."""
 
     name = "saturation"
@@ -220,7 +225,7 @@ class _Ripple(Law):
         torque[:, self._dof] += np.interp(place - np.floor(place), self._entries, self._table)
 
 
-class Foldback(Kind):
+class Foldback(_OfActuators):
     """A controller that protects itself: torque rises only so fast, and falls back while it was much.
 
     No effect that rigs usually conceal is like it: the limit depends on what was before.

@@ -19,7 +19,6 @@ class EncoderScale(Kind):
     def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
         return {
             "joint": draw_joint(setting.rig, rng),
-            "joints": list(setting.rig.joints),
             "sign": draw_sign(rng),
             "eccentric_share": float(rng.uniform(0.0, 0.1)),
             "phase_rad": float(rng.uniform(0, 2 * np.pi)),
@@ -32,12 +31,9 @@ class EncoderScale(Kind):
         return {"scale": (1 + shape["sign"] * amplitude, "1")}
 
     def read(self, amplitude: float, shape: Shape, angles: Array) -> Array:
-        joint = shape["joints"].index(shape["joint"])
-        own, phase = angles[..., joint], shape["phase_rad"]
-        wave = shape["eccentric_share"] * (np.sin(own + phase) - np.sin(phase))
-        read = angles.copy()
-        read[..., joint] = own + shape["sign"] * amplitude * (own + wave)
-        return read
+        phase = shape["phase_rad"]
+        wave = shape["eccentric_share"] * (np.sin(angles + phase) - np.sin(phase))
+        return angles + shape["sign"] * amplitude * (angles + wave)
 
 
 class EncoderDelay(Kind):
@@ -49,7 +45,6 @@ class EncoderDelay(Kind):
     def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
         return {
             "joint": draw_joint(setting.rig, rng),
-            "joints": list(setting.rig.joints),
             "wander_share": float(rng.uniform(0.0, 0.15)),
             "wander_hz": float(rng.uniform(0.2, 1.0)),
         }
@@ -60,9 +55,7 @@ class EncoderDelay(Kind):
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {"delay": (amplitude, "s")}
 
-    def when(self, amplitude: float, shape: Shape, times: Array, joint: int) -> Array:
-        if shape["joints"][joint] != shape["joint"]:
-            return times
+    def when(self, amplitude: float, shape: Shape, times: Array) -> Array:
         wander = shape["wander_share"] * np.sin(2 * np.pi * shape["wander_hz"] * times)
         return times - amplitude * (1 + wander)
 
@@ -78,7 +71,7 @@ class StickySensor(Kind):
     unit, amplitude = "rad", "change that it takes"
 
     def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
-        return {"joint": draw_joint(setting.rig, rng), "joints": list(setting.rig.joints)}
+        return {"joint": draw_joint(setting.rig, rng)}
 
     def bounds(self, setting: Setting, shape: Shape) -> Bounds:
         return Bounds(2e-3, 0.0, 0.5)
@@ -87,11 +80,9 @@ class StickySensor(Kind):
         return {"threshold": (amplitude, "rad")}
 
     def read(self, amplitude: float, shape: Shape, angles: Array) -> Array:
-        joint = shape["joints"].index(shape["joint"])
         read = angles.copy()
-        last = read[:, 0, joint].copy()
-        for sample in range(read.shape[1]):
-            own = read[:, sample, joint]
+        last = read[:, 0].copy()
+        for own in read.T:
             np.copyto(last, own, where=np.abs(own - last) > amplitude)
             own[:] = last
         return read

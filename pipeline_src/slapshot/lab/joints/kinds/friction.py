@@ -26,6 +26,7 @@ from slapshot.lab.joints.kind import (
     draw_joint,
     draw_sign,
 )
+from slapshot.lab.joints.rig import Rig
 
 _LOAD_TIME = 0.004  # s, over which a load presses bristles together
 _LEAST_LEVEL = 1e-6  # N m, of friction where nothing presses
@@ -196,6 +197,9 @@ class LoadFriction(Kind):
 
     name = "load_friction"
     unit, amplitude = "1", "sliding friction over the torque that is transmitted"
+
+    def fits(self, rig: Rig) -> bool:
+        return rig.drive != "mocap"
 
     def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
         shape = _draw_bristles(setting, rng)

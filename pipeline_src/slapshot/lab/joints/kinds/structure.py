@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from slapshot.lab.joints.bench import FLEX, TIMESTEP
+from slapshot.lab.joints.execution import FLEX
 from slapshot.lab.joints.kind import (
     Array,
     Bounds,
@@ -26,7 +26,12 @@ _STOP = 1000.0  # rad/s, of a link against the ends of its gap
 _STEEPEST = 0.5  # rad a step: how fast a spring may make a joint swing
 
 
-class JointElasticity(Kind):
+class _Geared(Kind):
+    def fits(self, rig: Rig) -> bool:
+        return rig.drive != "mocap"
+
+
+class JointElasticity(_Geared):
     """A soft gear: the rotor is servoed on its side, and link and encoder hang behind a spring."""
 
     name = "joint_elasticity"
@@ -37,7 +42,7 @@ class JointElasticity(Kind):
 
     def bounds(self, setting: Setting, shape: Shape) -> Bounds:
         force = setting.force(setting.rig.joints.index(shape["joint"]))
-        least = (TIMESTEP / _STEEPEST) ** 2 / _between_inertia(setting.rig, shape["joint"])
+        least = (setting.rig.clock.step / _STEEPEST) ** 2 / _between_inertia(setting.rig, shape["joint"])
         return Bounds(max(3e-3 / force, least), least, max(0.5 / force, 2 * least))
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -50,7 +55,7 @@ class JointElasticity(Kind):
         flex.damping = linear(2 * shape["damping_ratio"] * np.sqrt(inertia / amplitude))
 
 
-class Backlash(Kind):
+class Backlash(_Geared):
     """Play in a gear: link and encoder are loose against the rotor, between two ends."""
 
     name = "backlash"

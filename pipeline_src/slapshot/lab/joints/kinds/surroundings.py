@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from slapshot.lab.joints.bench import TIP
+from slapshot.lab.joints.execution import TIP
 from slapshot.lab.joints.kind import (
     Array,
     Bounds,
