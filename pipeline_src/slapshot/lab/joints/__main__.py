@@ -1,0 +1,93 @@
+"""`python -m slapshot.lab.joints`: one case of joints as a recording, and apart from it the sealed truth.
+
+The folder gets recording/ (format 2), model.xml (nominal MJCF), rig.yaml (which names it), and
+sealed/truth.json. All but the last are for a diagnosis.
+"""
+
+import argparse
+import hashlib
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from slapshot.errors import InputError, check_writable, writing
+from slapshot.lab.joints.case import SIZES, Order, make
+from slapshot.lab.joints.cases import read_cases
+from slapshot.lab.joints.noise import CORRELATION, Condition
+from slapshot.lab.joints.registry import KINDS
+from slapshot.lab.joints.rigs import RIGS, rig_named
+from slapshot.recordings.signals import write_signals
+from slapshot.whole_file import replacing
+
+LIST = Path("config/cases/joints.csv")
+
+
+def write_case(order: Order, out: Path) -> dict[str, Any]:
+    """Make a case and write it, whole or not at all; returns the truth.
+
+    Raises:
+        InputError: the case is not possible, or `out` exists or cannot be written.
+    """
+    if out.exists():
+        raise InputError(f"{out}: exists already; name another folder or remove it")
+    check_writable(out)
+    recording, truth = make(order)
+    text = (json.dumps(truth, indent=1, sort_keys=True) + "\n").encode()
+    recording = replace(recording, sealed_truth_sha256=hashlib.sha256(text).hexdigest())
+    with writing(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(out) as aside:
+            (aside / "sealed").mkdir(parents=True)
+            (aside / "sealed" / "truth.json").write_bytes(text)
+            (aside / "model.xml").write_text(rig_named(order.rig).xml)
+            (aside / "rig.yaml").write_text("model: model.xml\n")
+            write_signals(recording, aside / "recording")
+    return truth
+
+
+def _order(args: argparse.Namespace) -> Order:
+    if args.case is not None:
+        cases = {case.case: case.order for case in read_cases(args.list)}
+        if args.case not in cases:
+            raise InputError(f"--case {args.case}: is not in {args.list}; name one of its {len(cases)} cases")
+        return cases[args.case]
+    if args.seed is None:
+        raise InputError("--seed is missing; give a number, of which everything is drawn")
+    return Order(
+        rig=args.rig,
+        seed=args.seed,
+        conceals=tuple((kind, args.size) for kind in filter(None, args.kinds.split(","))),
+        condition=Condition(args.noise, args.cluttered, args.quantised),
+        episodes=args.episodes,
+        seconds=args.seconds,
+    )
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m slapshot.lab.joints", description=__doc__)
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--case", help="name of a row of the list")
+    what.add_argument("--rig", choices=RIGS)
+    parser.add_argument("--list", type=Path, default=LIST, help=f"of cases (default: {LIST})")
+    parser.add_argument("--kinds", default="", help=f"separated by commas: {', '.join(KINDS)}")
+    parser.add_argument("--seed", type=int)
+    parser.add_argument("--size", type=float, help=f"over the noise; drawn from {SIZES} if left out")
+    parser.add_argument("--noise", choices=CORRELATION, default="white")
+    parser.add_argument("--cluttered", action="store_true")
+    parser.add_argument("--quantised", type=float, help="step of the encoders, rad")
+    parser.add_argument("--episodes", type=int, default=Order.episodes)
+    parser.add_argument("--seconds", type=float, default=Order.seconds)
+    parser.add_argument("--out", type=Path, required=True, help="folder that does not exist yet")
+    args = parser.parse_args()
+    try:
+        write_case(_order(args), args.out)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

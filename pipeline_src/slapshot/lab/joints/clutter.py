@@ -1,0 +1,83 @@
+"""Laws of a rig that are not quite those of its model, in no way that anybody would give a name.
+
+Every actuator force and every joint's own damping is multiplied by 1 + h, h a smooth random function of the
+joint's speed and of what its actuator does, that is 10 % rms. What such a factor has of a gain error is taken
+out: over the session's motion, force h is uncorrelated with force, so that it is an error of shape alone.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from slapshot.lab.joints.kind import Array, Law, Now, Plant, Setting
+
+LAW_ERROR = 0.1  # rms of h
+_WAVES = 8
+_LENGTH = 0.6  # of waves in usual speeds and forces, over 2 pi
+
+
+class LawError:
+    """What a session's rig does differently.
+
+    Args:
+        setting: how it moves.
+        rng: source of the functions.
+    """
+
+    def __init__(self, setting: Setting, rng: np.random.Generator) -> None:
+        joints = range(len(setting.rig.joints))
+        self._scale = np.array([(setting.speed(j), setting.force(j)) for j in joints])
+        size = (2, len(joints), _WAVES)  # of actuators and of joints' damping
+        self._waves = rng.normal(0, 1 / _LENGTH, (*size, 2))
+        self._phase = rng.uniform(0, 2 * np.pi, size)
+        self._height = rng.normal(size=size)
+        self._offset = np.zeros(size[:2])
+        flat = (setting.speeds.reshape(-1, len(joints)), setting.forces.reshape(-1, len(joints)))
+        for own, law in enumerate((flat[1], flat[0])):
+            power = law**2 / (law**2).mean(0)
+            self._offset[own] = -(self._factor(own, *flat) * power).mean(0)
+            share = LAW_ERROR / np.sqrt((self._factor(own, *flat) ** 2).mean(0))
+            self._height[own] *= share[:, None]
+            self._offset[own] *= share
+
+    def actuators(self, speed: Array, force: Array) -> Array:
+        """H of actuators (..., joints)."""
+        return self._factor(0, speed, force)
+
+    def dampings(self, speed: Array, force: Array) -> Array:
+        """H of joints' own damping (..., joints)."""
+        return self._factor(1, speed, force)
+
+    def _factor(self, own: int, speed: Array, force: Array) -> Array:
+        usual = np.stack((speed, force), axis=-1) / self._scale
+        angle = (self._waves[own] @ usual[..., None])[..., 0] + self._phase[own]
+        return (self._height[own] * np.cos(angle)).sum(-1) + self._offset[own]
+
+    def law(self, plant: Plant) -> Law:
+        """For a bench."""
+        return _Law(self, plant)
+
+    def truth(self) -> dict[str, Any]:
+        """For the sealed file; waves are (actuators and dampings, joints, waves, speed and force)."""
+        return {
+            "rms": LAW_ERROR,
+            "usual_speed_and_force": self._scale.tolist(),
+            "waves": self._waves.tolist(),
+            "phase": self._phase.tolist(),
+            "height": self._height.tolist(),
+            "offset": self._offset.tolist(),
+        }
+
+
+class _Law(Law):
+    def __init__(self, error: LawError, plant: Plant) -> None:
+        self._error = error
+        self._dofs = [plant.dof(name) for name in plant.rig.joints]
+        self._damping = np.array(plant.rig.damping)
+
+    def drive(self, force: Array, now: Now) -> None:
+        force *= 1 + self._error.actuators(now.velocity, force)
+
+    def act(self, torque: Array, now: Now) -> None:
+        own = self._damping * now.velocity
+        torque[:, self._dofs] -= own * self._error.dampings(now.velocity, now.load)

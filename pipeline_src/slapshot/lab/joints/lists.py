@@ -1,0 +1,129 @@
+"""`python -m slapshot.lab.joints.lists FILE`: draw a list of cases, seeds from the operating system."""
+
+import argparse
+import secrets
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from slapshot.errors import InputError, check_writable, writing
+from slapshot.lab.joints.case import SIZES, TOGETHER_NEVER, Order
+from slapshot.lab.joints.cases import Case, write_cases
+from slapshot.lab.joints.noise import CORRELATION, Colour, Condition
+from slapshot.lab.joints.registry import KINDS
+from slapshot.lab.joints.rigs import rig_named
+
+_RIGS = {"pendulum": 0.35, "arm": 0.4, "kuka": 0.25}  # shares
+_COLOURS = (0.5, 0.25, 0.25)  # shares of white noise and of noise with correlation times of 20 and 100 ms
+_QUANTISED = (0.15, (5e-4, 1e-3, 2e-3))  # share of recordings with coarse encoders, and their steps in rad
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Cases of one condition.
+
+    Attributes:
+        condition: in words.
+        count: of cases.
+        together: kinds concealed in one case.
+        catalogued: which kinds.
+        cluttered: see `noise.Condition`.
+    """
+
+    condition: str
+    count: int
+    together: int = 0
+    catalogued: bool = True
+    cluttered: bool = False
+
+    def conceals(self, rng: np.random.Generator) -> Iterator[tuple[str, tuple[str, ...]]]:
+        """Rig and kinds of each case: all kinds in turn."""
+        names = [name for name, kind in KINDS.items() if kind.catalogued == self.catalogued]
+        turn: list[str] = []
+        for _ in range(self.count):
+            rig = str(rng.choice(list(_RIGS), p=list(_RIGS.values())))
+            if self.together == 0:
+                yield rig, ()
+                continue
+            turn = turn or rng.permutation(names).tolist()
+            first = turn.pop()
+            while not KINDS[first].fits(rig_named(rig)):
+                rig = str(rng.choice(list(_RIGS), p=list(_RIGS.values())))
+            others = [n for n in names if KINDS[n].fits(rig_named(rig)) and n != first]
+            others = [n for n in others if {n, first} != TOGETHER_NEVER]
+            yield rig, (first, *rng.choice(others, self.together - 1, replace=False).tolist())
+
+
+_FULL = (
+    _Group("null", 110),
+    _Group("null, cluttered", 60, cluttered=True),
+    _Group("single", 110, together=1),
+    _Group("single, cluttered", 22, together=1, cluttered=True),
+    _Group("pair", 40, together=2),
+    _Group("uncatalogued", 42, together=1, catalogued=False),
+)
+_SMALL = (
+    _Group("null", 4),
+    _Group("null, cluttered", 2, cluttered=True),
+    _Group("single", 12, together=1),
+    _Group("pair", 3, together=2),
+    _Group("uncatalogued", 3, together=1, catalogued=False),
+)
+LISTS: Mapping[str, Sequence[_Group]] = {"full": _FULL, "small": _SMALL}
+
+
+def draw_list(groups: Sequence[_Group], prefix: str) -> list[Case]:
+    """Cases under new seeds of the operating system, in random order and called by their numbers."""
+    rng = np.random.default_rng(secrets.randbits(128))
+    rows = [(group, *conceals) for group in groups for conceals in group.conceals(rng)]
+    colours: list[Colour] = list(CORRELATION)
+    cases = []
+    for number, i in enumerate(rng.permutation(len(rows))):
+        group, rig, kinds = rows[i]
+        sizes = np.exp(rng.uniform(np.log(SIZES[0]), np.log(SIZES[1]), len(kinds)))
+        share, steps = _QUANTISED
+        condition = Condition(
+            noise=colours[rng.choice(len(colours), p=_COLOURS)],
+            cluttered=group.cluttered,
+            quantised=float(rng.choice(steps)) if rng.uniform() < share else None,
+        )
+        conceals = tuple((kind, float(f"{size:.3g}")) for kind, size in zip(kinds, sizes, strict=True))
+        order = Order(rig, secrets.randbits(48), conceals, condition)
+        cases.append(Case(f"{prefix}{number:04d}", group.condition, order))
+    return cases
+
+
+def draw_file(which: str, file: Path) -> None:
+    """Draw a list into a file that does not exist yet.
+
+    Raises:
+        InputError: the file exists, or cannot be written.
+    """
+    if file.exists():
+        raise InputError(f"{file}: exists already; seeds are drawn once, so name another file or remove it")
+    check_writable(file)
+    with writing(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        aside = file.with_name(f".{file.name}")
+        write_cases(draw_list(LISTS[which], "j" if which == "full" else "k"), aside)
+        aside.rename(file)
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m slapshot.lab.joints.lists")
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--list", choices=LISTS, default="full")
+    args = parser.parse_args()
+    try:
+        draw_file(args.list, args.file)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""All kinds of physics that a rig for joints can conceal, by name."""
+
+from collections.abc import Mapping
+
+from slapshot.errors import InputError
+from slapshot.lab.joints.kind import Kind
+from slapshot.lab.joints.kinds import base, drive, encoder, friction, structure, surroundings
+
+_ALL: tuple[Kind, ...] = (
+    friction.ViscousFriction(),
+    friction.CoulombFriction(),
+    friction.StribeckFriction(),
+    friction.LoadFriction(),
+    friction.DirectionFriction(),
+    friction.FrictionDrift(),
+    structure.JointElasticity(),
+    structure.Backlash(),
+    structure.Armature(),
+    structure.LinkMass(),
+    structure.Payload(),
+    structure.JointOffset(),
+    structure.Spring(),
+    base.GravityTilt(),
+    base.BaseCompliance(),
+    drive.ActuatorGain(),
+    drive.ActuatorLag(),
+    drive.CommandDelay(),
+    drive.Saturation(),
+    drive.TorqueRipple(),
+    encoder.EncoderScale(),
+    encoder.EncoderDelay(),
+    surroundings.ExternalPulse(),
+    surroundings.SlackCable(),
+    surroundings.Magnet(),
+    surroundings.SoftObstacle(),
+    base.SlippingBase(),
+    drive.Foldback(),
+    encoder.StickySensor(),
+)
+
+KINDS: Mapping[str, Kind] = {kind.name: kind for kind in _ALL}
+
+
+def kind_named(name: str) -> Kind:
+    """A kind.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    if name not in KINDS:
+        raise InputError(f"lab: no kind {name!r} for joints; use one of: {', '.join(KINDS)}")
+    return KINDS[name]

@@ -1,0 +1,25 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from slapshot.lab.joints.excitation import draw_excitation
+from slapshot.lab.joints.rehearsal import Rehearsal
+from slapshot.lab.joints.rigs import rig_named
+
+EPISODES, SECONDS = 3, 0.8
+
+
+def short(name):
+    """A rig that does not wait long for its first command."""
+    return replace(rig_named(name), settle=0.2)
+
+
+@pytest.fixture(scope="session")
+def rehearsals():
+    """Rig -> rehearsal of a short session."""
+    found = {}
+    for name in ("pendulum", "arm", "fetchslide_arm"):
+        rig = short(name)
+        excitation = draw_excitation(rig, EPISODES, SECONDS, np.random.default_rng(7))
+        found[name] = Rehearsal(rig, excitation)
+    return found
