@@ -130,10 +130,6 @@ def first_path(problem: Problem, nominal: Problem, windows: Segments) -> Array:
     path = recorded_path(nominal.rig, windows)
     if problem.rig is nominal.rig:
         return path
-    added = next(e for e in problem.catalogue if e.hidden_state and _added(problem, e))
+    names = {problem.rig.model.joint(j).name for j in range(problem.rig.model.njnt)}
+    added = next(e for e in nominal.catalogue if e.hidden_state and e.added_joint in names)
     return moved_path(nominal.rig, problem.rig, added, windows, path)
-
-
-def _added(problem: Problem, effect: object) -> bool:
-    name = f"slapshot:deflection:{getattr(effect, 'part', '')}"
-    return any(problem.rig.model.joint(j).name == name for j in range(problem.rig.model.njnt))

@@ -184,7 +184,13 @@ def examine(
     for effect in effects:
         columns.append(np.array([i for i, look in enumerate(looks) if look.effect is effect]))
     return Examination(
-        fit, noise, scores(found, prior.at(noise), fixed_columns), effects, tuple(columns), tuple(looks), pulses
+        fit,
+        noise,
+        scores(found, prior.at(noise), fixed_columns),
+        effects,
+        tuple(columns),
+        tuple(looks),
+        pulses,
     )
 
 

@@ -39,9 +39,7 @@ class Scan:
     p_value: float
 
 
-def scan(
-    system: Linear, values: Array, noise: Noise, segments: Segments, rig: Situation
-) -> Scan:
+def scan(system: Linear, values: Array, noise: Noise, segments: Segments, rig: Situation) -> Scan:
     """Scan the joints of a linear system.
 
     Args:
@@ -95,9 +93,7 @@ def pushes(found: Scan, segments: Segments, rig: Situation) -> Sequence[External
     return effects
 
 
-def _in_segment(
-    found: Scan, segments: Segments, s: int, j: int, limit: float
-) -> list[tuple[float, Pulse]]:
+def _in_segment(found: Scan, segments: Segments, s: int, j: int, limit: float) -> list[tuple[float, Pulse]]:
     """Runs of windows that stand out, with those next to them that lean the same way."""
     ratio = found.ratio[s, :, j]
     out = []

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 def restructured(rig: Rig, effect: JointEffect, channels: dict[str, Channel]) -> Rig:
     """The rig with what an effect adds to its model."""
     spec = rig.spec.copy()
-    effect.restructure(spec)
+    spec = effect.restructure(spec)
     second = deflection(effect.part)
     reads_link = getattr(effect, "reads_link", False)
     if reads_link:

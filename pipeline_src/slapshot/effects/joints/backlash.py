@@ -42,11 +42,17 @@ class Backlash(JointEffect):
         """Whether the encoder sits behind the gap."""
         return "link" in self.variant
 
-    def restructure(self, spec: mujoco.MjSpec) -> None:
+    @property
+    def added_joint(self) -> str:
+        """By how much the link stands ahead of the motor."""
+        return deflection(self.part)
+
+    def restructure(self, spec: mujoco.MjSpec) -> mujoco.MjSpec:
         """Split the joint; limits stop the second one, since stiff springs could not be simulated."""
         split_joint(spec, self.part, 0.1 * self._joint.inertia)
         second = spec.joint(deflection(self.part))
         second.limited, second.range, second.solref_limit = True, [-0.01, 0.01], [HARD_S, 1.0]
+        return spec
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Width of the gap."""

@@ -224,8 +224,14 @@ class JointEffect:
         """
         return ""
 
-    def restructure(self, spec: mujoco.MjSpec) -> None:
-        """Add bodies, joints or tendons, whose numbers `edit` sets; at neutral values they change nothing."""
+    @property
+    def added_joint(self) -> str | None:
+        """Name of the first joint that `restructure` adds."""
+        return None
+
+    def restructure(self, spec: mujoco.MjSpec) -> mujoco.MjSpec:
+        """The model with more bodies or joints, whose numbers `edit` sets; `spec` may be changed."""
+        return spec
 
 
 def overrides(effect: JointEffect, method: str) -> bool:

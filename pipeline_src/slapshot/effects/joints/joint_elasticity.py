@@ -11,7 +11,9 @@ from slapshot.effects.joints.split import deflection, split_joint, stiffest
 
 class JointElasticity(JointEffect):
     name = "joint_elasticity"
-    physics = "Gear, belt or shaft twist under load: motor and link have an angle each, with a spring between."
+    physics = (
+        "Gear, belt or shaft twist under load: motor and link have an angle each, with a spring between."
+    )
     source = "Spong (1987), Journal of Dynamic Systems, Measurement, and Control 109(4)"
     phrase = "elasticity of joint {part}"
     hidden_state = True
@@ -45,9 +47,15 @@ class JointElasticity(JointEffect):
         """Whether the encoder sits behind the spring."""
         return "link" in self.variant
 
-    def restructure(self, spec: mujoco.MjSpec) -> None:
+    @property
+    def added_joint(self) -> str:
+        """By how much the link stands ahead of the motor."""
+        return deflection(self.part)
+
+    def restructure(self, spec: mujoco.MjSpec) -> mujoco.MjSpec:
         """Split the joint."""
         split_joint(spec, self.part, 0.1 * self._joint.inertia)
+        return spec
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Spring and damper between motor and link."""

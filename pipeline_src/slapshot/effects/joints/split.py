@@ -4,7 +4,10 @@ A second joint on the same axis is added to the link's body. The first keeps its
 inertia and is the motor; the second is by how much the link stands ahead of it.
 """
 
+import xml.etree.ElementTree as ElementTree
+
 import mujoco
+import numpy as np
 
 from slapshot.effects.joints.effect import Joint
 
@@ -38,3 +41,47 @@ def stiffest(joint: Joint, armature: float) -> float:
     rotor = armature if armature > 0 else 0.1 * joint.inertia
     link = max(joint.inertia - armature, 1e-3 * joint.inertia)
     return _FASTEST**2 * rotor * link / (rotor + link)
+
+
+def base_joint(axis: str) -> str:
+    """Name of the joint by which the base tilts about an axis."""
+    return f"slapshot:base:{axis}"
+
+
+def put_on_base(spec: mujoco.MjSpec, inertia: float) -> mujoco.MjSpec:
+    """The model on a plate that tilts about the world's x and y axes through its foot.
+
+    Args:
+        spec: of a robot that stands on the world.
+        inertia: of the plate, kg m^2.
+    """
+    whole = spec.copy()
+    whole.compile()
+    root = ElementTree.fromstring(whole.to_xml())
+    world = root.find("worldbody")
+    if world is None:
+        raise ValueError("the model has no world")
+    standing = [body for body in world.findall("body") if body.find(".//joint") is not None]
+    if not standing:
+        raise ValueError("no body stands on the world and moves")
+    foot = _place(standing[0])
+    plate = ElementTree.SubElement(world, "body", name="slapshot:base", pos=_written(foot))
+    diagonal = _written(np.full(3, inertia))
+    ElementTree.SubElement(plate, "inertial", pos="0 0 0", mass=repr(inertia), diaginertia=diagonal)
+    for axis, along in (("x", "1 0 0"), ("y", "0 1 0")):
+        ElementTree.SubElement(
+            plate, "joint", name=base_joint(axis), type="hinge", axis=along, limited="false"
+        )
+    for body in standing:
+        body.set("pos", _written(_place(body) - foot))
+        world.remove(body)
+        plate.append(body)
+    return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"), assets=dict(spec.assets))
+
+
+def _place(body: ElementTree.Element) -> np.ndarray:
+    return np.array([float(x) for x in body.get("pos", "0 0 0").split()])
+
+
+def _written(values: np.ndarray) -> str:
+    return " ".join(repr(float(value)) for value in values)
