@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 _CONTROL = mujoco.mjtState.mjSTATE_CTRL.value | mujoco.mjtState.mjSTATE_QFRC_APPLIED.value
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_GAINS = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
+_BIASES = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
 
 
 @dataclass(frozen=True)
@@ -232,6 +234,8 @@ def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np
     for i in range(model.nu):
         if model.actuator_trntype[i] != int(mujoco.mjtTrn.mjTRN_JOINT):
             continue
+        if model.actuator_gaintype[i] not in _GAINS or model.actuator_biastype[i] not in _BIASES:
+            continue
         j = model.actuator_trnid[i, 0]
         v = model.jnt_dofadr[j]
         if loads[v] < 0:
@@ -254,4 +258,7 @@ def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np
         if model.actuator_forcelimited[i]:
             force = np.clip(force, *model.actuator_forcerange[i])
         torque[:, v] += gear * force
-    return torque.reshape(n, model.nv)
+    for j in np.flatnonzero(model.jnt_actfrclimited):
+        v = model.jnt_dofadr[j]
+        torque[:, v] = np.clip(torque[:, v], *model.jnt_actfrcrange[j])
+    return torque
