@@ -230,7 +230,7 @@ def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np
 
     Actuators on other transmissions, or with other laws, count as none: what needs a load has none there.
     """
-    n, torque = len(x), np.zeros((len(x), model.nv))
+    torque = np.zeros((len(x), model.nv))
     for i in range(model.nu):
         if model.actuator_trntype[i] != int(mujoco.mjtTrn.mjTRN_JOINT):
             continue
