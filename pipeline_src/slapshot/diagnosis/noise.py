@@ -22,6 +22,8 @@ LARGEST_LAW_ERROR = 0.15  # rms share of a law
 CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
 _WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
 _SEARCH_NODES = 4000
+_STILL = 0.01  # nats by which a round of the search still raises the likelihood
+_MOST_ROUNDS = 60
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,8 @@ def fit_noise(system: Linear, prior: Prior, noise: Noise, segments: Segments, ki
     ) -> tuple[float, Array]:
         clipped = [np.clip(values, *np.array(limits).T) for values in begins]
         start = min(clipped, key=lambda values: cost(values, colour))
-        found = minimize(cost, start, (colour,), "L-BFGS-B", bounds=limits, options={"maxiter": 12})
+        options = {"maxiter": _MOST_ROUNDS, "ftol": _STILL / max(abs(cost(start, colour)), 1.0)}
+        found = minimize(cost, start, (colour,), "L-BFGS-B", bounds=limits, options=options)
         return float(found.fun), found.x
 
     zero = np.zeros(count)
