@@ -151,6 +151,16 @@ def bind(
     return Rig(name, plain, compiled, controls, tuple(observations), tuple(free), load)
 
 
+def _name_all(spec: mujoco.MjSpec) -> None:
+    """Name bodies, joints and actuators without a name, for what is said of them."""
+    for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("actuator", spec.actuators)):
+        taken = {element.name for element in elements}
+        for i, element in enumerate(elements):
+            if not element.name:
+                name = f"{kind} {i}"
+                element.name = name if name not in taken else f"{name} without a name"
+
+
 def _actuator(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Channel) -> str:
     """The actuator that a control drives; a motor is added for the torque of a joint."""
     if channel.actuator is not None:
@@ -195,11 +205,3 @@ def _transmission(model: mujoco.MjModel, name: str, channel: Channel) -> tuple[m
     is_free = joint.type[0] == mujoco.mjtJoint.mjJNT_FREE
     axis = "xyz".index(channel.component) + (3 if is_free and channel.quantity == "torque" else 0)
     return mujoco.mjtTrn.mjTRN_JOINTINPARENT, [float(i == axis) for i in range(6)]
-
-
-def _name_all(spec: mujoco.MjSpec) -> None:
-    """Give joints, actuators and bodies without a name one, since effects and sensors go by names."""
-    for kind, parts in (("joint", spec.joints), ("actuator", spec.actuators), ("body", spec.bodies)):
-        for number, part in enumerate(parts):
-            if not part.name:
-                part.name = f"{OWN}{kind}{number}"
