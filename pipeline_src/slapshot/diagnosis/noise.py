@@ -170,8 +170,15 @@ def fit_noise(system: Linear, prior: Prior, noise: Noise, segments: Segments, ki
     ) -> tuple[float, Array]:
         clipped = [np.clip(values, *np.array(limits).T) for values in begins]
         start = min(clipped, key=lambda values: cost(values, colour))
-        options = {"maxiter": _MOST_ROUNDS, "ftol": _STILL / max(abs(cost(start, colour)), 1.0)}
-        found = minimize(cost, start, (colour,), "L-BFGS-B", bounds=limits, options=options)
+        still = _STILL / max(abs(cost(start, colour)), 1.0)
+        found = minimize(
+            cost,
+            start,
+            (colour,),
+            "L-BFGS-B",
+            bounds=limits,
+            options={"maxiter": _MOST_ROUNDS, "ftol": still},
+        )
         return float(found.fun), found.x
 
     zero = np.zeros(count)
