@@ -20,10 +20,10 @@ Array = NDArray[np.float64]
 HELD_S = 0.01  # process force is told as the standard deviation of a force held so long
 LARGEST_LAW_ERROR = 0.15  # rms share of a law
 CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
-_WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
-_SEARCH_NODES = 4000
 _STILL = 0.01  # nats by which a round of the search still raises the likelihood
 _MOST_ROUNDS = 60
+_WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
+_SEARCH_NODES = 4000
 
 
 @dataclass(frozen=True)
