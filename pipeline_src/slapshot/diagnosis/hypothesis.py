@@ -230,15 +230,23 @@ def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np
 
     Actuators on other transmissions, or with other laws, count as none: what needs a load has none there.
     """
-    torque = np.zeros((len(x), model.nv))
+    torque, force = np.zeros((len(x), model.nv)), actuator_force(model, x, u)
     for i in range(model.nu):
-        if model.actuator_trntype[i] != int(mujoco.mjtTrn.mjTRN_JOINT):
-            continue
-        if model.actuator_gaintype[i] not in _GAINS or model.actuator_biastype[i] not in _BIASES:
-            continue
-        j = model.actuator_trnid[i, 0]
-        v = model.jnt_dofadr[j]
-        if loads[v] < 0:
+        v = _driven(model, i)
+        if v is not None and loads[v] >= 0:
+            torque[:, v] += model.actuator_gear[i, 0] * force[:, i]
+    for j in np.flatnonzero(model.jnt_actfrclimited):
+        v = int(model.jnt_dofadr[j])
+        torque[:, v] = np.clip(torque[:, v], *model.jnt_actfrcrange[j])
+    return torque
+
+
+def actuator_force(model: mujoco.MjModel, x: Array, u: Array) -> Array:
+    """Force of actuators of hinges and slides, before their gears, (n, nu); 0 of others."""
+    forces = np.zeros((len(x), model.nu))
+    for i in range(model.nu):
+        v = _driven(model, i)
+        if v is None:
             continue
         gear = model.actuator_gear[i, 0]
         drive = u[:, i]
@@ -247,7 +255,7 @@ def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np
         if model.actuator_actnum[i] > 0:
             last = model.actuator_actadr[i] + model.actuator_actnum[i] - 1
             drive = x[:, model.nq + model.nv + last]
-        length = gear * x[:, model.jnt_qposadr[j]]
+        length = gear * x[:, model.jnt_qposadr[model.actuator_trnid[i, 0]]]
         rate = gear * x[:, model.nq + v]
         gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
         force = gain[0] * drive
@@ -257,8 +265,16 @@ def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np
             force = force + bias[0] + bias[1] * length + bias[2] * rate
         if model.actuator_forcelimited[i]:
             force = np.clip(force, *model.actuator_forcerange[i])
-        torque[:, v] += gear * force
-    for j in np.flatnonzero(model.jnt_actfrclimited):
-        v = model.jnt_dofadr[j]
-        torque[:, v] = np.clip(torque[:, v], *model.jnt_actfrcrange[j])
-    return torque
+        forces[:, i] = force
+    return forces
+
+
+def _driven(model: mujoco.MjModel, actuator: int) -> int | None:
+    """The dof of the hinge or slide that an actuator drives; None for other transmissions and laws."""
+    joint = int(model.actuator_trnid[actuator, 0])
+    if model.actuator_trntype[actuator] != int(mujoco.mjtTrn.mjTRN_JOINT):
+        return None
+    if model.actuator_gaintype[actuator] not in _GAINS or model.actuator_biastype[actuator] not in _BIASES:
+        return None
+    scalar = model.jnt_type[joint] in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    return int(model.jnt_dofadr[joint]) if scalar else None
