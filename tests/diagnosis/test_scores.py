@@ -8,10 +8,10 @@ from scipy import stats
 from slapshot.diagnosis.filter import Covariances, Linear, innovations
 from slapshot.diagnosis.inference.null import mismatch_test
 from slapshot.diagnosis.inference.scores import (
+    Draws,
     Eliminated,
     Elimination,
     Scores,
-    draws,
     group_statistics,
     scores,
 )
@@ -96,7 +96,8 @@ def test_without_nuisance_nothing_is_eliminated():
 def test_draws_have_the_moments_of_the_null():
     of = columns(6, segments=2, nuisance=0.3)
     given = of.scores(np.zeros(of.z.shape[:2]))
-    many = draws(given, 40_000, np.random.default_rng(7)).reshape(40_000, -1)
+    draw = Draws(given, np.random.default_rng(7))
+    many = np.concatenate([draw(10_000), draw(30_000)]).reshape(40_000, -1)
     # All segments share one value of each nuisance.
     stacked = np.concatenate(list(given.H))
     others = stacked[:, IS_NUISANCE]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.inference.scores import Elimination, Scores, draws, group_statistics
+from slapshot.diagnosis.inference.scores import Draws, Elimination, Scores, group_statistics
 
 Array = NDArray[np.float64]
 
@@ -45,8 +45,9 @@ def mismatch_test(
     """
     eliminate = Elimination(of)
     seen = group_statistics(eliminate(of.b), groups)
+    draws = Draws(of, rng)
     largest = np.concatenate(
-        [group_statistics(eliminate(draws(of, part, rng)), groups).max(-1) for part in _parts(count, 100)]
+        [group_statistics(eliminate(draws(part)), groups).max(-1) for part in _parts(count, 100)]
     )
     exceeding = int(np.sum(largest >= seen.max()))
     return MismatchTest((1 + exceeding) / (count + 1), seen, int(np.argmax(seen)))

@@ -89,18 +89,26 @@ class Elimination:
         return Eliminated(raw - known + prior, self.information)
 
 
-def draws(of: Scores, count: int, rng: np.random.Generator) -> Array:
-    """Scores as they would be were there nothing but noise and nuisance, (count, S, p)."""
-    S, p = of.b.shape
-    m = np.flatnonzero(of.nuisance)
-    values = np.zeros((count, p))
-    values[:, m] = rng.standard_normal((count, len(m)))
-    out = np.empty((count, S, p))
-    for s in range(S):
-        eigenvalues, vectors = np.linalg.eigh(of.H[s])
-        root = vectors * np.sqrt(np.maximum(eigenvalues, 0))
-        out[:, s] = rng.standard_normal((count, p)) @ root.T + values @ of.H[s]
-    return out
+class Draws:
+    """Scores as they would be were there nothing but noise and nuisance.
+
+    Args:
+        of: scores in units of the priors.
+        rng: for draws.
+    """
+
+    def __init__(self, of: Scores, rng: np.random.Generator) -> None:
+        self._H, self._nuisance, self._rng = of.H, np.flatnonzero(of.nuisance), rng
+        eigenvalues, vectors = np.linalg.eigh(of.H)
+        self._roots = vectors * np.sqrt(np.maximum(eigenvalues, 0))[:, None, :]
+
+    def __call__(self, count: int) -> Array:
+        """Further draws, (count, S, p)."""
+        S, p = self._H.shape[:2]
+        values = np.zeros((count, p))
+        values[:, self._nuisance] = self._rng.standard_normal((count, len(self._nuisance)))
+        noise = np.matmul(self._rng.standard_normal((S, count, p)), self._roots.transpose(0, 2, 1))
+        return (noise + np.matmul(values, self._H)).transpose(1, 0, 2)
 
 
 def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> Array:
