@@ -6,6 +6,7 @@ are sensors that are added to the model: what a simulation step returns beside t
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import mujoco
@@ -16,6 +17,8 @@ from slapshot.diagnosis.urdf import is_urdf, readable_urdf
 from slapshot.errors import InputError
 from slapshot.recordings.signals import Channel
 from slapshot.text import reason_of
+
+_QUATERNIONS = (int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjSENS_BALLQUAT))
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,22 @@ class Rig:
     observations: tuple[Observation, ...]
     free: tuple[str, ...]
     load: np.ndarray
+
+    def sensor_of(self, column: int) -> int:
+        """Index of the sensor that a column of the observations reads."""
+        return int(np.flatnonzero(self.model.sensor_adr <= self.observations[column].address)[-1])
+
+    @cached_property
+    def quaternions(self) -> tuple[list[int], ...]:
+        """Columns of the observations, w first, of every quaternion that is observed whole."""
+        model, parts = self.model, dict[tuple[int, ...], dict[int, int]]()
+        for column, observation in enumerate(self.observations):
+            sensor = self.sensor_of(column)  # each component has a sensor of its own
+            if model.sensor_type[sensor] in _QUATERNIONS:
+                of = model.sensor_type[sensor], model.sensor_objtype[sensor], model.sensor_objid[sensor]
+                component = observation.address - int(model.sensor_adr[sensor])
+                parts.setdefault(tuple(map(int, of)), {})[component] = column
+        return tuple([part[i] for i in range(4)] for part in parts.values() if len(part) == 4)
 
 
 def load_spec(file: Path) -> mujoco.MjSpec:
