@@ -110,11 +110,18 @@ def _parser() -> argparse.ArgumentParser:
     )
     diagnosing.add_argument("recording", type=Path, help="folder")
     diagnosing.add_argument("--out", type=Path, required=True, help="folder to make")
-    diagnosing.add_argument("--rig", type=Path, help="rig file (YAML) of the nominal scene")
-    diagnosing.add_argument("--config", type=Path, help="configuration that says the same, else the default")
-    diagnosing.add_argument("--domain", default="hockey", help="domain of the configuration")
-    diagnosing.add_argument("--signatures", type=Path, help="file with those of commands, made if missing")
-    diagnosing.add_argument("--seed", type=_seed, default=0, help="of the split into used and held-out hits")
+    diagnosing.add_argument("--rig", type=Path, help="rig file (YAML) of the nominal scene or model")
+    diagnosing.add_argument(
+        "--model", type=Path, help="MJCF or URDF, where the recording's channels name its parts"
+    )
+    diagnosing.add_argument(
+        "--config", type=Path, help="of hits: configuration that says the same, else the default"
+    )
+    diagnosing.add_argument("--domain", default="hockey", help="of hits: domain of the configuration")
+    diagnosing.add_argument(
+        "--signatures", type=Path, help="of hits: file with those of commands, made if missing"
+    )
+    diagnosing.add_argument("--seed", type=_seed, default=0, help="of what is drawn")
     diagnosing.set_defaults(run=_diagnose)
     browse = commands.add_parser("browse", help="look at hits in the Rerun viewer")
     browse.add_argument("--config", type=Path, help="configuration whose hits are shown, else the default")
@@ -171,7 +178,13 @@ def _diagnose(args: argparse.Namespace) -> int:
     header = args.recording / "recording.json"
     match _format_version(header):  # MuJoCo, figures: the other commands start faster
         case 1 | None:  # what says no version is refused where it is read, with the reason
+            if args.model is not None:
+                raise InputError(
+                    "--model is of joints and bodies; for hits of an object give --rig or --config"
+                )
             from slapshot.diagnosis.pucks.command import run_diagnose
+        case 2:
+            from slapshot.diagnosis.command import run_diagnose
         case version:
             raise InputError(
                 f"{header}: format_version is {short(version)}, and no diagnosis reads that version; "

@@ -226,7 +226,7 @@ def test_sensors_and_actuators_of_the_model_by_their_own_names():
 
 def test_parts_without_names_get_one():
     text = """<mujoco><worldbody><body><joint axis="0 1 0"/><geom size="0.1" pos="0 0 1"/>
-        <body pos="0 0 1"><joint name="b" axis="0 1 0"/><geom size="0.1" pos="0 0 1"/></body></body></worldbody>
+        <body pos="0 0 1"><joint name="b" axis="0 1 0"/><geom size="0.1"/></body></body></worldbody>
         <actuator><motor joint="b"/><motor joint="b" gear="2"/></actuator></mujoco>"""
     rig = bind(spec(text), {"angle": joint("b")})
     for kind, count in (("joint", 2), ("actuator", 2), ("body", 3)):

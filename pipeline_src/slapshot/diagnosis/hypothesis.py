@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 _CONTROL = mujoco.mjtState.mjSTATE_CTRL.value | mujoco.mjtState.mjSTATE_QFRC_APPLIED.value
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_GAINS = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
+_BIASES = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
 
 
 @dataclass(frozen=True)
@@ -254,6 +256,9 @@ def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np
         v = _driven(model, i)
         if v is not None and loads[v] >= 0:
             torque[:, v] += model.actuator_gear[i, 0] * force[:, i]
+    for j in np.flatnonzero(model.jnt_actfrclimited):
+        v = int(model.jnt_dofadr[j])
+        torque[:, v] = np.clip(torque[:, v], *model.jnt_actfrcrange[j])
     return torque
 
 
@@ -286,9 +291,11 @@ def actuator_force(model: mujoco.MjModel, x: Array, u: Array) -> Array:
 
 
 def _driven(model: mujoco.MjModel, actuator: int) -> int | None:
-    """The dof of the hinge or slide that an actuator drives; None for other transmissions."""
+    """The dof of the hinge or slide that an actuator drives; None for other transmissions and laws."""
     joint = int(model.actuator_trnid[actuator, 0])
     if model.actuator_trntype[actuator] != int(mujoco.mjtTrn.mjTRN_JOINT):
+        return None
+    if model.actuator_gaintype[actuator] not in _GAINS or model.actuator_biastype[actuator] not in _BIASES:
         return None
     scalar = model.jnt_type[joint] in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
     return int(model.jnt_dofadr[joint]) if scalar else None

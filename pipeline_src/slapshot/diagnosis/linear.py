@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from slapshot.diagnosis.filter import Linear
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
 
@@ -181,7 +182,7 @@ def linearise(
         else:
             h = hypothesis.with_effect(look.effect)
             column(k, h, np.concatenate([theta, look.values]), look.probe, look.effect)
-    residual = segments.y - predicted.reshape(S, L, ny)
+    residual = residuals(hypothesis.rig, segments, predicted.reshape(S, L, ny))
     shapes = (S, L)
     W.reshape(*shapes, dim, -1)[:, :-1][~segments.inside[:, 1:]] = 0
     system = Linear(
@@ -189,6 +190,16 @@ def linearise(
         residual, W.reshape(*shapes, dim, -1), psi.reshape(*shapes, ny, -1),
     )  # fmt: skip
     return Linearised(system, torque.reshape(*shapes, nv), predicted.reshape(*shapes, ny))
+
+
+def residuals(rig: Rig, segments: Segments, predicted: Array) -> Array:
+    """Recorded less predicted, (S, L, ny); of a quaternion's two signs the nearer is taken."""
+    y = segments.y
+    for columns in rig.quaternions:
+        sign = np.where(np.nansum(y[..., columns] * predicted[..., columns], axis=-1) < 0, -1.0, 1.0)
+        y = y.copy()
+        y[..., columns] *= sign[..., None]
+    return y - predicted
 
 
 def _over_interval(values: Array) -> Array:

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 HELD_S = 0.01  # process force is told as the standard deviation of a force held so long
 LARGEST_LAW_ERROR = 0.15  # rms share of a law
 CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
+_STILL = 0.01  # nats by which a round of the search still raises the likelihood
+_MOST_ROUNDS = 60
 _WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
 _SEARCH_NODES = 3000
 
@@ -168,7 +170,15 @@ def fit_noise(system: Linear, prior: Prior, noise: Noise, segments: Segments, ki
     ) -> tuple[float, Array]:
         clipped = [np.clip(values, *np.array(limits).T) for values in begins]
         start = min(clipped, key=lambda values: cost(values, colour))
-        found = minimize(cost, start, (colour,), "L-BFGS-B", bounds=limits, options={"maxiter": 12})
+        still = _STILL / max(abs(cost(start, colour)), 1.0)
+        found = minimize(
+            cost,
+            start,
+            (colour,),
+            "L-BFGS-B",
+            bounds=limits,
+            options={"maxiter": _MOST_ROUNDS, "ftol": still},
+        )
         return float(found.fun), found.x
 
     zero = np.zeros(count)

@@ -7,7 +7,7 @@ from scipy.signal import savgol_filter
 
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
-from slapshot.diagnosis.tangent import Tangent
+from slapshot.diagnosis.tangent import Tangent, angular_velocity
 
 Array = NDArray[np.float64]
 
@@ -18,57 +18,86 @@ def recorded_path(rig: Rig, segments: Segments) -> Array:
     """States on all nodes, (S, L, nq + nv + na).
 
     Positions and velocities of joints that are observed, and of bodies with a free joint, follow the record;
-    what is not observed rests at the model's initial position. Fits move the path to where the model goes.
+    so do rotations of which all four components are observed. What is not observed rests at the model's
+    initial position. Fits move the path to where the model goes.
     """
     tangent = Tangent(rig.model)
     S, L = segments.shape
     x = np.zeros((S, L, tangent.size))
     x[..., : tangent.nq] = rig.model.qpos0
-    width = max(5, round(_WINDOW_S / segments.interval) | 1)
-    for column, q, v in _targets(rig):
+    for columns, q, v in _targets(rig):
         for episode in np.unique(segments.episode):
             own = np.flatnonzero(segments.episode == episode)
             inside = segments.inside[own]
-            value = segments.y[own, :, column][inside]
-            there = np.isfinite(value)
-            if there.sum() < 2:
+            smooth, rate = _smoothed(segments, own, columns)
+            if not len(smooth):
                 continue
-            nodes = np.arange(len(value))
-            late = segments.shift[own, :, column][inside] / segments.interval
-            value = np.interp(nodes, (nodes + late)[there], value[there])
-            window = min(width, (len(value) - 1) | 1)
-            if window >= 5:
-                smooth = savgol_filter(value, window, 3)
-                rate = savgol_filter(value, window, 3, 1, segments.interval)
-            else:
-                smooth, rate = value, np.gradient(value, segments.interval)
-            position = np.full(inside.shape, smooth[-1])
+            if len(columns) == 4:
+                smooth /= np.linalg.norm(smooth, axis=1, keepdims=True)
+                rate = angular_velocity(smooth, rate)
+            position = np.empty((*inside.shape, len(columns)))
+            position[:] = smooth[-1]
             position[inside] = smooth
-            velocity = np.zeros(inside.shape)
+            velocity = np.zeros((*inside.shape, rate.shape[1]))
             velocity[inside] = rate
-            x[own, :, q] = position
-            x[own, :, tangent.nq + v] = velocity
+            x[own, :, q : q + position.shape[2]] = position
+            x[own, :, tangent.nq + v : tangent.nq + v + velocity.shape[2]] = velocity
     return x
 
 
-def _targets(rig: Rig) -> list[tuple[int, int, int]]:
-    """(column of the observations, index in qpos, index in qvel) of every coordinate that is observed."""
+def _smoothed(segments: Segments, own: NDArray[np.intp], columns: list[int]) -> tuple[Array, Array]:
+    """What was observed of one episode together, and its derivative, (nodes, columns); empty without data."""
+    inside, h = segments.inside[own], segments.interval
+    value = segments.y[own][:, :, columns][inside]
+    late = segments.shift[own][:, :, columns[0]][inside] / h
+    there = np.isfinite(value).all(axis=1)
+    if there.sum() < 2:
+        return np.zeros((0, len(columns))), np.zeros((0, len(columns)))
+    known = value[there]
+    if len(columns) == 4:
+        # Of the two signs of a quaternion the one that is nearer to the one before.
+        turns = np.sum(known[1:] * known[:-1], axis=1) < 0
+        known[1:] *= np.cumprod(np.where(turns, -1.0, 1.0))[:, None]
+    nodes = np.arange(len(value))
+    value = np.stack([np.interp(nodes, (nodes + late)[there], part) for part in known.T], axis=1)
+    window = min(max(5, round(_WINDOW_S / h) | 1), (len(value) - 1) | 1)
+    if window < 5:
+        return value, np.gradient(value, h, axis=0)
+    smooth = savgol_filter(value, window, 3, axis=0)
+    return smooth, savgol_filter(value, window, 3, 1, h, axis=0)
+
+
+def _targets(rig: Rig) -> list[tuple[list[int], int, int]]:
+    """Of all coordinates that are observed: columns of the observations, first index in qpos and in qvel."""
     model, found = rig.model, []
     for column, observation in enumerate(rig.observations):
         if observation.quantity != "position":
             continue
         if observation.dof is not None:
             joint = int(model.dof_jntid[observation.dof])
-            found.append((column, int(model.jnt_qposadr[joint]), observation.dof))
+            found.append(([column], int(model.jnt_qposadr[joint]), observation.dof))
             continue
-        sensor = int(np.flatnonzero(model.sensor_adr <= observation.address)[-1])
-        kind, target = int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor])
-        bodies = (int(mujoco.mjtObj.mjOBJ_XBODY), int(mujoco.mjtObj.mjOBJ_BODY))
-        if model.sensor_type[sensor] == int(mujoco.mjtSensor.mjSENS_FRAMEPOS) and kind in bodies:
-            joint = int(model.body_jntadr[target])
-            if joint >= 0 and model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_FREE):
-                axis = observation.address - int(model.sensor_adr[sensor])
-                found.append(
-                    (column, int(model.jnt_qposadr[joint]) + axis, int(model.jnt_dofadr[joint]) + axis)
-                )
+        body, sensor = _own_joint(rig, column), rig.sensor_of(column)
+        if body is not None and model.sensor_type[sensor] == int(mujoco.mjtSensor.mjSENS_FRAMEPOS):
+            axis = observation.address - int(model.sensor_adr[sensor])
+            found.append(([column], int(model.jnt_qposadr[body]) + axis, int(model.jnt_dofadr[body]) + axis))
+    for columns in rig.quaternions:
+        turned = _own_joint(rig, columns[0])
+        if turned is not None:
+            ahead = 3 if model.jnt_type[turned] == int(mujoco.mjtJoint.mjJNT_FREE) else 0
+            q, v = int(model.jnt_qposadr[turned]) + ahead, int(model.jnt_dofadr[turned]) + ahead
+            found.append((columns, q, v))
     return found
+
+
+def _own_joint(rig: Rig, column: int) -> int | None:
+    """The free joint of the body that a column observes, or the ball joint that it does."""
+    model, sensor = rig.model, rig.sensor_of(column)
+    target = int(model.sensor_objid[sensor])
+    if model.sensor_type[sensor] == int(mujoco.mjtSensor.mjSENS_BALLQUAT):
+        return target
+    if model.sensor_objtype[sensor] == int(mujoco.mjtObj.mjOBJ_XBODY):
+        joint = int(model.body_jntadr[target])
+        if joint >= 0 and model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_FREE):
+            return joint
+    return None

@@ -6,6 +6,7 @@ are sensors that are added to the model: what a simulation step returns beside t
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import mujoco
@@ -16,6 +17,8 @@ from slapshot.diagnosis.urdf import is_urdf, readable_urdf
 from slapshot.errors import InputError
 from slapshot.recordings.signals import Channel
 from slapshot.text import reason_of
+
+_QUATERNIONS = (int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjSENS_BALLQUAT))
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,22 @@ class Rig:
     free: tuple[str, ...]
     reading: np.ndarray
     load: np.ndarray
+
+    def sensor_of(self, column: int) -> int:
+        """Index of the sensor that a column of the observations reads."""
+        return int(np.flatnonzero(self.model.sensor_adr <= self.observations[column].address)[-1])
+
+    @cached_property
+    def quaternions(self) -> tuple[list[int], ...]:
+        """Columns of the observations, w first, of every quaternion that is observed whole."""
+        model, parts = self.model, dict[tuple[int, ...], dict[int, int]]()
+        for column, observation in enumerate(self.observations):
+            sensor = self.sensor_of(column)  # each component has a sensor of its own
+            if model.sensor_type[sensor] in _QUATERNIONS:
+                of = model.sensor_type[sensor], model.sensor_objtype[sensor], model.sensor_objid[sensor]
+                component = observation.address - int(model.sensor_adr[sensor])
+                parts.setdefault(tuple(map(int, of)), {})[component] = column
+        return tuple([part[i] for i in range(4)] for part in parts.values() if len(part) == 4)
 
 
 def load_spec(file: Path) -> mujoco.MjSpec:
@@ -170,6 +189,16 @@ def _name_all(spec: mujoco.MjSpec) -> None:
                 element.name = name if name not in taken else f"{name} without a name"
 
 
+def _name_all(spec: mujoco.MjSpec) -> None:
+    """Name bodies, joints and actuators without a name, for what is said of them."""
+    for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("actuator", spec.actuators)):
+        taken = {element.name for element in elements}
+        for i, element in enumerate(elements):
+            if not element.name:
+                name = f"{kind} {i}"
+                element.name = name if name not in taken else f"{name} without a name"
+
+
 def _actuator(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Channel) -> str:
     """The actuator that a control drives; a motor is added for the torque of a joint."""
     if channel.actuator is not None:
@@ -214,11 +243,3 @@ def _transmission(model: mujoco.MjModel, name: str, channel: Channel) -> tuple[m
     is_free = joint.type[0] == mujoco.mjtJoint.mjJNT_FREE
     axis = "xyz".index(channel.component) + (3 if is_free and channel.quantity == "torque" else 0)
     return mujoco.mjtTrn.mjTRN_JOINTINPARENT, [float(i == axis) for i in range(6)]
-
-
-def _name_all(spec: mujoco.MjSpec) -> None:
-    """Give joints, actuators and bodies without a name one, since effects and sensors go by names."""
-    for kind, parts in (("joint", spec.joints), ("actuator", spec.actuators), ("body", spec.bodies)):
-        for number, part in enumerate(parts):
-            if not part.name:
-                part.name = f"{OWN}{kind}{number}"

@@ -114,8 +114,9 @@ class Segments:
         for length in np.unique(self.inside.sum(axis=1)):
             if length > 1:
                 own = self.inside.sum(axis=1) == length
-                order = 2 if length > 2 else 1
-                out[own, :length] = np.gradient(values[own, :length], self.interval, axis=1, edge_order=order)
+                out[own, :length] = np.gradient(
+                    values[own, :length], self.interval, axis=1, edge_order=2 if length > 2 else 1
+                )
         return out
 
     def select(self, some: NDArray[np.bool_] | NDArray[np.intp]) -> "Segments":

@@ -75,6 +75,19 @@ class Tangent:
         return delta
 
 
+def angular_velocity(q: Array, rate: Array) -> Array:
+    """Angular velocity in the turned frame, as qvel has it, of a unit quaternion and its derivative.
+
+    Args:
+        q: (..., 4).
+        rate: (..., 4) in 1/s.
+
+    Returns:
+        (..., 3) rad/s.
+    """
+    return 2 * _product(q * np.array([1.0, -1, -1, -1]), rate)[..., 1:]
+
+
 def _product(p: Array, q: Array) -> Array:
     w, x, y, z = np.moveaxis(p, -1, 0)
     a, b, c, d = np.moveaxis(q, -1, 0)

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
+from scipy.stats import f as f_distribution
 
 from slapshot.diagnosis.filter import Innovations
 
@@ -45,7 +47,7 @@ class Eliminated:
     """Efficient scores of candidates: what the nuisance cannot explain.
 
     Attributes:
-        segment: (S, k) each segment's.
+        segment: (S, k) each segment's; their sum is that of generalised least squares.
         information: (k, k) of all.
     """
 
@@ -81,7 +83,10 @@ class Elimination:
         c, m = self._candidate, self._nuisance
         values = np.linalg.solve(self._prior, b[..., m].sum(-2)[..., None])[..., 0]
         raw = b[..., c] - b[..., m] @ self._share
-        return Eliminated(raw - np.einsum("skn,...n->...sk", self._cross, values), self.information)
+        # The prior of the nuisance is data too, of no segment: all share what it says.
+        prior = (values @ self._share / b.shape[-2])[..., None, :]
+        known = np.einsum("skn,...n->...sk", self._cross, values)
+        return Eliminated(raw - known + prior, self.information)
 
 
 class Draws:
@@ -107,13 +112,13 @@ class Draws:
 
 
 def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> Array:
-    """A studentised chi-squared of each group of columns, as -log p; (..., groups).
+    """Hotelling's test of each group of columns on the segments' scores, as -log p; (..., groups).
 
-    The sum of a group's scores over its spread between segments: noise that is larger or longer than thought
-    is in both.
+    The sum of a group's scores over their spread between segments, so that noise that is larger or longer
+    than thought is in both: of one column, Student's t. The spread is taken as round in units of the
+    information. A single segment is compared with the information alone. A group that the data say nothing of
+    has 0.
     """
-    from scipy.stats import f as f_distribution
-
     statistic = []
     segments = found.segment.shape[-2]
     for group in groups:
@@ -123,9 +128,14 @@ def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> A
         white = vectors[:, keep] / np.sqrt(eigenvalues[keep])
         each = found.segment[..., group] @ white
         k = white.shape[1]
-        total = each.sum(-2)
-        # A few outlying segments shall not make a case.
-        spread = (each**2).sum((-2, -1)) / k
-        ratio = (total**2).sum(-1) / k / np.maximum(spread, 1e-300)
-        statistic.append(-f_distribution.logsf(ratio, k, k * max(segments - 1, 1)))
+        total = (each.sum(-2) ** 2).sum(-1)
+        if k == 0:
+            statistic.append(np.zeros(total.shape))
+        elif segments == 1:
+            statistic.append(-chi2.logsf(total, k))
+        else:
+            # One segment that outweighs all others is both sum and spread, and makes no case by itself.
+            about = (each**2).sum((-2, -1)) - total / segments
+            ratio = total / segments / np.maximum(about, 1e-12 * total) * (segments - 1)
+            statistic.append(-f_distribution.logsf(ratio, k, k * (segments - 1)))
     return np.stack(statistic, axis=-1)

@@ -1,0 +1,271 @@
+"""Noise that is fitted against the noise that was put in; intervals come from the likelihood's curvature."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+from slapshot.diagnosis.filter import Linear, innovations
+from slapshot.diagnosis.noise import (
+    HELD_S,
+    Noise,
+    Prior,
+    first_noise,
+    fit_noise,
+    log_likelihood,
+    marginal_likelihood,
+    quantisation,
+    unexplained,
+)
+from slapshot.diagnosis.segments import Segments
+
+INTERVAL, TORQUE, INERTIA = 0.01, 2.0, 0.5
+KINDS = ("position", "velocity")
+
+
+@dataclass(frozen=True)
+class Made:
+    """Data of an oscillator about a path at rest, and the noise that is in them."""
+
+    system: Linear
+    segments: Segments
+    noise: Noise
+
+
+def made(
+    seed: int,
+    *,
+    S: int = 16,
+    L: int = 60,
+    white: tuple[float, float] = (1e-3, 2e-2),
+    coloured: tuple[float, float] = (0.0, 0.0),
+    correlation_s: float = 0.08,
+    force: float = 1e-6,
+    columns: int = 0,
+    law_error: float = 1e-4,
+) -> Made:
+    """Draw from the filter's own equations, one random number at a time."""
+    rng, channels = np.random.default_rng(seed), len(KINDS)
+    omega, damping = 6.0, 0.3
+    rotate = np.array([[0.0, 1.0], [-(omega**2), -damping]])
+    A = np.eye(2) + INTERVAL * rotate + INTERVAL**2 / 2 * rotate @ rotate
+    B = np.array([[INTERVAL**2 / 2], [INTERVAL]]) / INERTIA
+    held = force * TORQUE * np.sqrt(HELD_S / INTERVAL)
+    decay = np.exp(-INTERVAL / correlation_s)
+    # Laws that would push with the torque's size: smooth random functions of time.
+    t = np.arange(S * L) * INTERVAL
+    shapes = [np.sin((3 + 1.7 * k) * t + k).reshape(S, L) for k in range(columns)]
+    W = (
+        np.stack([TORQUE * shape[..., None] * B[:, 0] for shape in shapes], -1)
+        if columns
+        else np.zeros((S, L, 2, 0))
+    )
+    share = law_error * rng.standard_normal(columns)
+    x = rng.normal(size=(S, 2)) * [0.1, 0.5]
+    ou = rng.normal(size=(S, channels)) * coloured
+    y = np.empty((S, L, channels))
+    for n in range(L):
+        y[:, n] = x + ou + rng.normal(size=(S, channels)) * white
+        x = x @ A.T + held * rng.standard_normal((S, 1)) @ B.T + W[:, n] @ share
+        ou = decay * ou + rng.normal(size=(S, channels)) * coloured * np.sqrt(1 - decay**2)
+    shape = (S, L)
+    system = Linear(
+        np.broadcast_to(A, (*shape, 2, 2)), np.broadcast_to(B, (*shape, 2, 1)), np.zeros((*shape, 2)),
+        np.broadcast_to(np.eye(2), (*shape, 2, 2)), y, W, np.zeros((*shape, channels, columns)),
+    )  # fmt: skip
+    segments = Segments(
+        interval=INTERVAL, substeps=1, y=y, shift=np.zeros_like(y), inside=np.ones(shape, bool),
+        time=np.broadcast_to(np.arange(L) * INTERVAL, shape), episode=np.arange(S), first=np.zeros(S, int),
+        order=np.linspace(-0.5, 0.5, S), controls=(np.zeros((L, 0)),) * S, ids=np.arange(S),
+    )  # fmt: skip
+    noise = Noise(
+        white=np.array(white), coloured=np.array(coloured), correlation_s=np.full(channels, correlation_s),
+        force=force, torque=np.array([TORQUE]), initial=np.array([1.0, 25.0]), weight=np.ones_like(y),
+        law_error=law_error,
+    )  # fmt: skip
+    return Made(system, segments, noise)
+
+
+def fitted(of: Made, prior: Prior | None = None) -> Noise:
+    begin = first_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))
+    return fit_noise(of.system, prior or no_columns(), begin, of.segments, KINDS)
+
+
+def no_columns() -> Prior:
+    return Prior(np.zeros(0), np.zeros(0, bool))
+
+
+def standard_errors(of: Made, names: tuple[str, ...]) -> np.ndarray:
+    """Of logarithms of some sizes of the noise, from the curvature of the likelihood at the truth.
+
+    A name is an attribute of the noise, of a channel where it ends with a digit.
+    """
+
+    def value(z: np.ndarray) -> float:
+        noise = of.noise
+        for name, change in zip(names, z, strict=True):
+            field = name.rstrip("01")
+            now = np.array(getattr(noise, field), float)
+            if name == field:
+                now = now * np.exp(change)
+            else:
+                now[int(name[-1])] *= np.exp(change)
+            noise = replace(noise, **{field: now if now.ndim else float(now)})
+        return log_likelihood(innovations(of.system, noise.covariances(INTERVAL)))
+
+    step, p = 0.05, len(names)
+    hessian = np.empty((p, p))
+    for i in range(p):
+        for j in range(p):
+            a, b = step * np.eye(p)[i], step * np.eye(p)[j]
+            hessian[i, j] = (value(a + b) - value(a - b) - value(b - a) + value(-a - b)) / (4 * step**2)
+    return np.sqrt(np.diag(np.linalg.inv(-hessian)))
+
+
+def off(found, true, error) -> np.ndarray:
+    """By how many standard errors a logarithm is off."""
+    return np.abs(np.log(np.asarray(found) / np.asarray(true))) / error
+
+
+def test_white_noise_is_recovered():
+    of = made(1)
+    found = fitted(of)
+    assert np.all(found.coloured == 0)
+    # 960 observations a channel, of which each segment's first state takes two.
+    errors = standard_errors(of, ("white0", "white1"))
+    np.testing.assert_allclose(errors, 1 / np.sqrt(2 * 960), rtol=0.2)
+    assert np.all(off(found.white, of.noise.white, errors) < 4)
+    # The process force was too small to be seen: a hundredth of the torque would have been.
+    assert found.force < 1e-2
+    assert (found.weight > 1).mean() < 1e-3  # beyond 4 sd lie 6 in 100,000
+
+
+@pytest.mark.parametrize("force", [0.02, 0.3])
+def test_process_force_is_recovered(force):
+    of = made(2, force=force)
+    found = fitted(of)
+    errors = standard_errors(of, ("force", "white0", "white1"))
+    there = [found.force, *found.white]
+    assert np.all(off(there, [force, *of.noise.white], errors) < 4)
+    assert errors[0] < 0.2
+
+
+def test_coloured_noise_is_recovered():
+    of = made(3, S=24, L=100, coloured=(4e-3, 8e-2), correlation_s=0.06)
+    found = fitted(of)
+    # Both kinds have their own ratio and time.
+    names = ("white0", "white1", "coloured0", "coloured1", "correlation_s0", "correlation_s1")
+    errors = standard_errors(of, names)
+    there = [*found.white, *found.coloured, *found.correlation_s]
+    true = [*of.noise.white, *of.noise.coloured, *of.noise.correlation_s]
+    assert np.all(errors < 0.3)
+    assert np.all(off(there, true, errors) < 4)
+
+
+def test_channels_of_one_kind_share_the_colour():
+    of = made(4, S=24, coloured=(4e-3, 8e-2))
+    begin = first_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))
+    found = fit_noise(of.system, no_columns(), begin, of.segments, ("position", "position"))
+    assert found.correlation_s[0] == found.correlation_s[1]
+    ratio = found.coloured / found.white
+    assert ratio[0] == pytest.approx(ratio[1], rel=1e-12)
+    assert ratio[0] == pytest.approx(4, rel=0.3)
+
+
+def test_force_is_told_for_one_length_of_time():
+    """A white force over 1/100 s is one over 1/400 s of twice the standard deviation."""
+    of = made(5, force=0.1)
+    fast, slow = of.noise.covariances(HELD_S / 4), of.noise.covariances(HELD_S)
+    np.testing.assert_allclose(slow.force, (0.1 * TORQUE) ** 2)
+    np.testing.assert_allclose(fast.force, 4 * slow.force)
+    np.testing.assert_allclose(slow.decay, np.exp(-HELD_S / 0.08))
+    some = np.array([1, 3])
+    assert of.noise.covariances(INTERVAL, some).white.shape == (2, 60, 2)
+
+
+def test_errors_of_laws_are_recovered():
+    of = made(6, S=24, L=60, columns=24, law_error=0.05, white=(1e-4, 2e-3))
+    prior = Prior(np.ones(24), np.ones(24, bool))
+    found = fitted(of, prior)
+    # One size from 24 draws, each known well: a standard error of 1/√48 of the logarithm.
+    assert off(found.law_error, 0.05, 1 / np.sqrt(48)) < 4
+    np.testing.assert_allclose(prior.at(found), found.law_error)
+    assert np.all(off(found.white, of.noise.white, 1 / np.sqrt(2 * 1440)) < 5)
+
+
+def test_the_marginal_likelihood_is_that_of_the_dense_gaussian():
+    of = made(7, S=2, L=8, columns=3, law_error=0.1)
+    noise = replace(of.noise, initial=np.array([0.5, 0.7]), force=0.2)
+    sd = np.array([0.3, 1.0, 2.0])
+    found = innovations(of.system, noise.covariances(INTERVAL))
+    # Whitened innovations are the data in other coordinates, whose Jacobian is the log determinant.
+    z = found.Z.reshape(-1, 3)
+    covariance = np.eye(len(z)) + z @ np.diag(sd**2) @ z.T
+    e = found.e.reshape(-1)
+    expected = multivariate_normal(cov=covariance).logpdf(e) + len(e) / 2 * np.log(2 * np.pi)
+    expected -= found.logdet.sum() / 2
+    assert marginal_likelihood(found, sd) == pytest.approx(expected, rel=1e-10)
+    # What no column explains: the data less their best linear prediction by the columns.
+    left = np.linalg.solve(covariance, e)
+    np.testing.assert_allclose(unexplained(found, sd).reshape(-1), left, atol=1e-10)
+    assert marginal_likelihood(found, 1e-12 * sd) == pytest.approx(log_likelihood(found), rel=1e-12)
+
+
+def test_outliers_are_given_less_weight():
+    of = made(8)
+    rng = np.random.default_rng(80)
+    struck = rng.random(of.segments.y.shape) < 0.01
+    y = of.segments.y + struck * 40 * of.noise.white * rng.choice([-1, 1], struck.shape)
+    hit = Made(replace(of.system, r=y), replace(of.segments, y=y), of.noise)
+    found = fitted(hit)
+    assert np.median(found.weight[struck]) > 5
+    assert (found.weight[~struck] > 1).mean() < 0.02
+    # With the outliers the noise has 17 times its variance.
+    assert np.all(found.white < 1.6 * of.noise.white)
+    assert np.all(found.white > 0.8 * of.noise.white)
+
+
+def test_missing_observations_have_no_say():
+    of = made(9)
+    y = of.segments.y.copy()
+    y[np.random.default_rng(90).random(y.shape) < 0.3] = np.nan
+    found = fitted(Made(replace(of.system, r=y), replace(of.segments, y=y), of.noise))
+    assert np.all(off(found.white, of.noise.white, 1 / np.sqrt(2 * 650)) < 4)
+    assert np.all(found.weight[~np.isfinite(y)] == 1)
+
+
+def test_noise_is_at_least_that_of_the_steps_of_numbers():
+    """An encoder of 2 mrad a count, and hardly any other noise."""
+    of = made(10, white=(1e-5, 2e-2))
+    step = 2e-3
+    y = of.segments.y.copy()
+    y[..., 0] = step * np.rint(y[..., 0] / step)
+    found = fitted(Made(replace(of.system, r=y), replace(of.segments, y=y), of.noise))
+    # To the square root of 12, as rounding has it, and no more than a little above.
+    assert step / np.sqrt(12) * (1 - 1e-9) <= found.white[0] < 1.3 * step / np.sqrt(12)
+
+
+@pytest.mark.parametrize("step", [1e-4, 2 * np.pi / 4096])
+def test_steps_of_numbers_are_found(step):
+    rng = np.random.default_rng(11)
+    smooth = np.cumsum(rng.normal(size=3000)) * step
+    counted = 0.37 + step * np.rint(smooth / step)
+    assert quantisation(counted) == pytest.approx(step, rel=1e-6)
+    assert quantisation(np.where(rng.random(3000) < 0.2, np.nan, counted)) == pytest.approx(step, rel=1e-6)
+    assert quantisation(smooth) == 0
+    assert quantisation(rng.normal(size=50)) == 0
+    assert quantisation(np.full(100, np.nan)) == 0
+    assert quantisation(np.arange(10.0)) == 0  # too few to tell
+
+
+def test_a_fit_begins_at_the_noise_of_third_differences():
+    rng, of = np.random.default_rng(12), made(12)
+    slow = np.sin(2 * np.arange(60) * INTERVAL)
+    y = slow[:, None] + rng.normal(size=(16, 60, 2)) * [1e-3, 3e-2]
+    y[3, 20:] += 5.0  # a jump, as an encoder that wraps round
+    y[5, 7, 0] = np.nan
+    found = first_noise(replace(of.segments, y=y), np.array([TORQUE]), 5, np.array([1.0]), np.array([5.0]))
+    # The median of 900 third differences, which neighbours share: 6 % a standard deviation.
+    np.testing.assert_allclose(found.white, [1e-3, 3e-2], rtol=0.24)
+    assert np.all(found.coloured == 0)
+    np.testing.assert_allclose(found.initial, [1, 25, 1, 1, 1])
