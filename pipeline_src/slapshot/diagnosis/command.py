@@ -37,8 +37,8 @@ def run_diagnose(args: argparse.Namespace) -> int:
     recording = read_signals(args.recording)
     rig, recording = bound_rig(file, recording)
     print(
-        f"diagnosing {args.recording}: {len(recording.episodes)} episodes of {len(rig.observations)} observed "
-        f"channels",
+        f"diagnosing {args.recording}: {len(recording.episodes)} episodes, "
+        f"{len(rig.observations)} observed channels",
         file=sys.stderr,
     )
     with Steps() as steps:
@@ -70,7 +70,8 @@ def _rig(args: argparse.Namespace) -> RigFile:
     if args.model is not None:
         return rig_of_model(args.model)
     raise InputError(
-        "a recording of joints or bodies needs its model: give --model MODEL.xml (MJCF or URDF), or --rig RIG.yaml"
+        "a recording of joints or bodies needs its model: give --model MODEL.xml (MJCF or URDF), "
+        "or --rig RIG.yaml"
     )
 
 

@@ -140,8 +140,8 @@ def split(segments: Segments) -> tuple[Segments, NDArray[np.intp]]:
         out = np.arange(S) % (2 * HELD_OUT) // 2 == HELD_OUT // 2  # two segments side by side
     if S < _FEWEST_SEGMENTS or not out.any():
         raise InputError(
-            f"only {S} segments of {segments.interval * segments.shape[1]:.2g} s were recorded, of which some "
-            "must be held out; record longer"
+            f"only {S} segments of {segments.interval * segments.shape[1]:.2g} s were recorded, of which "
+            "some must be held out; record longer"
         )
     return segments.select(~out), np.flatnonzero(out)
 

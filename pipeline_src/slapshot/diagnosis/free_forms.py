@@ -1,7 +1,7 @@
 """Free forms: forces and readings without a law, over the variable that they follow.
 
-They are hypotheses like any other. Where one explains what no named effect does, something is missing that is not
-in the catalogue, and the form says where it is and what it follows.
+They are hypotheses like any other. Where one explains what no named effect does, something is missing that is
+not in the catalogue, and the form says where it is and what it follows.
 """
 
 from collections.abc import Callable, Iterator

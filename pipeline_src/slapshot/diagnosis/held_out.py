@@ -1,7 +1,7 @@
 """How well are motions predicted that took no part in fitting?
 
-A window is predicted from a state that the model itself estimates from the data before it, and from the recorded
-controls; nothing that was recorded within the window is used.
+A window is predicted from a state that the model itself estimates from the data before it, and from the
+recorded controls; nothing that was recorded within the window is used.
 """
 
 from dataclasses import dataclass, replace

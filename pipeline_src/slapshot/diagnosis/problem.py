@@ -1,4 +1,4 @@
-"""A diagnosis' problem: segments of a recording, the nominal rig, nuisance, and everything that might be missing."""
+"""What is to be explained: segments of a recording, the nominal rig, and all that might be missing."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

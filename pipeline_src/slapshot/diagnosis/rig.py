@@ -189,16 +189,6 @@ def _name_all(spec: mujoco.MjSpec) -> None:
                 element.name = name if name not in taken else f"{name} without a name"
 
 
-def _name_all(spec: mujoco.MjSpec) -> None:
-    """Name bodies, joints and actuators without a name, for what is said of them."""
-    for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("actuator", spec.actuators)):
-        taken = {element.name for element in elements}
-        for i, element in enumerate(elements):
-            if not element.name:
-                name = f"{kind} {i}"
-                element.name = name if name not in taken else f"{name} without a name"
-
-
 def _actuator(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Channel) -> str:
     """The actuator that a control drives; a motor is added for the torque of a joint."""
     if channel.actuator is not None:

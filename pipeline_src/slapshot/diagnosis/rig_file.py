@@ -1,7 +1,7 @@
 """A rig file: the model that a recording is held against, and what its channels are, in YAML.
 
 model: robot.xml                       # MJCF or URDF, beside this file
-channels:                              # where a recording's channels do not name parts of the model themselves
+channels:                              # where a recording's channels do not name parts of the model
   tau1: {joint: shoulder}              # or actuator, sensor, site, body, with component x, y, z, qw to qz
 ignore: [tau_measured1]                # channels that are not to be used
 free: [link_mass, armature@elbow]      # what of the model is not known well: refitted with every hypothesis
@@ -108,7 +108,7 @@ def bound_rig(rig: RigFile, recording: SignalRecording) -> tuple[Rig, SignalReco
     for name in settings.ignore:
         del channels[name]
     for name, binding in settings.channels.items():
-        values = {kind: None for kind in TARGETS} | {"component": None}
+        values = dict.fromkeys((*TARGETS, "component"))
         given = binding.model_dump(exclude_none=True)
         channels[name] = Channel(**{**channels[name].model_dump(), **values, **given})
     spec = load_spec(rig.model)

@@ -1,8 +1,8 @@
 """What is missing? Effects are added one at a time, by refits, until nothing more can be told.
 
 Columns screen, refits decide. Where no law of the present state explains what is left, models with a state of
-their own are tried (a spring or play in a joint), by shooting. Free forms are rivals that never make a name: where
-one explains what names do not, something is missing that the catalogue does not have.
+their own are tried (a spring or play in a joint), by shooting. Free forms never make a name: where one
+explains what names do not, something is missing that the catalogue does not have.
 """
 
 from collections.abc import Callable, Sequence
@@ -225,9 +225,7 @@ def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Rep
     best: tuple[float, Problem, Fit, Noise, JointEffect] | None = None
     for _, moved, fit, noise, effect in fits[:2]:
         evidence, improved, noise = _own_evidence(moved, fit, noise)
-        report(
-            f"refitted {effect.key}: {evidence - level:+.1f} nats against {rival.added.key if rival.added else ''}"
-        )
+        report(f"refitted {effect.key}: {evidence - level:+.1f} nats against the law that gained most")
         if best is None or evidence > best[0]:
             best = (evidence, moved, improved, noise, effect)
     if best is None or best[0] < level + CLASS_NATS:

@@ -1,9 +1,11 @@
 """Fit by shooting: every segment is simulated from a first state of its own, without process force.
 
-What rattles in a gap or slips cannot be linearised about a smoothed path: a small change of a state may hit or
-miss a tooth. Simulated over whole segments, and differenced with steps that are not small, it can. Under the noise
-of the observations alone this is the same likelihood as that of the filter without process force.
+What rattles in a gap or slips cannot be linearised about a smoothed path: a small change of a state may hit
+or miss a tooth. Simulated over whole segments, and differenced with steps that are not small, it can. Without
+process force this is the same likelihood as that of the filter.
 """
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,8 +152,8 @@ def shoot(
     return Fit(hypothesis, theta, x, float(evidence), precision, converged, moved)
 
 
-def _whitening(segments: Segments, noise: Noise):  # type: ignore[no-untyped-def]
-    """A function that whitens residuals (S, L, ny) to (S, L * ny), and the log determinant of their covariance."""
+def _whitening(segments: Segments, noise: Noise) -> tuple[Callable[[Array], Array], float]:
+    """What whitens residuals (S, L, ny) to (S, L * ny), and the log determinant of their covariance."""
     S, L = segments.shape
     ny = segments.y.shape[2]
     lags = np.abs(np.arange(L)[:, None] - np.arange(L))

@@ -148,9 +148,9 @@ class Verdict(Model):
                 raise ValueError(f"{key} is null only where cannot_tell says why")
         if bool(self.effects) is not (self.headline == "found"):
             raise ValueError("effects are named just where headline is found")
-        if self.mismatch is not None and not untold:
-            if self.mismatch.found is not (self.headline != "nothing_found"):
-                raise ValueError("mismatch.found is false just where headline is nothing_found")
+        missing = self.headline != "nothing_found"
+        if self.mismatch is not None and not untold and self.mismatch.found is not missing:
+            raise ValueError("mismatch.found is false just where headline is nothing_found")
         return self
 
 

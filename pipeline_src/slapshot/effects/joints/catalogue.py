@@ -43,7 +43,8 @@ def import_joint_effects(module: str, where: str) -> None:
     own = [kind for kind in _all(JointEffect) if kind.__module__ == name and hasattr(kind, "name")]
     if not own:
         raise InputError(
-            f"{where}: module {module} defines no JointEffect; derive one from effects.joints.effect.JointEffect"
+            f"{where}: module {module} defines no JointEffect; derive one from "
+            "effects.joints.effect.JointEffect"
         )
     for kind in own:
         if kind.name in taken and taken[kind.name] is not kind:

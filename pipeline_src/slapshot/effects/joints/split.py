@@ -37,7 +37,7 @@ def split_joint(spec: mujoco.MjSpec, joint: str, rotor: float) -> None:
 
 
 def stiffest(joint: Joint, armature: float) -> float:
-    """Stiffness at which motor and link vibrate against one another as fast as can be simulated, N m/rad or N/m."""
+    """Stiffness at which motor and link vibrate as fast as can be simulated, N m/rad or N/m."""
     rotor = armature if armature > 0 else 0.1 * joint.inertia
     link = max(joint.inertia - armature, 1e-3 * joint.inertia)
     return _FASTEST**2 * rotor * link / (rotor + link)
