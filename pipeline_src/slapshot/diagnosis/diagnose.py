@@ -36,6 +36,8 @@ from slapshot.diagnosis.verdict import (
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
 from slapshot.errors import InputError
+from slapshot.recordings.odd_pairs import derived_velocities
+from slapshot.recordings.signal_measures import measure
 from slapshot.recordings.signals import SignalRecording
 
 Array = NDArray[np.float64]
@@ -99,11 +101,16 @@ def diagnose(
         A verdict of any kind; where the data do not suffice, it says so.
     """
     began = time.process_time()
+    derived = derived_velocities([measure(recording, o.channel) for o in rig.observations])
+    rig = rig.without(derived)
     said = [*findings, *_unbound(rig)]
+    if derived:
+        said.append(f"{', '.join(derived)} were computed from recorded positions, and are not used")
+    channels = {name: channel for name, channel in recording.channels.items() if name not in derived}
     try:
         segments = cut(recording, rig)
         used, held = split(segments)
-        problem = Problem.of(rig, recording.channels, used, threads)
+        problem = Problem.of(rig, channels, used, threads)
         free = free_effects(rig, problem)
     except InputError as error:
         return Diagnosis(_untold(recording, rig, said, str(error), began), rig)

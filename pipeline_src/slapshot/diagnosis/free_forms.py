@@ -23,7 +23,7 @@ from slapshot.effects.joints.effect import (
 
 Array = NDArray[np.float64]
 
-BUMPS = 8
+BUMPS = 6
 FREE = "free_"  # names of free forms begin so
 _WIDTH = 1.2  # of a bump, in distances between bumps
 

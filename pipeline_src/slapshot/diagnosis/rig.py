@@ -5,7 +5,7 @@ are sensors that are added to the model: what a simulation step returns beside t
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -73,6 +73,12 @@ class Rig:
     free: tuple[str, ...]
     reading: np.ndarray
     load: np.ndarray
+
+    def without(self, channels: Sequence[str]) -> "Rig":
+        """The rig without some observations."""
+        rows = [i for i, observation in enumerate(self.observations) if observation.channel not in channels]
+        observations = tuple(self.observations[i] for i in rows)
+        return replace(self, observations=observations, reading=self.reading[rows])
 
     def sensor_of(self, column: int) -> int:
         """Index of the sensor that a column of the observations reads."""

@@ -31,6 +31,7 @@ MOST_EFFECTS = 5
 REFITTED = 6  # candidates that are refitted in a step
 CLASS_NATS = float(np.log(20.0))  # rivals within a factor of twenty cannot be told apart
 _STRUCTURE_JOINTS = 3
+_SHOT_SEGMENTS = 32  # for a first look at structures
 
 Report = Callable[[str], None]
 
@@ -218,12 +219,19 @@ def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Rep
         white = np.sqrt(noise.white**2 + noise.coloured**2)
         still = replace(noise, white=white, coloured=0 * white)
         theta = np.concatenate([examined.fit.theta, [p.start for p in effect.parameters]])
-        fit = shoot(moved.fitter.simulator, hypothesis, theta, moved.segments, moved.path, still)
+        S = moved.segments.shape[0]
+        some = np.unique(np.linspace(0, S - 1, min(S, _SHOT_SEGMENTS)).astype(int))
+        few = replace(still, weight=still.weight[some])
+        fit = shoot(
+            moved.fitter.simulator, hypothesis, theta, moved.segments.select(some), moved.path[some], few
+        )
         if np.isfinite(fit.log_evidence):
-            fits.append((fit.log_evidence, moved, fit, noise, effect))
+            fits.append((fit.log_evidence, moved, fit, still, effect))
     fits.sort(key=lambda item: -item[0])
     best: tuple[float, Problem, Fit, Noise, JointEffect] | None = None
-    for _, moved, fit, noise, effect in fits[:2]:
+    for _, moved, part, noise, effect in fits[:2]:
+        simulator, hypothesis = moved.fitter.simulator, part.hypothesis
+        fit = shoot(simulator, hypothesis, part.theta, moved.segments, moved.path, noise, rounds=4)
         evidence, improved, noise = _own_evidence(moved, fit, noise)
         report(f"refitted {effect.key}: {evidence - level:+.1f} nats against the law that gained most")
         if best is None or evidence > best[0]:

@@ -9,7 +9,7 @@ linearised in the delay: b(t + delay) = b(t) + delay * db/dt.
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
+from itertools import combinations, permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +39,16 @@ def odd_pairs(channels: Sequence[Measured]) -> Iterator[Finding]:
             a, b = (first, second) if first.channel.quantity == "position" else (second, first)
             if a.channel.quantity == "position" and min(np.ptp(a.values), np.ptp(b.values)) > 0:
                 yield from _odd_pair(a, b)
+
+
+def derived_velocities(channels: Sequence[Measured]) -> list[str]:
+    """Names of velocities that were differentiated from a recorded position, and say nothing of their own."""
+    names = set()
+    for a, b in permutations(channels, 2):
+        pair = (a.channel.quantity, b.channel.quantity) == ("position", "velocity")
+        if pair and a.channel.clock == b.channel.clock and _same_thing(a.channel, b.channel):
+            names |= {b.name for _ in _no_own_velocity(a, b)}
+    return sorted(names)
 
 
 def _same_thing(a: Channel, b: Channel) -> bool:

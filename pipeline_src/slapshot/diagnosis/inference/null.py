@@ -14,7 +14,7 @@ from slapshot.diagnosis.inference.scores import Draws, Elimination, Scores, grou
 
 Array = NDArray[np.float64]
 
-DRAWS = 999
+DRAWS = 499
 
 
 @dataclass(frozen=True)

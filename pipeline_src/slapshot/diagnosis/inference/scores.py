@@ -85,7 +85,8 @@ class Elimination:
         raw = b[..., c] - b[..., m] @ self._share
         # The prior of the nuisance is data too, of no segment: all share what it says.
         prior = (values @ self._share / b.shape[-2])[..., None, :]
-        known = np.einsum("skn,...n->...sk", self._cross, values)
+        S, k, n = self._cross.shape
+        known = (values @ self._cross.reshape(S * k, n).T).reshape(*values.shape[:-1], S, k)
         return Eliminated(raw - known + prior, self.information)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
 
-MOST = 24  # orders that are looked at, half a period over the travel apart
+MOST = 18  # orders that are looked at, half a period over the travel apart
 
 
 class TorqueRipple(JointEffect):
