@@ -11,9 +11,7 @@ from slapshot.effects.joints.split import deflection, split_joint, stiffest
 
 class JointElasticity(JointEffect):
     name = "joint_elasticity"
-    physics = (
-        "Gear, belt or shaft twist under load: motor and link have an angle each, with a spring between."
-    )
+    physics = "Gear, belt or shaft twist under load: motor and link have an angle each, with a spring between."
     source = "Spong (1987), Journal of Dynamic Systems, Measurement, and Control 109(4)"
     phrase = "elasticity of joint {part}"
     hidden_state = True
