@@ -118,9 +118,11 @@ def bind(
             bound[actuator] = Control(actuator, channel_name)
     plain = spec.copy()
     sensed, added = spec, []
+    balanced = {model.body(b).name for b in range(model.nbody) if model.body_simple[b] == 1}
     for body in sensed.bodies:
-        # A load may move the centre of any body; MuJoCo else compiles balanced ones so that it cannot.
-        body.simple = False
+        if body.name in balanced:
+            # A load may move the centre of what turns; MuJoCo else compiles such bodies so that it cannot.
+            body.simple = False
     for channel_name, channel in channels.items():
         if channel.role == "observation":
             added.append((channel_name, channel, *add_sensor(sensed, model, channel_name, channel)))

@@ -13,7 +13,7 @@ from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.situation import situation
 from slapshot.effects.joints.catalogue import instances
-from slapshot.effects.joints.effect import JointEffect, Observed, Situation
+from slapshot.effects.joints.effect import JointEffect, Observed, Situation, overrides
 from slapshot.recordings.channels import Channel
 
 Array = NDArray[np.float64]
@@ -52,8 +52,8 @@ class Bench:
     rig: Rig
     start: Array
     commands: Commands = lambda t: []
-    seconds: float = 0.4
-    interval: float = 0.004
+    seconds: float = 0.2
+    interval: float = 0.005
     episodes: int = 5
 
     @cached_property
@@ -252,8 +252,34 @@ def chain() -> Bench:
         {f"u{i}": tells(f"s{i}") for i in range(7)} | {f"q{i}": reads(joint=f"a{i}") for i in range(7)},
         [0.3] * 7,
         lambda t: [0.3 + 0.4 * np.sin(rate * t) for rate in rates],
-        seconds=0.2,
+        seconds=0.1,
     )
 
 
 BENCHES = {"arm": arm, "pendulum": pendulum, "slide": slide, "ball": ball, "chain": chain}
+
+
+def few(bench: Bench) -> list[JointEffect]:
+    """All instances that the model can bear as it is; of many forms at one part the first and the last."""
+    kept = {}
+    for effect in bench.effects:
+        key = effect.key
+        if overrides(effect, "restructure"):
+            continue
+        if effect.many_forms:
+            ends = [e for e in bench.effects if (e.name, e.part) == (effect.name, effect.part)]
+            if effect not in (ends[0], ends[-1]):
+                continue
+        kept[key] = effect
+    return list(kept.values())
+
+
+def start(effect: JointEffect) -> np.ndarray:
+    return np.array([p.start for p in effect.parameters])
+
+
+def one_sd(effect: JointEffect) -> np.ndarray:
+    """A prior standard deviation from the start, within bounds."""
+    return np.array(
+        [p.start + (p.scale if p.start + p.scale <= p.high else -p.scale) for p in effect.parameters]
+    )

@@ -7,6 +7,8 @@ import mujoco
 from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation
 from slapshot.effects.joints.parts import add_point_mass, carriers, far_end, moving_bodies
 
+_SLIDES = 2  # of body_simple: where its mass is does not matter
+
 
 class Payload(JointEffect):
     name = "payload"
@@ -16,7 +18,7 @@ class Payload(JointEffect):
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["Payload"]:
-        """One a link that carries no other, unless it flies freely, when nothing tells.
+        """One a link that carries no other; one that flies or slides freely would only be heavier.
 
         Prior: a fifth of the mass of the arm that carries it, at the link's far end, within its length.
         """
@@ -24,7 +26,7 @@ class Payload(JointEffect):
         bodies, free = moving_bodies(model), {body for body, _ in rig.free_bodies}
         carrying = {carrier for body in bodies for carrier in carriers(model, body)[1:]}
         for body in bodies:
-            if body in carrying or body in free:
+            if body in carrying or body in free or model.body_simple[body] == _SLIDES:
                 continue
             end, length = far_end(model, body)
             scale = 0.2 * sum(float(model.body_mass[b]) for b in carriers(model, body) if b in bodies)

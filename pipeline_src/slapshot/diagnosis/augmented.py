@@ -1,0 +1,183 @@
+"""A user's model with effects written into it, and what MJCF cannot hold in words and as a function.
+
+spec, notes = augmented_model(rig, effects, theta)
+model = spec.compile()
+law = forces(rig, effects, theta)
+data = mujoco.MjData(model)
+for command in commands:
+    data.ctrl[:] = command
+    data.qfrc_applied[:] = law(model, data)
+    mujoco.mj_step(model, data)
+"""
+
+import copy
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.hypothesis import Hypothesis, actuator_torque
+from slapshot.diagnosis.rig import OWN, Rig
+from slapshot.effects.joints.effect import JointEffect, State, overrides
+from slapshot.errors import InputError, writing
+from slapshot.text import reason_of
+from slapshot.whole_file import write_whole
+
+Array = NDArray[np.float64]
+
+MODEL_FILE, NOTES_FILE = "model.xml", "NOTES.md"
+_PASSES = 2  # what compiling derives from changed numbers, such as damping ratios, is pinned in the second
+
+
+def augmented_model(
+    rig: Rig, effects: Sequence[JointEffect], theta: Array
+) -> tuple[mujoco.MjSpec, list[str]]:
+    """The user's own model with all numbers that effects change, and notes on what it cannot hold.
+
+    Args:
+        rig: of the hypothesis: where effects change the model's structure, one that has it.
+        effects: present.
+        theta: their values, in order.
+
+    Returns:
+        The specification, which compiles to the numbers of `Hypothesis.compiled` (at the user's time step),
+        and one note for each effect on forces, controls or readings: formulas in SI units.
+
+    Raises:
+        InputError: the model cannot hold a change; one line.
+    """
+    hypothesis, values = Hypothesis(rig, tuple(effects)), np.asarray(theta, float)
+    parts = list(zip(hypothesis.effects, hypothesis.slices, strict=True))
+    spec = rig.spec.copy()
+    changed = [(effect, values[part]) for effect, part in parts if overrides(effect, "edit")]
+    if changed:
+        _write_numbers(rig, spec, changed)
+    # XML as the user wrote it: with their default classes, units and shortcuts, in all digits.
+    spec.compiler.savecompiled = spec.compiler.savecanonical = False
+    spec.compile()
+    notes = [effect.note(values[part]) for effect, part in parts]
+    return spec, [note for note in notes if note]
+
+
+def write_augmented(rig: Rig, effects: Sequence[JointEffect], theta: Array, folder: Path) -> None:
+    """Write the model with effects to model.xml and what it cannot hold to NOTES.md.
+
+    Motors that were added for recorded torques bear the names of their joints. Files of meshes and textures
+    stay where they are.
+
+    Args:
+        rig: as in `augmented_model`.
+        effects: present.
+        theta: their values.
+        folder: made where it is missing; both files are replaced.
+
+    Raises:
+        InputError: the model cannot hold a change, or the folder cannot be written; one line.
+    """
+    spec, notes = augmented_model(rig, effects, theta)
+    motors = _rename_motors(spec)
+    _resolve_files(spec)
+    spec.compile()
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_whole(folder / MODEL_FILE, spec.to_xml())
+        write_whole(folder / NOTES_FILE, _notes_file(rig, effects, theta, motors, notes))
+
+
+def forces(
+    rig: Rig, effects: Sequence[JointEffect], theta: Array, order: float = 0.0
+) -> Callable[[mujoco.MjModel, mujoco.MjData], Array]:
+    """The sum of all force laws, to be set as `data.qfrc_applied[:]` before every step.
+
+    Args:
+        rig: as in `augmented_model`.
+        effects: present; those without a force law add nothing.
+        theta: their values.
+        order: place in the session, from -1/2 at its first episode to 1/2 at its last.
+
+    Returns:
+        A function of the model of `augmented_model`, compiled, and its data, with controls set: (nv,) in N m
+        or N. Time is counted from the episode's start. Its data is left as it is.
+    """
+    hypothesis, values = Hypothesis(rig, tuple(effects)), np.array(theta, float)
+
+    def law(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+        x = np.concatenate([data.qpos, data.qvel, data.act])[None]
+        load = actuator_torque(model, x, data.ctrl[None], rig.load)
+        q, v = x[:, : model.nq], x[:, model.nq : model.nq + model.nv]
+        total = hypothesis.force(State(q, v, load, np.array([data.time]), np.array([order])), values)
+        return np.zeros(model.nv) if total is None else total[0]
+
+    return law
+
+
+def _write_numbers(rig: Rig, spec: mujoco.MjSpec, changed: Sequence[tuple[JointEffect, Array]]) -> None:
+    """Apply edits of compiled numbers, and write those that changed into the specification."""
+    movable = {rig.model.body(b).name for b in range(rig.model.nbody) if not rig.model.body_simple[b]}
+    simple = [(body, body.simple) for body in spec.bodies if body.name in movable]
+    for body, _ in simple:
+        body.simple = False  # as the rig has it, so that a load can move its centre
+    edited = copy.copy(spec.compile())
+    for effect, values in changed:
+        effect.edit(edited, values)
+    mujoco.mj_setConst(edited, mujoco.MjData(edited))
+    inferred = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    if spec.compiler.settotalmass > 0 or spec.compiler.inertiafromgeom == inferred:
+        # Masses that the compiler infers or scales would not stay: what then differs is made explicit.
+        spec.compiler.settotalmass = -1
+        spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+        spec.compile()
+    means = spec.stat.meaninertia, spec.stat.meanmass
+    try:
+        for _ in range(_PASSES):
+            spec.copy_back(edited)
+            spec.stat.meaninertia, spec.stat.meanmass = means  # of no use, and deprecated
+            spec.compile()
+    except ValueError as error:
+        raise InputError(
+            f"model: cannot hold what was found ({reason_of(error)}); write that part with numbers of its own"
+        ) from None
+    for body, was in simple:
+        body.simple = was
+
+
+def _rename_motors(spec: mujoco.MjSpec) -> list[str]:
+    """Give added motors the names of their joints, or one like it where that is taken; the new names."""
+    taken, new = {actuator.name for actuator in spec.actuators}, []
+    for actuator in spec.actuators:
+        if actuator.name.startswith(OWN):
+            joint = actuator.name.removeprefix(OWN)
+            actuator.name = joint if joint not in taken else f"{joint} torque"
+            new.append(actuator.name)
+    return new
+
+
+def _resolve_files(spec: mujoco.MjSpec) -> None:
+    """Name the folders of meshes and textures in full: the written model lies elsewhere."""
+    if spec.modelfiledir and (spec.meshes or spec.textures or spec.hfields or spec.skins):
+        base = Path(spec.modelfiledir)
+        spec.meshdir = str((base / spec.meshdir).resolve())
+        spec.texturedir = str((base / spec.texturedir).resolve())
+
+
+def _notes_file(
+    rig: Rig, effects: Sequence[JointEffect], theta: Array, motors: Sequence[str], notes: Sequence[str]
+) -> str:
+    hypothesis = Hypothesis(rig, tuple(effects))
+    lines = [f"# {rig.name} with what was found", "", f"Values in {MODEL_FILE}:", ""]
+    for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
+        if overrides(effect, "edit"):
+            variant = f" ({effect.variant})" if effect.variant else ""
+            pairs = zip(effect.parameters, np.asarray(theta)[part], strict=True)
+            numbers = "; ".join(f"{p.name} {v:.4g}{'' if p.unit == '1' else ' ' + p.unit}" for p, v in pairs)
+            lines.append(f"- {effect.phrase.format(part=effect.part)}{variant}: {numbers}")
+    if lines[-1] == "":
+        lines.append("- none")
+    if notes:
+        lines += ["", "MJCF cannot hold the rest; add it to your simulation:", ""]
+        lines += [f"- {note}" for note in notes]
+    if motors:
+        lines += ["", f"Motors that take the recorded torques were added: {', '.join(motors)}."]
+    return "\n".join(lines) + "\n"
