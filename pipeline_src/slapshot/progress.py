@@ -42,7 +42,7 @@ def progress(items: Iterable[T], total: int, what: str, done: int = 0) -> Iterat
 
 
 class Steps:
-    """Steps of unknown length: on a terminal one line with the time that has passed, elsewhere one line a step.
+    """Steps of unknown length: on a terminal one line with the time passed, elsewhere a line a step.
 
     with Steps() as steps:
         steps("fitting")

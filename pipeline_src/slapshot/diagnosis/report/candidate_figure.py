@@ -16,10 +16,10 @@ NAME = "J4-candidates"
 CAPTION = (
     "Evidence for single effects over the model before, in nats; first of all candidates alone by one linear "
     "screen of the nominal model, then of those that were refitted in each step of the search. Orange: free "
-    "forms, which describe without naming. Dark: what the step added. Shaded: what cannot be told from it."
+    "forms, which describe without naming. Dark: what the step added; middling: what cannot be told from it."
 )
 _MOST = 12
-_PALE = "#9FC5DE"
+_ALIKE, _PALE = "#5AA2CF", "#B9D5E8"
 
 
 def draw(outcome: Outcome) -> Drawing:
@@ -34,7 +34,7 @@ def draw(outcome: Outcome) -> Drawing:
         for r in range(rows)
     ]
     figure, grid = plt.subplots(
-        rows, columns, figsize=(5.4 * columns, sum(0.75 + 0.21 * h for h in heights)), squeeze=False,
+        rows, columns, figsize=(6.2 * columns, sum(0.75 + 0.21 * h for h in heights)), squeeze=False,
         height_ratios=[0.75 + 0.21 * h for h in heights],
     )  # fmt: skip
     for axes, table, title in zip(grid.flat, tables, titles, strict=False):
@@ -87,27 +87,28 @@ def _name(effect: JointEffect) -> str:
 def _draw(axes: Axes, table: pd.DataFrame) -> None:
     places = range(len(table))[::-1]
     refitted = bool(table["added"].any())
+    best = float(table.loc[table["added"], "nats"].max()) if refitted else -float("inf")
     colours = [
-        FREE_FORM if row.free_form else AUGMENTED if row.added or not refitted else _PALE
+        FREE_FORM if row.free_form
+        else AUGMENTED if row.added or not refitted
+        else _ALIKE if best - row.nats < CLASS_NATS
+        else _PALE
         for row in table.itertuples()
-    ]
+    ]  # fmt: skip
     axes.barh(places, table["nats"], height=0.62, color=colours, lw=0)
     for y, row in zip(places, table.itertuples(), strict=True):
         axes.annotate(
             f"{row.nats:.1f}".replace("-", "−"), (max(row.nats, 0), y), (3, 0), textcoords="offset points",
             va="center", fontsize=7,
         )  # fmt: skip
-    if refitted:
-        best = float(table.loc[table["added"], "nats"].max())
-        axes.axvspan(best - CLASS_NATS, best, color=AUGMENTED, alpha=0.15, lw=0)
     axes.axvline(0, color="black", lw=0.8)
     low, high = min(float(table["nats"].min()), 0.0), max(float(table["nats"].max()), 1.0)
     axes.set_xlim(1.1 * low, low + 1.2 * (high - low))
-    axes.set_yticks(places, [_short(name) for name in table["candidate"]], fontsize=8)
+    axes.set_yticks(places, [_short(name) for name in table["candidate"]], fontsize=7.5)
     axes.set_ylim(-0.7, max(len(table), 4) - 0.3)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("log evidence over the model before (nats)")
+    axes.set_xlabel(f"log evidence over the {'model before' if refitted else 'nominal model'} (nats)")
 
 
 def _short(name: str) -> str:
-    return name if len(name) <= 46 else f"{name[:44]}…"
+    return name if len(name) <= 58 else f"{name[:56]}…"

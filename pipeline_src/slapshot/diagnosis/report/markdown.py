@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from slapshot.diagnosis.diagnose import HELD_OUT
 from slapshot.diagnosis.report.wording import (
     MODELS,
     VARIABLES,
@@ -42,8 +43,8 @@ def markdown(verdict: Verdict, figures: Mapping[str, str] | None = None, *, augm
     if verdict.cannot_tell is not None:
         parts += ["## Why not", sentence(verdict.cannot_tell)]
         parts.append(
-            "Nothing is said of the physics: neither that something is missing nor that nothing is. Mend what "
-            "is said above, and diagnose the recording again."
+            "Nothing is said of the physics: neither that something is missing nor that nothing is. Mend "
+            "what is said above, and diagnose the recording again."
         )
     else:
         parts += ["## Is something missing?", _mismatch(verdict)]
@@ -77,11 +78,10 @@ def _recording(verdict: Verdict) -> str:
     if verdict.cannot_tell is not None:
         return f"{text}."
     text += f", {verdict.seconds:.4g} s in all"
-    if len(verdict.held_out_episodes) == verdict.episodes:
-        held = "Parts of every episode"
-    else:
-        held = "Parts of episodes" if len(verdict.held_out_episodes) > 1 else "Parts of episode"
-        held += f" {listed([str(number) for number in verdict.held_out_episodes])}"
+    numbers = verdict.held_out_episodes
+    held = f"Episode{'s' * (len(numbers) > 1)} {listed([str(number) for number in numbers])}"
+    if verdict.episodes < HELD_OUT:
+        held = f"Parts of {held[0].lower()}{held[1:]}"
     return (
         f"{text}. {held} took no part in fitting or choosing; predictions are judged on them. Ranges in "
         "brackets are 90 % intervals."
@@ -95,8 +95,8 @@ def _mismatch(verdict: Verdict) -> str:
     if not mismatch.found:
         return (
             f"**No.** Were the nominal model complete, at least as much would stand out in a share of "
-            f"p = {mismatch.p_value:.2g} of recordings like this one; p < {P_VALUE:g} counts as missing. What "
-            f"stands out most by itself, {strongest}, may well be chance."
+            f"p = {mismatch.p_value:.2g} of recordings like this one; p < {P_VALUE:g} counts as missing. "
+            f"What stands out most by itself, {strongest}, may well be chance."
         )
     return (
         f"**Yes.** Were the nominal model complete, as much would stand out in a share of "
@@ -133,8 +133,8 @@ def _what(verdict: Verdict, augmented: bool) -> list[str]:
             )
     if augmented:
         parts.append(
-            f"[{AUGMENTED}/](augmented) holds the model with these values (`model.xml`), and what MJCF cannot "
-            "hold in words (`NOTES.md`)."
+            f"[{AUGMENTED}/]({AUGMENTED}) holds the model with these values (`model.xml`), and what MJCF "
+            "cannot hold in words (`NOTES.md`)."
         )
     return parts
 
@@ -181,8 +181,8 @@ def _errors(verdict: Verdict) -> list[str]:
     heads = [f"{escaped(kind)} ({_error_unit(verdict, kind)[0]})" for kind in kinds]
     told = [f"{kind}: {errors_text(verdict, kind)}" for kind in kinds]
     return [
-        "Windows of 0.5 s are predicted from the data before them and the recorded controls. Root mean square "
-        f"errors, {escaped('; '.join(told))}.",
+        "Windows of 0.5 s are predicted from the data before them and the recorded controls. Root mean "
+        f"square errors, {escaped('; '.join(told))}.",
         table(["model", *heads, "log-likelihood (nats a window)"], rows),
     ]
 

@@ -13,11 +13,11 @@ from slapshot.figures.drawing import Drawing
 NAME = "J1-predictions"
 CAPTION = (
     "Held-out windows of 0.5 s, predicted from the data before them and the recorded controls: above the "
-    "motion, below recorded less predicted. Columns are windows of which the nominal model's error is small, "
-    "middling, large and the largest of all. Shaded: 90 % of errors that noise alone would make of the best "
+    "motion, below recorded less predicted. Columns are windows from the nominal model's lower quartile of "
+    "errors to its largest. Shaded: 90 % of errors that noise alone would make of the best "
     "model. Of many channels those are shown whose errors are largest for their noise."
 )
-_QUANTILES = {0.25: "smaller than 3 in 4", 0.5: "median", 0.75: "larger than 3 in 4", 1.0: "largest"}
+_QUANTILES = (0.25, 0.5, 0.75, 1.0)  # of windows, by the nominal model's error
 _MOST = 4  # channels
 _STYLES = {"nominal": "--", "refitted": ":", "augmented": "-"}
 
@@ -39,12 +39,13 @@ def draw(outcome: Outcome) -> Drawing:
         errors = table["recorded"] - table["predicted"]
         readable, factor = scaled(unit, float(np.nanmax(np.abs(errors))))
         limit = 1.08 * factor * float(np.nanmax(np.abs(errors)))
-        for k, (window, said) in enumerate(chosen[channel].items()):
+        for k, (window, error) in enumerate(chosen[channel].items()):
             own = table[table["window"] == window]
             _draw_motion(above[k], own)
             _draw_error(below[k], own, factor)
             below[k].set_ylim(-limit, limit)
-            above[k].set_title(f"{said}; episode {own['episode'].iloc[0]}", loc="left", fontsize=8)
+            said = f"episode {own['episode'].iloc[0]}, nominal error {factor * error:.3g} {readable} rms"
+            above[k].set_title(said, loc="left", fontsize=8)
             above[k].tick_params(labelbottom=False)
             above[k].sharex(below[k])
             if k:
@@ -75,19 +76,17 @@ def _channels(outcome: Outcome) -> list[int]:
     return sorted(sorted(shown, key=lambda c: -ratio[c])[:_MOST])
 
 
-def _windows(outcome: Outcome, channel: int) -> dict[int, str]:
-    """Windows by how well the nominal model predicts them -> what that is called."""
+def _windows(outcome: Outcome, channel: int) -> dict[int, float]:
+    """Windows by how well the nominal model predicts them -> its rms error."""
     error = outcome.predictions("nominal").error[..., channel]
     there = np.flatnonzero(np.isfinite(error).any(1))
-    order = there[np.argsort(np.nanmean(error[there] ** 2, axis=1))]
-    found: dict[int, str] = {}
-    for quantile, said in _QUANTILES.items():
-        window = int(order[round(quantile * (len(order) - 1))])
-        found.setdefault(window, f"error {said}")
-    return found
+    rms = np.sqrt(np.nanmean(error[there] ** 2, axis=1))
+    order = np.argsort(rms)
+    some = dict.fromkeys(order[round(quantile * (len(order) - 1))] for quantile in _QUANTILES)
+    return {int(there[k]): float(rms[k]) for k in some}
 
 
-def _table(outcome: Outcome, channel: int, windows: dict[int, str]) -> pd.DataFrame:
+def _table(outcome: Outcome, channel: int, windows: dict[int, float]) -> pd.DataFrame:
     """A row a model and node, in SI units."""
     tables = []
     segments, half = outcome.windows, outcome.half
@@ -125,7 +124,7 @@ def _draw_motion(axes: Axes, table: pd.DataFrame) -> None:
 def _draw_error(axes: Axes, table: pd.DataFrame, factor: float) -> None:
     first = table[table["model"] == table["model"].iloc[0]]
     band = factor * Z90 * first["noise_sd"]
-    axes.fill_between(first["t"], -band, band, color=NOISE, lw=0, label="noise alone (90 %)")
+    axes.fill_between(first["t"], -band, band, color=NOISE, lw=1.2, label="noise alone (90 %)")
     axes.axhline(0, color="black", lw=0.6)
     for arm, rows in table.groupby("model", sort=False):
         error = factor * (rows["recorded"] - rows["predicted"])

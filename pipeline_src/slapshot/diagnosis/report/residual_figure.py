@@ -1,4 +1,6 @@
-"""J2: what the model misses, joint by joint in the course of an episode, and over what the mismatch follows."""
+"""J2: what the model misses, joint by joint over time, and over the variable that the mismatch follows."""
+
+from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -6,18 +8,18 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.diagnosis.report.outcome import Coordinate, Outcome, coordinates
-from slapshot.diagnosis.report.residuals import Missing, by_variable, missing, variables
-from slapshot.diagnosis.report.style import MODEL_COLOURS, mark_stand_in
+from slapshot.diagnosis.report.residuals import Missing, by_variable, made_up, missing, variables
+from slapshot.diagnosis.report.style import AUGMENTED, MODEL_COLOURS, mark_stand_in
 from slapshot.diagnosis.report.wording import MODELS, scaled
 from slapshot.figures.drawing import Drawing
 
 NAME = "J2-residuals"
 CAPTION = (
     "What the model misses along the motions that took part in fitting: the force that a smoother needs to "
-    "make the model follow the recording, or the error of the readings that is left without one. Means over "
-    "bins with 90 % intervals from the spread between half seconds. Left: joint by joint in the course of "
-    "the episode. Right: over the variable that the mismatch follows, or, where nothing is missing, over "
-    "velocity."
+    "make it follow the recording, or the error of the readings that is left without one; errors of the "
+    "model's time step are taken out. Means over bins with 90 % intervals from the spread between half "
+    "seconds. Left: joint by joint in the course of the episode. Right: over the variable that the mismatch "
+    "follows (over velocity where nothing is missing); pale thick line: the force that was found."
 )
 _MOST = 8  # joints that are shown
 _AXIS = {
@@ -59,7 +61,12 @@ def draw(outcome: Outcome) -> Drawing:
     unit = coordinate_unit = place.force
     if column is not None:
         unit = coordinate_unit = place.motion
-    _draw(axes, table, unit, small=False)
+    added = made_up(outcome) if column is None else None
+    if added is not None:
+        law = replace(lacks["nominal"], force=added)
+        extra = _over(outcome, place, variable, {"found": law}, None)
+        table = pd.concat([extra, table], ignore_index=True)
+    readable = _draw(axes, table, unit, small=False)
     label, _ = _AXIS[variable]
     axes.set_xlabel(label.format(name=place.name, unit=place.motion, force=place.force))
     what = (
@@ -70,6 +77,7 @@ def draw(outcome: Outcome) -> Drawing:
         else "missing torque"
     )
     axes.set_title(f"{place.name}: {what}", loc="left")
+    axes.set_ylabel(f"{what} ({readable})")
     axes.legend(loc="best")
     tables.append(table.assign(part=place.name, variable=variable, unit=coordinate_unit))
     force = {c.force for c in shown}
@@ -122,21 +130,25 @@ def _over(
     return by_variable(outcome, coordinate, variable, of, lacks)
 
 
-def _draw(axes: Axes, table: pd.DataFrame, unit: str, *, small: bool) -> None:
-    """Points with intervals, a colour a model."""
+def _draw(axes: Axes, table: pd.DataFrame, unit: str, *, small: bool) -> str:
+    """Points with intervals, a colour a model; returns the unit."""
     size = float(np.abs(table[["low", "high"]].to_numpy()).max(initial=0.0))
     readable, factor = scaled(unit, size)
     axes.axhline(0, color="black", lw=0.8)
     for arm, rows in table.groupby("model", sort=False):
-        colour = MODEL_COLOURS[str(arm)]
+        colour = MODEL_COLOURS.get(str(arm), AUGMENTED)
         value, low, high = (factor * rows[name].to_numpy() for name in ("value", "low", "high"))
         at = rows["at"].to_numpy()
+        if arm == "found":
+            axes.plot(at, value, color=AUGMENTED, lw=5, alpha=0.3, label="what was found, as a force")
+            continue
         axes.fill_between(at, low, high, color=colour, alpha=0.22, lw=0)
         axes.plot(
             at, value, color=colour, marker=_MARKS[str(arm)], ms=2.5 if small else 4.5,
             lw=1.0 if small else 1.4, label=MODELS[str(arm)],
         )  # fmt: skip
-    axes.set_ylabel(readable if small else f"({readable})", fontsize=8 if small else 9)
     if small:
+        axes.set_ylabel(readable, fontsize=8)
         axes.tick_params(labelsize=7)
         axes.locator_params(axis="y", nbins=3)
+    return readable

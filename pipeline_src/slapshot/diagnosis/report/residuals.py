@@ -1,8 +1,8 @@
 """What a model misses along the recorded motion: a force on each joint, or an error of its readings.
 
-The force is a white process force, large beside all that drives the rig, which the smoother needs to follow
-the recording; errors of readings are what the smoothed path leaves without it. Means over bins have
-intervals from the spread between segments, which is free of what correlates samples within one.
+The force is a white process force that the smoother may use to follow the recording; errors of readings are
+what the smoothed path leaves without it. The error of the model's time step is taken out of both. Means over
+bins have intervals from the spread between segments, which holds whatever correlates samples within one.
 """
 
 from collections.abc import Callable
@@ -13,12 +13,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.filter import smooth
+from slapshot.diagnosis.linear import STEP_ERROR
 from slapshot.diagnosis.report.outcome import Coordinate, Outcome, coordinates
 from slapshot.diagnosis.report.style import Z90
 
 Array = NDArray[np.float64]
 
-_FORCE = 1.0  # process force as a share of the torque that moves each joint
+_FORCE = 0.2  # process force as a share of the torque that moves each joint
 _ROUNDS = 2
 _END = 0.12  # share of a segment at either end, where a force is hardly told
 _BINS = 16
@@ -51,9 +52,10 @@ def missing(outcome: Outcome, arm: str) -> Missing:
         covariances = noise.covariances(problem.segments.interval)
         path = examined.fit.path
         for _ in range(_ROUNDS):
-            system = problem.fitter.linearise(
-                prediction.hypothesis, prediction.theta, path
-            ).system.without_columns()
+            hypothesis, theta = prediction.hypothesis, prediction.theta
+            system = problem.fitter.linearise(hypothesis, theta, path, [STEP_ERROR]).system
+            values = np.append(np.zeros(len(theta)), STEP_ERROR.scale)
+            system = system.moved(values).without_columns()
             delta, pushed = smooth(system, covariances)
             path = problem.fitter.simulator.tangent.add(path, delta)
         left = system.r - np.einsum("stij,stj->sti", system.C, delta)
@@ -64,6 +66,24 @@ def missing(outcome: Outcome, arm: str) -> Missing:
     model = problem.rig.model
     dofs = [int(model.joint(c.joint).dofadr[0]) + c.axis for c in coordinates(outcome.rig.model)]
     return Missing(pushed[..., dofs][kept], left[kept], np.nonzero(kept)[0])
+
+
+def made_up(outcome: Outcome) -> Array | None:
+    """(n, coordinates) force that the augmented model adds to the nominal one, at the same samples.
+
+    It is the held force that has the same effect on the next state; None where nothing was named, or where
+    the augmented model has states of its own.
+    """
+    before, after = outcome.search.nominal, outcome.search.final
+    if "augmented" not in outcome.arms or after.problem.rig is not before.problem.rig:
+        return None
+    path, problem = before.examination.fit.path, before.problem
+    base, arm = outcome.arms[next(iter(outcome.arms))], outcome.arms["augmented"]
+    plain = problem.fitter.linearise(base.hypothesis, base.theta, path).system
+    more = problem.fitter.linearise(arm.hypothesis, arm.theta, path).system
+    force = np.einsum("stij,stj->sti", np.linalg.pinv(plain.B), more.d - plain.d)
+    dofs = [c.v for c in coordinates(outcome.rig.model)]
+    return force[..., dofs][inner(outcome)]
 
 
 def inner(outcome: Outcome) -> NDArray[np.bool_]:
