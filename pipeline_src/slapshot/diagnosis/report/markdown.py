@@ -1,6 +1,6 @@
 """The verdict in sentences: verdict.md, for a roboticist who must act."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from slapshot.diagnosis.diagnose import HELD_OUT
 from slapshot.diagnosis.report.wording import (
@@ -31,13 +31,20 @@ VERDICT_TEXT = "verdict.md"
 AUGMENTED = "augmented"
 
 
-def markdown(verdict: Verdict, figures: Mapping[str, str] | None = None, *, augmented: bool = False) -> str:
+def markdown(
+    verdict: Verdict,
+    figures: Mapping[str, str] | None = None,
+    *,
+    augmented: bool = False,
+    problems: Sequence[str] = (),
+) -> str:
     """verdict.md.
 
     Args:
         verdict: to tell.
         figures: name of a figure in the same folder, without suffix -> caption.
         augmented: whether the model with what was found stands beside it.
+        problems: what could not be written beside it, a line each.
     """
     parts = [f"# {escaped(headline(verdict))}", _recording(verdict)]
     if verdict.cannot_tell is not None:
@@ -61,6 +68,11 @@ def markdown(verdict: Verdict, figures: Mapping[str, str] | None = None, *, augm
     if verdict.findings:
         odd = "\n".join(f"- {sentence(finding)}" for finding in verdict.findings)
         parts += ["## What is odd about the recording or the model", odd]
+    if problems:
+        parts += [
+            "## What could not be written",
+            "\n".join(f"- {sentence(problem)}" for problem in problems),
+        ]
     if figures:
         parts.append("## Figures")
         parts += [f"![{name}]({name}.png)\n\n*{caption}*" for name, caption in figures.items()]

@@ -12,6 +12,7 @@ from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.search import Search, Step
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.verdict import Verdict
+from slapshot.recordings.signals import SignalRecording
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,7 @@ class Outcome:
         verdict: with versions.
         arms: predictions of the windows by the models that differ: nominal, refitted where the nominal model
             has free parameters, augmented where something was named.
+        units: of the columns of the observations.
     """
 
     verdict: Verdict
@@ -31,9 +33,10 @@ class Outcome:
     search: Search
     windows: Segments
     arms: dict[str, Prediction]
+    units: tuple[str, ...]
 
     @classmethod
-    def of(cls, diagnosis: Diagnosis, verdict: Verdict) -> "Outcome | None":
+    def of(cls, diagnosis: Diagnosis, verdict: Verdict, recording: SignalRecording) -> "Outcome | None":
         """The outcome of a diagnosis; None where it could not tell."""
         d = diagnosis
         if d.search is None or d.windows is None or not (d.nominal and d.refitted and d.augmented):
@@ -43,7 +46,8 @@ class Outcome:
             arms["refitted"] = d.refitted
         if verdict.effects:
             arms["augmented"] = d.augmented
-        return cls(verdict, d.rig, d.search, d.windows, arms)
+        units = tuple(recording.channels[o.channel].unit for o in d.rig.observations)
+        return cls(verdict, d.rig, d.search, d.windows, arms, units)
 
     @property
     def best(self) -> str:

@@ -97,7 +97,7 @@ def _table(outcome: Outcome, channel: int, windows: dict[int, float]) -> pd.Data
                 pd.DataFrame(
                     {
                         "channel": outcome.rig.observations[channel].channel,
-                        "unit": outcome.verdict.noise[outcome.rig.observations[channel].channel].unit,
+                        "unit": outcome.units[channel],
                         "window": window,
                         "episode": int(segments.ids[segments.episode[window]]),
                         "t": segments.time[window, half:],

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from slapshot.diagnosis.report.outcome import Coordinate, Outcome, coordinates
 from slapshot.diagnosis.report.residuals import Missing, by_variable, made_up, missing, variables
 from slapshot.diagnosis.report.style import AUGMENTED, MODEL_COLOURS, mark_stand_in
-from slapshot.diagnosis.report.wording import MODELS, scaled
+from slapshot.diagnosis.report.wording import MODELS, quantity, scaled
 from slapshot.figures.drawing import Drawing
 
 NAME = "J2-residuals"
@@ -76,7 +76,8 @@ def draw(outcome: Outcome) -> Drawing:
         if place.force == "N"
         else "missing torque"
     )
-    axes.set_title(f"{place.name}: {what}", loc="left")
+    drive = quantity(float(outcome.search.nominal.problem.torque[place.v]), place.force)
+    axes.set_title(f"{place.name}: {what}; {drive} rms move it", loc="left")
     axes.set_ylabel(f"{what} ({readable})")
     axes.legend(loc="best")
     tables.append(table.assign(part=place.name, variable=variable, unit=coordinate_unit))
