@@ -4,9 +4,14 @@ import logging
 import sys
 import time
 from collections.abc import Iterable, Iterator
-from typing import TypeVar
+from contextlib import ExitStack
+from typing import Self, TypeVar
 
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from tqdm import tqdm
+
+from slapshot.text import printable
 
 T = TypeVar("T")
 log = logging.getLogger("slapshot")
@@ -34,6 +39,41 @@ def progress(items: Iterable[T], total: int, what: str, done: int = 0) -> Iterat
             left = (now - started) / count * (total - done - count)
             log.info("%s %d/%d, ETA %s", what, done + count, total, _readable(left))
             last = now
+
+
+class Steps:
+    """Steps of unknown length: on a terminal one line with the time passed, elsewhere a line a step.
+
+    with Steps() as steps:
+        steps("fitting")
+    """
+
+    def __init__(self) -> None:
+        self._began = time.monotonic()
+        self._stack, self._line = ExitStack(), _line() if sys.stderr.isatty() else None
+
+    def __enter__(self) -> Self:
+        self._began = time.monotonic()
+        if self._line is not None:
+            self._stack.enter_context(self._line)
+            self._line.add_task("starting")
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+    def __call__(self, text: str) -> None:
+        """Say what is being done from now on."""
+        text = printable(text)
+        if self._line is None:
+            print(f"{time.monotonic() - self._began:5.0f} s  {text}", file=sys.stderr, flush=True)
+        else:
+            self._line.update(self._line.task_ids[0], description=text)
+
+
+def _line() -> Progress:
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+    return Progress(*columns, console=Console(stderr=True), transient=True)
 
 
 def _readable(seconds: float) -> str:

@@ -9,8 +9,9 @@ from slapshot.recordings.odd_hits import odd_order
 from slapshot.recordings.odd_pairs import odd_pairs
 from slapshot.recordings.odd_positions import odd_positions
 from slapshot.recordings.odd_samples import odd_samples
-from slapshot.recordings.signal_measures import Measured, Sampling, sampling
+from slapshot.recordings.signal_measures import Measured, Sampling, measure_all, sampling
 from slapshot.recordings.signals import SignalRecording
+from slapshot.text import printable
 
 _MANY_MISSING, _LONG_GAP_S, _LONG_GAP = 0.05, 0.1, 5.5  # share of samples; s and intervals
 _UNEVEN = 0.2  # intervals
@@ -34,6 +35,11 @@ def odd_signals(recording: SignalRecording, channels: Mapping[str, Measured]) ->
         found += [*odd_samples(measured), *odd_positions(measured)]
     found += odd_pairs(list(channels.values()))
     return _merged(found)
+
+
+def findings_of(recording: SignalRecording) -> list[str]:
+    """Everything odd in a recording, as `slapshot check` says it: one line a finding."""
+    return [printable(str(finding)) for finding in odd_signals(recording, measure_all(recording))]
 
 
 def _merged(findings: Iterable[Finding]) -> list[Finding]:

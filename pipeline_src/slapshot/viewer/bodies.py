@@ -26,23 +26,33 @@ def log_shapes(recording: rr.RecordingStream, scene: Scene) -> None:
     mujoco.mj_kinematics(model, data)
     for geom in range(model.ngeom):
         body = model.body_weldid[model.geom_bodyid[geom]]
-        kind = mujoco.mjtGeom(model.geom_type[geom])
         if body == scene.layout.object_body or model.geom_rgba[geom, 3] == 0:
             continue
         turn = data.xmat[body].reshape(3, 3)
         place = turn.T @ (data.geom_xpos[geom] - data.xpos[body])
-        shape = _shape(model, geom, kind, place, turn.T @ data.geom_xmat[geom].reshape(3, 3))
+        shape = shape_of(model, geom, place, turn.T @ data.geom_xmat[geom].reshape(3, 3))
         if shape is not None:
             name = model.geom(geom).name or f"geom{geom}"
             recording.log([ROOT, model.body(body).name, name], shape, static=True)
 
 
-def _shape(
-    model: mujoco.MjModel, geom: int, kind: mujoco.mjtGeom, place: Array, turn: Array
+def shape_of(
+    model: mujoco.MjModel, geom: int, place: Array, turn: Array, colour: Array | None = None
 ) -> rr.AsComponents | None:
-    """The geom as Rerun draws it, at `place` (3,) m turned by `turn` (3, 3); None if it is endless."""
-    size = model.geom_size[geom]
-    colours = [model.geom_rgba[geom]]
+    """A geom as Rerun draws it.
+
+    Args:
+        model: that has it.
+        geom: its index.
+        place: (3,) m.
+        turn: (3, 3) rotation matrix.
+        colour: (4,) red, green, blue and opacity, 0 to 1; the geom's own without.
+
+    Returns:
+        Its shape; None if it is endless or no solid.
+    """
+    kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
+    colours = [model.geom_rgba[geom] if colour is None else colour]
     quaternions = [rotation_quaternion(turn)]
     match kind:
         case mujoco.mjtGeom.mjGEOM_BOX:

@@ -1,0 +1,254 @@
+"""The verdict in sentences: verdict.md, for a roboticist who must act."""
+
+from collections.abc import Mapping, Sequence
+
+from slapshot.diagnosis.diagnose import HELD_OUT
+from slapshot.diagnosis.report.wording import (
+    MODELS,
+    VARIABLES,
+    between,
+    errors_text,
+    escaped,
+    headline,
+    label,
+    listed,
+    named,
+    noise_text,
+    phrase_of,
+    quantity,
+    rivals_text,
+    scaled,
+    sentence,
+    several,
+    shown_models,
+    table,
+)
+from slapshot.diagnosis.search import P_VALUE
+from slapshot.diagnosis.verdict import Errors, NamedEffect, Verdict
+from slapshot.figures.drawing import STAND_IN
+
+VERDICT_TEXT = "verdict.md"
+AUGMENTED = "augmented"
+
+
+def markdown(
+    verdict: Verdict,
+    figures: Mapping[str, str] | None = None,
+    *,
+    augmented: bool = False,
+    problems: Sequence[str] = (),
+) -> str:
+    """verdict.md.
+
+    Args:
+        verdict: to tell.
+        figures: name of a figure in the same folder, without suffix -> caption.
+        augmented: whether the model with what was found stands beside it.
+        problems: what could not be written beside it, a line each.
+    """
+    parts = [f"# {escaped(headline(verdict))}", _recording(verdict)]
+    if verdict.cannot_tell is not None:
+        parts += ["## Why not", sentence(verdict.cannot_tell)]
+        parts.append(
+            "Nothing is said of the physics: neither that something is missing nor that nothing is. Mend "
+            "what is said above, and diagnose the recording again."
+        )
+    else:
+        parts += ["## Is something missing?", _mismatch(verdict)]
+        if verdict.location is not None:
+            parts += ["## Where?", _where(verdict)]
+        if verdict.mismatch is not None and verdict.mismatch.found:
+            parts += ["## What?", *_what(verdict, augmented), "## What is left?", _left(verdict)]
+        parts += ["## How well are held-out motions predicted?", *_errors(verdict)]
+        if verdict.nominal_parameters:
+            parts += ["## Free parameters of the nominal model", *_free(verdict)]
+        parts += ["## Noise", *_noise(verdict)]
+        if verdict.limits:
+            parts += ["## What could still be there unseen", *_limits(verdict)]
+    if verdict.findings:
+        odd = "\n".join(f"- {sentence(finding)}" for finding in verdict.findings)
+        parts += ["## What is odd about the recording or the model", odd]
+    if problems:
+        parts += [
+            "## What could not be written",
+            "\n".join(f"- {sentence(problem)}" for problem in problems),
+        ]
+    if figures:
+        parts.append("## Figures")
+        parts += [f"![{name}]({name}.png)\n\n*{caption}*" for name, caption in figures.items()]
+    if verdict.versions:
+        rows = [[escaped(name), f"`{version}`"] for name, version in verdict.versions.items()]
+        parts += ["## Versions", table(["of", "version"], rows)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _recording(verdict: Verdict) -> str:
+    what = f"Recording of “{escaped(verdict.rig)}”"
+    if verdict.stand_in:
+        what += f", a **{STAND_IN}**"
+    text = f"{what}: {several(verdict.episodes, 'episode')}"
+    if verdict.cannot_tell is not None:
+        return f"{text}."
+    text += f", {verdict.seconds:.4g} s in all"
+    numbers = verdict.held_out_episodes
+    held = f"Episode{'s' * (len(numbers) > 1)} {listed([str(number) for number in numbers])}"
+    if verdict.episodes < HELD_OUT:
+        held = f"Parts of {held[0].lower()}{held[1:]}"
+    return (
+        f"{text}. {held} took no part in fitting or choosing; predictions are judged on them. Ranges in "
+        "brackets are 90 % intervals."
+    )
+
+
+def _mismatch(verdict: Verdict) -> str:
+    mismatch = verdict.mismatch
+    assert mismatch is not None
+    strongest = escaped(mismatch.strongest)
+    if not mismatch.found:
+        return (
+            f"**No.** Were the nominal model complete, at least as much would stand out in a share of "
+            f"p = {mismatch.p_value:.2g} of recordings like this one; p < {P_VALUE:g} counts as missing. "
+            f"What stands out most by itself, {strongest}, may well be chance."
+        )
+    return (
+        f"**Yes.** Were the nominal model complete, as much would stand out in a share of "
+        f"p = {mismatch.p_value:.2g} of recordings like this one (p < {P_VALUE:g} counts). What stands out "
+        f"most by itself is {strongest}."
+    )
+
+
+def _where(verdict: Verdict) -> str:
+    location = verdict.location
+    assert location is not None
+    at = f"At {escaped(location.part)}" if location.part else "In the whole rig"
+    follows = escaped(VARIABLES.get(location.follows, location.follows))
+    text = f"{at}. The mismatch follows {follows}"
+    if location.size is not None:
+        text += f"; described without a name, it is {quantity(location.size.value, location.size.unit)} (rms)"
+    return f"{text}."
+
+
+def _what(verdict: Verdict, augmented: bool) -> list[str]:
+    if not verdict.effects:
+        return [f"Nothing is named: {sentence(verdict.reason)[0].lower()}{sentence(verdict.reason)[1:]}"]
+    parts = []
+    for effect in verdict.effects:
+        text = f"**{escaped(_capital(named(effect)))}**"
+        if effect.gain_nats:
+            text += f" raises the log evidence by {effect.gain_nats:.1f} nats"
+        parts += [f"{text}.", _parameters(effect)]
+        parts += [_state(effect)] if _state(effect) else []
+        if effect.rivals:
+            parts.append(
+                f"The recording cannot tell it from {escaped(rivals_text(effect.rivals))}. Rivals within a "
+                "factor of 20 are told; the one that is named is the best of them, not the only one possible."
+            )
+    if augmented:
+        parts.append(
+            f"[{AUGMENTED}/]({AUGMENTED}) holds the model with these values (`model.xml`), and what MJCF "
+            "cannot hold in words (`NOTES.md`)."
+        )
+    return parts
+
+
+def _parameters(effect: NamedEffect) -> str:
+    rows = [[escaped(label(p)), escaped(between(p))] for p in effect.parameters]
+    return table(["parameter", "value (90 % interval)"], rows)
+
+
+def _state(effect: NamedEffect) -> str:
+    flat = [label(p) for p in effect.parameters if p.state == "flat"]
+    bound = [label(p) for p in effect.parameters if p.state == "at a bound"]
+    texts = []
+    if flat:
+        texts.append(f"The data hardly tell {escaped(listed(flat))}: the value is mostly that of the prior.")
+    if bound:
+        texts.append(f"At the bound of what is physically possible: {escaped(listed(bound))}.")
+    return " ".join(texts)
+
+
+def _left(verdict: Verdict) -> str:
+    unknown = verdict.unknown
+    assert unknown is not None
+    beside = "beside what is named " if verdict.effects else ""
+    if not unknown.flagged:
+        return f"No test says that anything is missing {beside}(p = {unknown.p_value:.2g})."
+    text = f"Something is missing {beside}that no name explains"
+    if unknown.p_value < P_VALUE:
+        text += f" (p = {unknown.p_value:.2g})"
+    return f"{text}: {escaped(unknown.description)}." if unknown.description else f"{text}."
+
+
+def _errors(verdict: Verdict) -> list[str]:
+    fit = verdict.fit
+    assert fit is not None
+    models = shown_models(verdict)
+    kinds = list(fit.nominal.rms)
+    rows = []
+    for model in models:
+        errors: Errors = getattr(fit, model)
+        cells = [_cell(verdict, model, kind) for kind in kinds]
+        likelihood = "" if errors.log_likelihood is None else f"{errors.log_likelihood:.1f}"
+        rows.append([MODELS[model], *cells, likelihood])
+    heads = [f"{escaped(kind)} ({_error_unit(verdict, kind)[0]})" for kind in kinds]
+    told = [f"{kind}: {errors_text(verdict, kind)}" for kind in kinds]
+    return [
+        "Windows of 0.5 s are predicted from the data before them and the recorded controls. Root mean "
+        f"square errors, {escaped('; '.join(told))}.",
+        table(["model", *heads, "log-likelihood (nats a window)"], rows),
+    ]
+
+
+def _cell(verdict: Verdict, model: str, kind: str) -> str:
+    interval = getattr(verdict.fit, model).rms[kind]
+    _, factor = _error_unit(verdict, kind)
+    value, low, high = (f"{factor * v:.3g}" for v in (interval.value, interval.low, interval.high))
+    return value if interval.low == interval.high else f"{value} ({low} to {high})"
+
+
+def _error_unit(verdict: Verdict, kind: str) -> tuple[str, float]:
+    """One unit for all models, and the factor to it."""
+    assert verdict.fit is not None
+    found = [getattr(verdict.fit, model).rms[kind] for model in shown_models(verdict)]
+    return scaled(found[0].unit, max(interval.value for interval in found))
+
+
+def _free(verdict: Verdict) -> list[str]:
+    rows = [
+        [escaped(named(effect)), escaped(label(p)), escaped(between(p))]
+        for effect in verdict.nominal_parameters
+        for p in effect.parameters
+    ]
+    states = [_state(effect) for effect in verdict.nominal_parameters]
+    text = "The rig file says that these are not known well; they were refitted with every hypothesis."
+    return [
+        " ".join([text, *filter(None, states)]),
+        table(["of", "parameter", "change (90 % interval)"], rows),
+    ]
+
+
+def _noise(verdict: Verdict) -> list[str]:
+    rows = [[escaped(channel), escaped(noise_text(noise))] for channel, noise in verdict.noise.items()]
+    return [
+        "Standard deviations under the model that explains most.",
+        table(["channel", "noise"], rows),
+    ]
+
+
+def _limits(verdict: Verdict) -> list[str]:
+    rows = [
+        [
+            escaped(phrase_of(limit.effect)),
+            escaped(limit.parameter.replace("_", " ")),
+            quantity(limit.limit, limit.unit),
+        ]
+        for limit in verdict.limits
+    ]
+    return [
+        "Each effect by itself could be as large as this, to either side, without having been seen (95 %).",
+        table(["effect", "parameter", "at most"], rows),
+    ]
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,182 @@
+"""What a model misses along the recorded motion: a force on each joint, or an error of its readings.
+
+The force is a white process force that the smoother may use to follow the recording; errors of readings are
+what the smoothed path leaves without it. The error of the model's time step is taken out of both. Means over
+bins have intervals from the spread between segments, which holds whatever correlates samples within one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from slapshot.diagnosis.filter import smooth
+from slapshot.diagnosis.linear import STEP_ERROR
+from slapshot.diagnosis.report.outcome import Coordinate, Outcome, coordinates
+from slapshot.diagnosis.report.style import Z90
+
+Array = NDArray[np.float64]
+
+_FORCE = 0.2  # process force as a share of the torque that moves each joint
+_ROUNDS = 2
+_END = 0.12  # share of a segment at either end, where a force is hardly told
+_BINS = 16
+_FEWEST = 3  # segments in a bin
+
+
+@dataclass(frozen=True)
+class Missing:
+    """What one model misses, at n samples of the recording.
+
+    Attributes:
+        force: (n, coordinates) N m or N.
+        reading: (n, ny) recorded less smoothed, in units of the channels; NaN where nothing was recorded.
+        segment: (n,) index of the segment.
+    """
+
+    force: Array
+    reading: Array
+    segment: NDArray[np.intp]
+
+
+def missing(outcome: Outcome, arm: str) -> Missing:
+    """What a model misses along the segments that took part in fitting."""
+    step, prediction = outcome.step(arm), outcome.arms[arm]
+    problem, examined = step.problem, step.examination
+    kept = inner(outcome)
+
+    def smoothed(force: float) -> tuple[Array, Array]:
+        noise = replace(examined.noise, force=max(force, examined.noise.force))
+        covariances = noise.covariances(problem.segments.interval)
+        path = examined.fit.path
+        for _ in range(_ROUNDS):
+            hypothesis, theta = prediction.hypothesis, prediction.theta
+            system = problem.fitter.linearise(hypothesis, theta, path, [STEP_ERROR]).system
+            values = np.append(np.zeros(len(theta)), STEP_ERROR.scale)
+            system = system.moved(values).without_columns()
+            delta, pushed = smooth(system, covariances)
+            path = problem.fitter.simulator.tangent.add(path, delta)
+        left = system.r - np.einsum("stij,stj->sti", system.C, delta)
+        return pushed, left
+
+    pushed, _ = smoothed(_FORCE)
+    _, left = smoothed(0.0)
+    model = problem.rig.model
+    dofs = [int(model.joint(c.joint).dofadr[0]) + c.axis for c in coordinates(outcome.rig.model)]
+    return Missing(pushed[..., dofs][kept], left[kept], np.nonzero(kept)[0])
+
+
+def made_up(outcome: Outcome) -> Array | None:
+    """(n, coordinates) force that the augmented model adds to the nominal one, at the same samples.
+
+    It is the held force that has the same effect on the next state; None where nothing was named, or where
+    the augmented model has states of its own.
+    """
+    before, after = outcome.search.nominal, outcome.search.final
+    if "augmented" not in outcome.arms or after.problem.rig is not before.problem.rig:
+        return None
+    path, problem = before.examination.fit.path, before.problem
+    base, arm = outcome.arms[next(iter(outcome.arms))], outcome.arms["augmented"]
+    plain = problem.fitter.linearise(base.hypothesis, base.theta, path).system
+    more = problem.fitter.linearise(arm.hypothesis, arm.theta, path).system
+    force = np.einsum("stij,stj->sti", np.linalg.pinv(plain.B), more.d - plain.d)
+    dofs = [c.v for c in coordinates(outcome.rig.model)]
+    return force[..., dofs][inner(outcome)]
+
+
+def inner(outcome: Outcome) -> NDArray[np.bool_]:
+    """(S, L) samples of which forces are told well."""
+    segments = outcome.search.nominal.problem.segments
+    nodes = np.arange(segments.shape[1])
+    length = segments.inside.sum(1, keepdims=True)
+    return segments.inside & (nodes >= _END * length) & (nodes < (1 - _END) * length - 1)
+
+
+def variables(outcome: Outcome, coordinate: Coordinate) -> dict[str, Array]:
+    """What a mismatch may follow, at the same samples: of the nominal model's smoothed path."""
+    step, kept = outcome.search.nominal, inner(outcome)
+    problem, fit = step.problem, step.examination.fit
+    segments = problem.segments
+    found = {
+        "velocity": fit.path[..., problem.rig.model.nq + coordinate.v][kept],
+        "load": _torque(outcome)[..., coordinate.v][kept],
+        "time": segments.time[kept],
+        "session": np.repeat(segments.order[:, None], segments.shape[1], 1)[kept],
+    }
+    if coordinate.q is not None:
+        found["position"] = fit.path[..., coordinate.q][kept]
+    return found
+
+
+def _torque(outcome: Outcome) -> Array:
+    step = outcome.search.nominal
+    fit = step.examination.fit
+    return step.problem.fitter.linearise(fit.hypothesis, fit.theta, fit.path).torque
+
+
+def binned(at: Array, value: Array, segment: NDArray[np.intp], edges: Array) -> pd.DataFrame:
+    """Mean with its 90 % interval in each bin; bins that few segments reach are left out.
+
+    Args:
+        at: (n,) variable.
+        value: (n,) what is averaged; NaN where there is none.
+        segment: (n,) index of the segment.
+        edges: (bins + 1,) increasing.
+
+    Returns:
+        Columns at (mean of the variable), value, low, high.
+    """
+    there = np.isfinite(value) & (at >= edges[0]) & (at <= edges[-1])
+    at, value, segment = at[there], value[there], segment[there]
+    which = np.clip(np.searchsorted(edges, at, side="right") - 1, 0, len(edges) - 2)
+    rows = []
+    for k in range(len(edges) - 1):
+        own = which == k
+        _, of = np.unique(segment[own], return_inverse=True)
+        count = len(np.bincount(of)) if own.any() else 0
+        if count < _FEWEST:
+            continue
+        weight = np.bincount(of).astype(float)
+        means = np.bincount(of, value[own]) / weight
+        mean = float(np.average(means, weights=weight))
+        variance = np.sum((weight * (means - mean)) ** 2) / weight.sum() ** 2 * count / (count - 1)
+        half = Z90 * float(np.sqrt(variance))
+        rows.append({"at": float(at[own].mean()), "value": mean, "low": mean - half, "high": mean + half})
+    return pd.DataFrame(rows, columns=["at", "value", "low", "high"])
+
+
+def edges_of(at: Array, variable: str) -> Array:
+    """Edges of bins: of equal width where most samples lie; of sessions one an episode."""
+    if variable == "session":
+        values = np.unique(at)
+        if len(values) <= 2 * _BINS:
+            middle = (values[1:] + values[:-1]) / 2
+            return np.concatenate([[values[0] - 0.01], middle, [values[-1] + 0.01]])
+    low, high = np.quantile(at, [0.005, 0.995])
+    if not high > low:
+        low, high = low - 0.5, high + 0.5
+    return np.linspace(low, high, _BINS + 1)
+
+
+def by_variable(
+    outcome: Outcome,
+    coordinate: Coordinate,
+    variable: str,
+    of: Callable[[Missing], Array],
+    arms: dict[str, Missing],
+) -> pd.DataFrame:
+    """Binned means of what each model misses, over one variable; a row a model and bin.
+
+    Args:
+        outcome: of the diagnosis.
+        coordinate: whose variable it is.
+        variable: key of `variables`.
+        of: which of the missing forces or readings, (n,).
+        arms: what each model misses.
+    """
+    at = variables(outcome, coordinate)[variable]
+    edges = edges_of(at, variable)
+    tables = [binned(at, of(lack), lack.segment, edges).assign(model=arm) for arm, lack in arms.items()]
+    return pd.concat(tables, ignore_index=True)
