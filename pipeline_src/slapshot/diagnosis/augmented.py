@@ -64,8 +64,8 @@ def augmented_model(
 def write_augmented(rig: Rig, effects: Sequence[JointEffect], theta: Array, folder: Path) -> None:
     """Write the model with effects to model.xml and what it cannot hold to NOTES.md.
 
-    Motors that were added for recorded torques bear the names of their joints. Files of meshes and textures
-    stay where they are.
+    Motors that were added for recorded torques bear the names of their joints, and added joints plain ones.
+    Files of meshes and textures stay where they are.
 
     Args:
         rig: as in `augmented_model`.
@@ -77,7 +77,7 @@ def write_augmented(rig: Rig, effects: Sequence[JointEffect], theta: Array, fold
         InputError: the model cannot hold a change, or the folder cannot be written; one line.
     """
     spec, notes = augmented_model(rig, effects, theta)
-    motors = _rename_motors(spec)
+    motors = _strip_names(spec)
     _resolve_files(spec)
     spec.compile()
     with writing(folder):
@@ -143,15 +143,19 @@ def _write_numbers(rig: Rig, spec: mujoco.MjSpec, changed: Sequence[tuple[JointE
         body.simple = was
 
 
-def _rename_motors(spec: mujoco.MjSpec) -> list[str]:
-    """Give added motors the names of their joints, or one like it where that is taken; the new names."""
-    taken, new = {actuator.name for actuator in spec.actuators}, []
-    for actuator in spec.actuators:
-        if actuator.name.startswith(OWN):
-            joint = actuator.name.removeprefix(OWN)
-            actuator.name = joint if joint not in taken else f"{joint} torque"
-            new.append(actuator.name)
-    return new
+def _strip_names(spec: mujoco.MjSpec) -> list[str]:
+    """Name what was added plainly, motors like their joints, and leave added sensors out; names of motors."""
+    before = {actuator.name for actuator in spec.actuators}
+    for sensor in spec.sensors:
+        if sensor.name.startswith(OWN):
+            spec.delete(sensor)
+    for parts in (spec.bodies, spec.joints, spec.sites, spec.tendons, spec.actuators):
+        taken = {part.name for part in parts}
+        for part in parts:
+            if part.name.startswith(OWN):
+                name = part.name.removeprefix(OWN)
+                part.name = name if name not in taken else f"{name} added"
+    return [name for name in (a.name for a in spec.actuators) if name not in before]
 
 
 def _resolve_files(spec: mujoco.MjSpec) -> None:

@@ -42,6 +42,7 @@ class Bench:
 
     Attributes:
         rig: nominal.
+        channels: that it is bound to.
         start: (nq + nv + na,) first state.
         commands: controls (nu arrays) at times in s.
         seconds: length of an episode.
@@ -50,6 +51,7 @@ class Bench:
     """
 
     rig: Rig
+    channels: dict[str, Channel]
     start: Array
     commands: Commands = lambda t: []
     seconds: float = 0.2
@@ -152,7 +154,7 @@ def bench(
     model = rig.model
     x = np.concatenate([model.qpos0, np.zeros(model.nv + model.na)])
     x[: len(start)] = start
-    return Bench(rig, x, commands, **rest)
+    return Bench(rig, channels, x, commands, **rest)
 
 
 def arm() -> Bench:
@@ -201,7 +203,7 @@ def pendulum() -> Bench:
 
 
 def slide() -> Bench:
-    """A cart with a velocity servo, a motor for a recorded force, and a rope; gravity is along -y."""
+    """A cart with a velocity servo, and a lift with a rope and a recorded force; gravity is along -y."""
     return bench(
         """<option gravity="0 -9.81 0" integrator="implicitfast"/>
         <worldbody><body><joint name="rail" type="slide" axis="1 0 0" damping="2" frictionloss="1"
@@ -213,13 +215,13 @@ def slide() -> Bench:
           <general name="winch" tendon="rope" dyntype="filterexact" dynprm=".02"/></actuator>""",
         {
             "u": tells("belt"),
-            "f": Channel(clock="c", role="control", quantity="force", unit="N", joint="rail", component=None),
+            "f": Channel(clock="c", role="control", quantity="force", unit="N", joint="mast"),
             "w": tells("winch"),
             "q": reads(site="cart"),
             "h": Channel(clock="c", role="observation", quantity="position", unit="m", joint="mast"),
         },
         [],
-        lambda t: [0.8 * np.sin(6 * t), 10 + 5 * np.sin(8 * t), 4 * np.sin(11 * t)],
+        lambda t: [0.8 * np.sin(6 * t), 4 * np.sin(11 * t), 10 + 5 * np.sin(8 * t)],
     )
 
 
@@ -283,3 +285,9 @@ def one_sd(effect: JointEffect) -> np.ndarray:
     return np.array(
         [p.start + (p.scale if p.start + p.scale <= p.high else -p.scale) for p in effect.parameters]
     )
+
+
+def has_note(effect: JointEffect) -> bool:
+    """Whether a model cannot hold all of an effect; a variant may change the model alone."""
+    says = any(overrides(effect, place) for place in ("control", "force", "observe"))
+    return (says and "geometry" not in effect.variant) or "at the link" in effect.variant

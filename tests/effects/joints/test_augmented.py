@@ -8,12 +8,14 @@ import pytest
 from slapshot.diagnosis.augmented import augmented_model, forces, write_augmented
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.rig import bind
+from slapshot.diagnosis.structure import restructured
 from slapshot.effects.joints.effect import Array, JointEffect, overrides
+from slapshot.effects.joints.split import deflection
 from slapshot.errors import InputError
 
-from .rigs import Bench, arm, bench, few, one_sd, reads, slide, tells
+from .rigs import Bench, arm, bench, few, has_note, one_sd, pendulum, reads, slide, tells
 
-# Depend on sensors, or on where the centre of a body was when it was compiled; see Hypothesis.compiled.
+# Depend on sensors, or on the order in which bounding boxes were put into trees.
 _OTHER = ("sensor", "stat", "bvh")
 
 
@@ -49,8 +51,7 @@ def test_the_written_model_has_the_numbers_of_the_engine(any_bench):
         edited = compiled(any_bench, [effect], values)
         assert_same(spec.compile(), edited)
         assert_same(from_text(spec), edited)
-        says = any(overrides(effect, place) for place in ("control", "force", "observe"))
-        assert len(notes) == (says and "geometry" not in effect.variant)
+        assert len(notes) == has_note(effect)
         if not overrides(effect, "edit"):
             assert_same(edited, any_bench.rig.model)
 
@@ -106,6 +107,24 @@ def test_models_whose_compiler_derives_numbers(around, joint):
     assert_same(from_text(spec), compiled(of, chosen, theta))
 
 
+@pytest.mark.parametrize("make", [arm, pendulum])
+def test_a_split_joint_is_written_with_plain_names(make, tmp_path):
+    of = make()
+    effects = [e for e in of.effects if e.name in ("joint_elasticity", "backlash")]
+    assert len(effects) >= 4
+    for effect in effects:
+        values = one_sd(effect)
+        rig = restructured(of.rig, effect, of.channels)
+        write_augmented(rig, [effect], values, tmp_path)
+        model = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+        edited = Hypothesis(rig, (effect,)).compiled(values, of.rig.model.opt.timestep)
+        assert_same(model, edited)
+        assert model.joint(f"deflection:{effect.part}").id == edited.joint(deflection(effect.part)).id
+        text = (tmp_path / "model.xml").read_text() + (tmp_path / "NOTES.md").read_text()
+        assert "slapshot" not in text
+        assert ("the sum of joints" in text) == has_note(effect) == ("at the link" in effect.variant)
+
+
 def test_force_laws_step_by_step_make_the_motion_of_the_engine(any_bench):
     """As a user would simulate them, with the written model."""
     step = any_bench.segments.step
@@ -144,25 +163,25 @@ def test_the_files_hold_the_model_and_say_the_rest(tmp_path):
     effects = [
         of.effect("viscous_friction", "rail"),
         of.effect("spring", "mast"),
-        of.effect("actuator_gain", "rail"),
+        of.effect("actuator_gain", "mast"),
         of.effect("command_delay", "all actuators"),
     ]
     theta = np.array([2.5, 30.0, -4.0, 0.1, 0.0125])
     write_augmented(of.rig, effects, theta, tmp_path / "new" / "folder")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "new" / "folder" / "model.xml"))
-    assert [model.actuator(i).name for i in range(model.nu)] == ["belt", "winch", "rail"]
+    assert [model.actuator(i).name for i in range(model.nu)] == ["belt", "winch", "mast"]
     assert_same(model, compiled(of, effects, theta))
     text = (tmp_path / "new" / "folder" / "NOTES.md").read_text()
     middle = of.situation.joints[1].middle
     assert text == (
         "# rig with what was found\n\nValues in model.xml:\n\n"
         "- viscous friction at rail: coefficient 2.5 N s/m\n"
-        "- gain of actuator rail: excess 0.1\n"
+        "- gain of actuator mast: excess 0.1\n"
         "\nMJCF cannot hold the rest; add it to your simulation:\n\n"
         f"- Apply as qfrc_applied at joint mast: -4 - 30 (q - {middle:.4g}) (in N; position q in m, "
         "velocity v in m/s).\n"
         "- Delay the controls of all actuators by 0.0125 s; before that time the first command holds.\n"
-        "\nMotors that take the recorded torques were added: rail.\n"
+        "\nMotors that take the recorded torques were added: mast.\n"
     )
     # Written again, the files are replaced.
     write_augmented(of.rig, [], np.zeros(0), tmp_path / "new" / "folder")

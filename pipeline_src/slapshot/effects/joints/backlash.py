@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation
-from slapshot.effects.joints.split import deflection, split_joint
+from slapshot.effects.joints.split import deflection, read_at_link, split_joint
 
 HARD_S = 0.004  # time constant of the stop: twice the step of a careful simulation
 
@@ -64,3 +64,7 @@ class Backlash(JointEffect):
         """Where the link stands behind the motor under a load (N m or N) that it takes to move it."""
         usual = max(0.1 * float(np.std(load)), 1e-12)
         return -self.parameters[0].start * np.tanh(load / usual)
+
+    def note(self, values: Array) -> str:
+        """What the encoder reads, where that is not the joint that the model had."""
+        return read_at_link(self.part) if self.reads_link else ""

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation
-from slapshot.effects.joints.split import deflection, split_joint, stiffest
+from slapshot.effects.joints.split import deflection, read_at_link, split_joint, stiffest
 
 
 class JointElasticity(JointEffect):
@@ -66,3 +66,7 @@ class JointElasticity(JointEffect):
     def static_deflection(self, load: Array) -> Array:
         """Where the link stands behind the motor under a load (N m or N) that it takes to move it."""
         return -self.parameters[0].start * load
+
+    def note(self, values: Array) -> str:
+        """What the encoder reads, where that is not the joint that the model had."""
+        return read_at_link(self.part) if self.reads_link else ""

@@ -20,6 +20,11 @@ def deflection(joint: str) -> str:
     return f"slapshot:deflection:{joint}"
 
 
+def read_at_link(joint: str) -> str:
+    """What the encoder of a split joint reads, where it sits at the link, in a model that is written."""
+    return f"The encoder of joint {joint} reads the sum of joints {joint} and deflection:{joint}."
+
+
 def split_joint(spec: mujoco.MjSpec, joint: str, rotor: float) -> None:
     """Add the second joint.
 
