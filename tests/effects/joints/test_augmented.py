@@ -10,7 +10,6 @@ from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.structure import restructured
 from slapshot.effects.joints.effect import Array, JointEffect, overrides
-from slapshot.effects.joints.split import deflection
 from slapshot.errors import InputError
 
 from .rigs import Bench, arm, bench, few, has_note, one_sd, pendulum, reads, slide, tells
@@ -108,10 +107,10 @@ def test_models_whose_compiler_derives_numbers(around, joint):
 
 
 @pytest.mark.parametrize("make", [arm, pendulum])
-def test_a_split_joint_is_written_with_plain_names(make, tmp_path):
+def test_what_gives_way_is_written_with_plain_names(make, tmp_path):
     of = make()
-    effects = [e for e in of.effects if e.name in ("joint_elasticity", "backlash")]
-    assert len(effects) >= 4
+    effects = [e for e in of.effects if overrides(e, "restructure")]
+    assert {e.name for e in effects} == {"joint_elasticity", "backlash", "base_compliance"}
     for effect in effects:
         values = one_sd(effect)
         rig = restructured(of.rig, effect, of.channels)
@@ -119,7 +118,10 @@ def test_a_split_joint_is_written_with_plain_names(make, tmp_path):
         model = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
         edited = Hypothesis(rig, (effect,)).compiled(values, of.rig.model.opt.timestep)
         assert_same(model, edited)
-        assert model.joint(f"deflection:{effect.part}").id == edited.joint(deflection(effect.part)).id
+        assert (
+            model.joint(effect.added_joint.removeprefix("slapshot:")).id
+            == edited.joint(effect.added_joint).id
+        )
         text = (tmp_path / "model.xml").read_text() + (tmp_path / "NOTES.md").read_text()
         assert "slapshot" not in text
         assert ("the sum of joints" in text) == has_note(effect) == ("at the link" in effect.variant)

@@ -8,8 +8,9 @@ import numpy as np
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.effects.joints.catalogue import instances, joint_effects
 from slapshot.effects.joints.effect import JointEffect, overrides
+from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
-from .rigs import Motion, few, has_note, one_sd, start
+from .rigs import Motion, arm, few, has_note, one_sd, start
 
 _BASE = r"(kg|m|s|rad|N)(\^\d)?"
 _PRODUCT = rf"{_BASE}( {_BASE})*"
@@ -18,6 +19,9 @@ _UNIT = re.compile(rf"(1|{_PRODUCT})(/({_BASE}|\({_PRODUCT}\)))?")
 _SILENT = {("ball", "link_mass")}
 # Nor do a zero that is off about the upright axis, or of a slide that carries nothing else.
 _STILL = {"joint_offset@a0 (of the geometry)", "joint_offset@mast (of the geometry)"}
+
+# Have no instance before data were searched.
+FOUND_IN_DATA = {"external_pulse"}
 
 
 def saved(model: mujoco.MjModel) -> bytes:
@@ -35,7 +39,7 @@ def test_every_effect_sits_somewhere_and_keys_are_unique(any_bench):
         assert names >= flies | {"gravity_tilt", "link_mass"}
     else:
         # A load on what only slides makes it heavier, and that is its mass.
-        unlike = flies | ({"payload"} if 2 in any_bench.rig.model.body_simple else set())
+        unlike = flies | FOUND_IN_DATA | ({"payload"} if 2 in any_bench.rig.model.body_simple else set())
         assert names == {name for name in joint_effects() if name not in unlike}
     assert [e.key for e in instances(any_bench.situation)] == list(keys)
 
@@ -55,6 +59,15 @@ def test_they_describe_themselves(any_bench):
         note = effect.note(one_sd(effect))
         assert bool(note) == has_note(effect)
         assert not note or note.endswith("."), note
+
+
+def test_a_push_says_when_and_how_much():
+    joint = arm().situation.joints[0]
+    pulses = [Pulse(3, 0.5, 0.25, 0.5), Pulse(4, 0.0, 1.0, 1.125)]
+    assert ExternalPulse(joint, pulses).note(np.array([1.5, -2.0])) == (
+        "Apply as qfrc_applied at joint shoulder: 1.5 from 0.25 to 0.5 s of episode 3; -2 from 1 to 1.125 s "
+        "of episode 4 (in N m; position q in rad, velocity v in rad/s)."
+    )
 
 
 def test_parameters_hold_together(any_bench):

@@ -71,3 +71,12 @@ class ExternalPulse(JointEffect):
             )
             push[during] += value
         return on_joint(self._joint, push, state.v.shape[1])
+
+    def note(self, values: Array) -> str:
+        """Sizes and times."""
+        pushes = zip(self.pulses, values, strict=True)
+        return self._joint.note(
+            "; ".join(
+                f"{v:.4g} from {p.begin:.4g} to {p.end:.4g} s of episode {p.episode}" for p, v in pushes
+            )
+        )
