@@ -266,14 +266,14 @@ def test_ripple_gives_back_after_a_period_what_it_took(way):
     assert np.ptp(energy) > 0.05
 
 
-def test_the_orders_of_ripple_reach_from_the_travel_beyond_a_twelfth_of_it():
+def test_the_orders_of_ripple_reach_from_the_travel_to_a_twelfth_of_it():
     """They lie less than a period over the travel apart, so that every order is near one of them."""
     turned = rotor((0.0, 3.0))
     orders = [e.parameters[2].start for e in turned.effects if e.name == "torque_ripple"]
     travel = np.ptp(turned.nominal.q())
     periods = 2 * np.pi / np.array(orders)
     assert periods.max() == pytest.approx(travel, rel=0.1)
-    assert periods.min() == pytest.approx(travel / 16, rel=0.1)
+    assert periods.min() < travel / 12
     assert np.diff(orders).max() * travel / (2 * np.pi) < 0.75
 
 
