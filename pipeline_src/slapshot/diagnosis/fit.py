@@ -11,11 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.filter import innovations, smooth
+from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.law_error import own_law_errors
 from slapshot.diagnosis.linear import Linearised, Look, linearise
 from slapshot.diagnosis.noise import Noise, Prior, log_likelihood
 from slapshot.diagnosis.segments import Segments
+from slapshot.effects.joints.effect import Situation, State
 
 Array = NDArray[np.float64]
 
@@ -67,12 +69,42 @@ class Fitter:
         segments: data.
         torque: (nv,) scale of forces.
         nuisance: columns that are integrated out of every hypothesis.
+        rig: scales, for errors of the laws that a hypothesis adds; None leaves them out.
     """
 
     simulator: Simulator
     segments: Segments
     torque: Array
     nuisance: tuple[Look, ...] = ()
+    rig: Situation | None = None
+
+    def system(
+        self, hypothesis: Hypothesis, theta: Array, path: Array, looks: Sequence[Look] = ()
+    ) -> tuple[Linear, Prior]:
+        """The linear system of a hypothesis with all nuisance, and the priors of its columns.
+
+        Columns are those of the hypothesis' parameters, the nuisance, the looks, and errors of the laws that
+        the hypothesis adds.
+        """
+        everything = (*self.nuisance, *looks)
+        found = self.linearise(hypothesis, theta, path, everything)
+        system, prior = found.system, prior_of(hypothesis, everything)
+        if self.rig is None:
+            return system, prior
+        nq, nv = self.simulator.tangent.nq, self.simulator.tangent.nv
+        x = path.reshape(-1, path.shape[-1])
+        order = np.repeat(self.segments.order, self.segments.shape[1])
+        torque = found.torque.reshape(len(x), nv)
+        state = State(x[:, :nq], x[:, nq : nq + nv], torque, self.segments.time.reshape(-1), order)
+        W, sd = own_law_errors(system, hypothesis, theta, self.rig, state)
+        if not len(sd):
+            return system, prior
+        psi = np.zeros((*system.psi.shape[:3], len(sd)))
+        wider = system.with_columns(
+            np.concatenate([system.W, W], axis=-1), np.concatenate([system.psi, psi], axis=-1)
+        )
+        law = np.concatenate([prior.law_error, np.ones(len(sd), bool)])
+        return wider, Prior(np.concatenate([prior.sd, sd]), law)
 
     def linearise(
         self, hypothesis: Hypothesis, theta: Array, path: Array, looks: Sequence[Look] = ()
@@ -94,12 +126,12 @@ class Fitter:
         """
         p = len(hypothesis.parameters)
         theta, start = hypothesis.within(theta), hypothesis.start
-        sd = prior_of(hypothesis, self.nuisance).at(noise)
         covariances = noise.covariances(self.segments.interval)
         moved, converged, evidence = np.inf, False, -np.inf
-        precision = np.diag(sd[:p] ** -2)
+        precision = np.diag(hypothesis.prior_sd**-2.0)
         for number in range(rounds + 1):
-            system = self.linearise(hypothesis, theta, path, self.nuisance).system
+            system, prior = self.system(hypothesis, theta, path)
+            sd = prior.at(noise)
             seen = innovations(system, covariances)
             z = seen.Z.reshape(seen.e.size, -1) * sd
             offset = np.zeros(len(sd))

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.diagnosis.filter import Linear
+from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.linear import Look
 from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
 
@@ -53,6 +55,46 @@ class LawError(JointEffect):
         """The law times the shape."""
         change = (self._raw(state) - self._mean) / self._size
         return on_joint(self._joint, values[0] * self._law(state) * change, state.v.shape[1])
+
+
+def own_law_errors(
+    system: Linear, hypothesis: Hypothesis, theta: Array, rig: Situation, state: State
+) -> tuple[Array, Array]:
+    """Columns of the errors of the laws that a hypothesis adds: what they do, times the same shapes.
+
+    Args:
+        system: with the hypothesis' own columns first.
+        hypothesis: whose effects are laws or not.
+        theta: their values.
+        rig: scales.
+        state: of all nodes, S * L.
+
+    Returns:
+        (S, L, n, k) and standard deviations (k,), in shares of the common size.
+    """
+    S, L, n, _ = system.W.shape
+    columns = []
+    joints = {joint.name: joint for joint in rig.joints}
+    for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
+        joint = joints.get(effect.part)
+        if not effect.empirical or joint is None:
+            continue
+        # Parameters of size alone: what they do is in proportion to them.
+        sizes = [k for k in range(part.start, part.stop) if effect.parameters[k - part.start].start == 0]
+        law = system.W[..., sizes] @ theta[sizes]
+        weight = np.sum(law**2, axis=-1).reshape(-1)
+        total = float(weight.sum())
+        if total <= 0:
+            continue
+        torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
+        for shape in _SHAPES:
+            raw = shape(state.v[:, joint.v] / joint.speed, state.torque[:, joint.v] / torque)
+            raw = raw - np.sum(weight * raw) / total
+            size = np.sqrt(np.sum(weight * raw**2) / total)
+            if size > 1e-9:
+                columns.append(law * (raw / size).reshape(S, L, 1))
+    W = np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
+    return W, np.full(len(columns), 1 / np.sqrt(len(_SHAPES)))
 
 
 def law_errors(rig: Situation, state: State) -> list[Look]:

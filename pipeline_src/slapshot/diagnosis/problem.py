@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.filter import Linear, innovations
-from slapshot.diagnosis.fit import Fit, Fitter, prior_of
+from slapshot.diagnosis.fit import Fit, Fitter
 from slapshot.diagnosis.free_forms import free_forms, is_free
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
 from slapshot.diagnosis.inference.scores import Scores, scores
@@ -82,7 +82,8 @@ class Problem:
     @cached_property
     def fitter(self) -> Fitter:
         """Of these segments."""
-        return Fitter(Simulator(self.rig, self.threads), self.segments, self.torque, self.nuisance)
+        simulator = Simulator(self.rig, self.threads)
+        return Fitter(simulator, self.segments, self.torque, self.nuisance, self.situation)
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
@@ -161,21 +162,22 @@ def examine(
     looks = looks_at(effects)
     own = len(hypothesis.parameters)
     fixed = own + len(problem.nuisance)
-    explains = np.array(
-        [True] * fixed
-        + [look.effect is not None and not (look.effect.many_forms or is_free(look.effect)) for look in looks]
-    )
-    everything = (*problem.nuisance, *looks)
-    prior = prior_of(hypothesis, everything)
-    few = Prior(prior.sd[explains], prior.law_error[explains])
     for _ in range(passes):
-        system = fitter.linearise(hypothesis, theta, path, everything).system
+        system, prior = fitter.system(hypothesis, theta, path, looks)
+        candidate = np.zeros(len(prior.sd), bool)
+        candidate[fixed : fixed + len(looks)] = True
+        many = [
+            look.effect is not None and (look.effect.many_forms or is_free(look.effect)) for look in looks
+        ]
+        explains = ~candidate
+        explains[fixed : fixed + len(looks)] = ~np.array(many, bool)
+        few = Prior(prior.sd[explains], prior.law_error[explains])
         noise = fit_noise(_with(system, explains), few, noise, problem.segments, problem.kinds)
         fit = fitter.fit(hypothesis, theta, path, noise, rounds=3)
         theta, path = fit.theta, fit.path
     # About the path before the last fit, which is as good a point: scores eliminate what the fit moved.
     found = innovations(system, noise.covariances(problem.segments.interval))
-    fixed_columns = np.arange(len(prior.sd)) < fixed
+    fixed_columns = ~candidate
     sd = prior.at(noise)[fixed_columns]
     z = found.Z[..., fixed_columns].reshape(found.e.size, -1) * sd
     values = sd * np.linalg.solve(np.eye(len(sd)) + z.T @ z, z.T @ found.e.reshape(-1))

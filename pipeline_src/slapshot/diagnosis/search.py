@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.fit import Fit, prior_of
+from slapshot.diagnosis.fit import Fit
 from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.inference.null import MismatchTest, mismatch_test
 from slapshot.diagnosis.inference.selection import gains
-from slapshot.diagnosis.noise import Noise, fit_noise
+from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise, fit_noise
 from slapshot.diagnosis.problem import Examination, Problem, examine
 from slapshot.diagnosis.pulses import pushes
 from slapshot.diagnosis.shooting import shoot
@@ -161,9 +161,45 @@ def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | No
     rivals.sort(key=lambda rival: -rival.gain)
     if not rivals or rivals[0].gain < worth:
         return None
-    best = rivals[0]
+    best = _simplest(step, rivals)
     examined = examine(problem, best.fit.hypothesis, best.fit.theta, best.fit.path, step.examination.noise)
     return Step(problem, examined, _test(examined, rng), best.effect, best.gain, tuple(rivals))
+
+
+def _simplest(step: Step, rivals: Sequence[Rival]) -> Rival:
+    """The best rival, or one of fewer parameters that does the same within the error that laws have."""
+    best = rivals[0]
+    change = _change(step, best)
+    whole = float(np.sum(change**2))
+    tied = [best]
+    for rival in rivals[1:]:
+        if len(rival.effect.parameters) < len(best.effect.parameters) and whole > 0:
+            left = float(np.sum((_change(step, rival) - change) ** 2))
+            if left < LARGEST_LAW_ERROR**2 * whole:
+                tied.append(rival)
+    return min(tied, key=lambda rival: (len(rival.effect.parameters), -rival.gain))
+
+
+def _change(step: Step, rival: Rival) -> Array:
+    """What a rival changes of the velocities after an interval, along the path, over the torques' effects."""
+    problem, path = step.problem, step.examination.fit.path
+    segments, simulator = problem.segments, problem.fitter.simulator
+    n, nq = path.shape[0] * path.shape[1], simulator.tangent.nq
+    x, time = path.reshape(n, -1), segments.time.reshape(n)
+    order = np.repeat(segments.order, segments.shape[1])
+    ends = []
+    for hypothesis, theta in (
+        (step.hypothesis, step.examination.fit.theta),
+        (rival.fit.hypothesis, rival.fit.theta),
+    ):
+        model = hypothesis.compiled(theta, segments.step)
+        u = hypothesis.control(segments, theta).reshape(n, segments.substeps, -1)
+        ends.append(simulator.advance(hypothesis, theta, model, x, u, time, order)[0])
+    inertia = np.array([1.0] * simulator.tangent.nv)
+    for joint in problem.situation.joints:
+        inertia[joint.v] = joint.inertia / joint.torque
+    difference = (ends[1] - ends[0])[:, nq : nq + simulator.tangent.nv] * inertia
+    return np.asarray(difference[segments.inside.reshape(n)])
 
 
 def refit(step: Step, effect: JointEffect, start: Array) -> Fit:
@@ -250,8 +286,7 @@ def _own_evidence(problem: Problem, fit: Fit, noise: Noise) -> tuple[float, Fit,
     """Evidence of a fit under the noise of its own: what it leaves is noise to it."""
     for _ in range(2):
         hypothesis = fit.hypothesis
-        system = problem.fitter.linearise(hypothesis, fit.theta, fit.path, problem.nuisance).system
-        prior = prior_of(hypothesis, problem.nuisance)
+        system, prior = problem.fitter.system(hypothesis, fit.theta, fit.path)
         noise = fit_noise(system, prior, noise, problem.segments, problem.kinds)
         still = problem.fitter.fit(hypothesis, fit.theta, fit.path, noise, rounds=0)
         moved = problem.fitter.fit(hypothesis, fit.theta, fit.path, noise, rounds=3)

@@ -12,6 +12,7 @@ class CoulombFriction(JointEffect):
     physics = "Bearings and gears resist with a constant torque against the motion, and hold at rest."
     source = "Olsson et al. (1998), European Journal of Control 4(3)"
     phrase = "Coulomb friction at {part}"
+    empirical = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["CoulombFriction"]:

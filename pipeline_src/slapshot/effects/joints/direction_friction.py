@@ -13,6 +13,7 @@ class DirectionFriction(JointEffect):
     physics = "Preload or a worn flank makes dry friction larger in one direction than in the other."
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
     phrase = "friction at {part} that differs between directions"
+    empirical = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["DirectionFriction"]:

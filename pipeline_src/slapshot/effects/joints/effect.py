@@ -167,6 +167,7 @@ class JointEffect:
         variant: how it is built, where there is a choice.
         parameters: with priors for this part.
         many_forms: whether it is looked at in so many forms that together they would explain noise.
+        empirical: whether its law is one of experience, which holds to some ten per cent.
         hidden_state: whether it has a state of its own, so that a first-order look cannot model it.
     """
 
@@ -176,6 +177,7 @@ class JointEffect:
     phrase: ClassVar[str]
     hidden_state: ClassVar[bool] = False
     many_forms: ClassVar[bool] = False
+    empirical: ClassVar[bool] = False
 
     def __init__(self, part: str, parameters: Sequence[Parameter], variant: str = "") -> None:
         self.part, self.parameters, self.variant = part, tuple(parameters), variant

@@ -12,6 +12,7 @@ class FrictionDrift(JointEffect):
     physics = "Bearings warm up, and lubricant thins: friction changes from the first episode to the last."
     source = "Bittencourt, Gunnarsson (2012), ASME J. of Dynamic Systems, Measurement, and Control 134(5)"
     phrase = "friction at {part} that drifts over the session"
+    empirical = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["FrictionDrift"]:

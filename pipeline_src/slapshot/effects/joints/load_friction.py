@@ -12,6 +12,7 @@ class LoadFriction(JointEffect):
     physics = "Teeth under load press on one another: friction is a share of the transmitted torque."
     source = "Hamon, Gautier, Garrec (2010), IROS"
     phrase = "friction at {part} that grows with load"
+    empirical = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["LoadFriction"]:

@@ -10,6 +10,7 @@ class Spring(JointEffect):
     physics = "Cables, hoses or a balance pull the joint towards an angle."
     source = "Arakelian (2016), Advanced Robotics 30(2)"
     phrase = "a spring at {part}"
+    empirical = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["Spring"]:

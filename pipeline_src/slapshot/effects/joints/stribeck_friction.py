@@ -13,6 +13,7 @@ class StribeckFriction(JointEffect):
     physics = "Dry friction is larger near rest and falls with speed until a lubricant film carries."
     source = "Stribeck (1902); Armstrong-Helouvry et al. (1994), Automatica 30(7)"
     phrase = "friction at {part} that falls with speed (Stribeck)"
+    empirical = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["StribeckFriction"]:

@@ -12,6 +12,7 @@ class ViscousFriction(JointEffect):
     physics = "Lubricant in bearings and gears resists in proportion to speed."
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
     phrase = "viscous friction at {part}"
+    empirical = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["ViscousFriction"]:
