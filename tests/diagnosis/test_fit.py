@@ -226,7 +226,7 @@ def test_a_hypothesis_without_parameters_is_a_smoother():
 
 
 def test_nuisance_takes_the_error_of_the_step():
-    """Data by steps of 1 ms, a model whose steps of 10 ms err by more than the data say, unless that is told."""
+    """Data by steps of 1 ms, and a model whose steps of 10 ms err more than the noise of the data."""
     coarse = PENDULUM.replace("implicitfast", "Euler")
     without = swinging(10, true=coarse, model=coarse, finer=10, white=2e-4)
     with_it = swinging(10, true=coarse, model=coarse, finer=10, white=2e-4, nuisance=(STEP_ERROR,))
