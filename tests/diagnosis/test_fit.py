@@ -192,7 +192,7 @@ def test_values_stay_within_bounds():
     assert found.converged
 
 
-def test_the_evidence_prefers_the_truth_and_is_laplaces():
+def test_the_evidence_prefers_the_truth():
     of = swinging(8, true=DAMPED)
     friction, armature = of.effects(ViscousFriction, Armature)
     nothing, right, more = of.fit(), of.fit(friction), of.fit(friction, armature)
@@ -200,7 +200,30 @@ def test_the_evidence_prefers_the_truth_and_is_laplaces():
     # A needless value costs about the logarithm of how much the data narrow it down.
     shrunk = np.log(armature.parameters[0].scale / more.sd[1])
     assert right.log_evidence - more.log_evidence == pytest.approx(shrunk, abs=5)
-    # In one dimension by the integral: the likelihood over a grid of values, each with a path of its own.
+
+
+def test_priors_and_data_share_a_value_by_their_precisions():
+    of = swinging(15, true=DAMPED)
+    (friction,) = of.effects(ViscousFriction)
+    wide, narrow = with_scale(friction, 100.0), with_scale(friction, 0.002)
+    data, both = of.fit(wide), of.fit(narrow)
+    share = 0.002**2 / (0.002**2 + data.sd[0] ** 2)
+    assert 0.05 < share < 0.95
+    # The effect is linear but for what changes between the two values.
+    assert both.theta[0] == pytest.approx(share * data.theta[0], rel=0.05)
+    assert both.sd[0] == pytest.approx(np.sqrt(share) * data.sd[0], rel=0.05)
+
+
+def with_scale(friction: ViscousFriction, scale: float) -> ViscousFriction:
+    return ViscousFriction(friction._joint, Parameter("coefficient", "N m s/rad", scale, low=-0.05))
+
+
+@pytest.mark.parametrize("scale", [0.002, 0.3])
+def test_the_evidence_is_the_integral_of_likelihood_times_prior(scale):
+    """Over a grid of values, with paths on which the model is as good as linear."""
+    of = swinging(8, true=DAMPED)
+    friction = with_scale(of.effects(ViscousFriction)[0], scale)
+    right = of.fit(friction)
     sd, at = right.sd[0], right.theta[0]
     grid = at + sd * np.linspace(-5, 5, 21)
     height = []
@@ -208,7 +231,7 @@ def test_the_evidence_prefers_the_truth_and_is_laplaces():
         hypothesis = Hypothesis(of.rig, (friction,))
         system = of.fitter.linearise(hypothesis, np.array([value]), right.path).system
         seen = innovations(system, of.noise.covariances(of.segments.interval))
-        prior = stats.norm.logpdf(value, 0, friction.parameters[0].scale)
+        prior = stats.norm.logpdf(value, 0, scale)
         height.append(-0.5 * (np.sum(seen.e**2) + seen.logdet.sum()) + prior)
     height = np.array(height)
     integral = np.log(np.trapezoid(np.exp(height - height.max()), grid)) + height.max()
@@ -222,7 +245,7 @@ def test_a_hypothesis_without_parameters_is_a_smoother():
     assert found.theta.shape == found.sd.shape == (0,)
     fresh = of.fitter.linearise(Hypothesis(of.rig), np.zeros(0), found.path).system
     # Without process force the smoothed path is one that the model goes.
-    np.testing.assert_allclose(fresh.d[:, :-1][of.segments.inside[:, 1:]], 0, atol=1e-6)
+    np.testing.assert_allclose(fresh.d[:, :-1][of.segments.inside[:, 1:]], 0, atol=1e-9)
 
 
 def test_nuisance_takes_the_error_of_the_step():
@@ -234,6 +257,14 @@ def test_nuisance_takes_the_error_of_the_step():
     off, mended = without.fit(friction), with_it.fit(friction)
     assert abs(off.theta[0]) > 4 * off.sd[0]
     assert abs(mended.theta[0]) < 3.5 * mended.sd[0]
+    # What is eliminated leaves less to tell the rest by: as the inverse of the whole precision has it.
+    hypothesis = Hypothesis(with_it.rig, (friction,))
+    system = with_it.fitter.linearise(hypothesis, mended.theta, mended.path, (STEP_ERROR,)).system
+    Z = innovations(system, with_it.noise.covariances(0.01)).Z.reshape(-1, 2)
+    prior = np.diag([friction.parameters[0].scale, STEP_ERROR.scale]) ** 2
+    covariance = np.linalg.inv(np.linalg.inv(prior) + Z.T @ Z)
+    assert mended.sd[0] == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-3)
+    assert mended.sd[0] > 1.02 / np.sqrt((Z.T @ Z)[0, 0])
     assert prior_of(Hypothesis(with_it.rig, (friction,)), (STEP_ERROR,)).sd[1] == STEP_ERROR.scale
 
 
