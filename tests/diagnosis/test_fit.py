@@ -1,6 +1,7 @@
 """Fits from end to end: recorded, cut, fitted; on every kind of joint, with activations and closed loops."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import mujoco
@@ -12,7 +13,7 @@ from slapshot.diagnosis.filter import innovations
 from slapshot.diagnosis.fit import Fit, Fitter, prior_of
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.linear import STEP_ERROR, Look
-from slapshot.diagnosis.noise import Noise
+from slapshot.diagnosis.noise import Noise, marginal_likelihood
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.segments import Segments, cut
@@ -103,7 +104,8 @@ def test_a_parameter_of_a_pendulum_is_recovered():
     (friction,) = of.effects(ViscousFriction)
     found = of.fit(friction)
     assert found.converged
-    assert found.moved < 0.01
+    # Values and path together converge as Newton's method does: 27, 0.4 and 0.0002 standard deviations.
+    assert of.fit(friction, rounds=3).moved < 1e-3
     assert found.theta[0] == pytest.approx(0.1, abs=3 * found.sd[0])
     assert found.sd[0] < 0.01
     # The path is where the true rod was, far closer than its encoder says.
@@ -141,7 +143,7 @@ def test_with_process_force_the_intervals_are_wider_and_hold():
         data = {"angle": (joint("swing"), angle), "drive": (told(actuator="drive"), u[:, 0])}
         of = bench(PENDULUM, t, data, [1e-3])
         held = 0.1 * plain.noise.torque[0] / of.noise.torque[0]
-        of = of._replace(noise=Noise(**{**of.noise.__dict__, "force": held}))
+        of = of._replace(noise=replace(of.noise, force=held))
         found = of.fit(*of.effects(ViscousFriction))
         z.append((found.theta[0] - 0.1) / found.sd[0])
         wide.append(found.sd[0] / bench(PENDULUM, t, data, [1e-3]).fit(*of.effects(ViscousFriction)).sd[0])
@@ -260,11 +262,14 @@ def test_nuisance_takes_the_error_of_the_step():
     # What is eliminated leaves less to tell the rest by: as the inverse of the whole precision has it.
     hypothesis = Hypothesis(with_it.rig, (friction,))
     system = with_it.fitter.linearise(hypothesis, mended.theta, mended.path, (STEP_ERROR,)).system
-    Z = innovations(system, with_it.noise.covariances(0.01)).Z.reshape(-1, 2)
-    prior = np.diag([friction.parameters[0].scale, STEP_ERROR.scale]) ** 2
-    covariance = np.linalg.inv(np.linalg.inv(prior) + Z.T @ Z)
+    seen = innovations(system, with_it.noise.covariances(0.01))
+    Z, prior = seen.Z.reshape(-1, 2), np.array([friction.parameters[0].scale, STEP_ERROR.scale])
+    covariance = np.linalg.inv(np.diag(prior**-2.0) + Z.T @ Z)
     assert mended.sd[0] == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-3)
     assert mended.sd[0] > 1.02 / np.sqrt((Z.T @ Z)[0, 0])
+    # The evidence is that of a linear model of both, told from where the value is 0.
+    at_zero = replace(seen, e=seen.e + seen.Z[..., 0] * mended.theta[0])
+    assert mended.log_evidence == pytest.approx(marginal_likelihood(at_zero, prior), abs=0.05)
     assert prior_of(Hypothesis(with_it.rig, (friction,)), (STEP_ERROR,)).sd[1] == STEP_ERROR.scale
 
 
