@@ -9,6 +9,7 @@ from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.segments import cut
 from slapshot.diagnosis.situation import situation
 from slapshot.effects.joints.command_delay import CommandDelay
+from slapshot.effects.joints.effect import JointEffect, Parameter, State
 from slapshot.effects.joints.joint_offset import JointOffset
 from slapshot.effects.joints.link_mass import LinkMass
 from slapshot.effects.joints.spring import Spring
@@ -123,6 +124,30 @@ def test_force_laws_act_anew_in_every_step():
         np.testing.assert_allclose(moved[i], [data.qpos[0], data.qvel[0]], atol=1e-13)
     np.testing.assert_allclose(y[:, 0], x[:, 0])
     np.testing.assert_allclose(torque[:, 0], 0.1)
+
+
+class Clocked(JointEffect):
+    """A force that tells when it acted."""
+
+    name, physics, source, phrase = "clocked", "", "", ""
+
+    def force(self, state: State, values: np.ndarray) -> np.ndarray:
+        return values[0] * state.time[:, None] + values[1] * state.order[:, None]
+
+
+def test_force_laws_know_the_time_and_the_place_in_the_session():
+    rig, *_ = swinging()
+    simulator = Simulator(rig)
+    hypothesis = Hypothesis(rig, (Clocked("", [Parameter("a", "1", 1.0), Parameter("b", "1", 1.0)]),))
+    model = hypothesis.compiled(np.zeros(2), 0.002)
+    x, u = np.zeros((1, 2)), np.zeros((1, 5, 1))
+    theta, time, order = np.array([2.0, 3.0]), np.array([7.0]), np.array([0.5])
+    moved, *_ = simulator.advance(hypothesis, theta, model, x, u, time, order)
+    data = mujoco.MjData(model)
+    for step in range(5):
+        data.qfrc_applied[0] = 2 * (7 + 0.002 * step) + 3 * 0.5
+        mujoco.mj_step(model, data)
+    np.testing.assert_allclose(moved[0], [data.qpos[0], data.qvel[0]], atol=1e-14)
 
 
 def test_values_stand_in_the_order_of_effects():

@@ -35,8 +35,8 @@ def test_joints_follow_what_was_recorded():
     nodes = segments.time[segments.inside]
     there = x[segments.inside]
     np.testing.assert_allclose(there[:, 1], np.sin(3 * nodes), atol=5e-4)
-    # Slopes of cubics over 7 samples: 1e-4 / 10 ms · 0.4, and five times that at the ends of the episode, where
-    # the window is one-sided.
+    # Slopes of cubics over 7 samples: 1e-4 / 10 ms · 0.4, and five times that at the ends of the episode,
+    # where the window is one-sided.
     np.testing.assert_allclose(there[:, 3], 3 * np.cos(3 * nodes), atol=0.05)
     np.testing.assert_allclose(there[10:-10, 3], 3 * np.cos(3 * nodes)[10:-10], atol=0.02)
     # What nobody observed rests where the model begins.

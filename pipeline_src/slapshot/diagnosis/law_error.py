@@ -25,6 +25,7 @@ _SHAPES: tuple[Callable[[Array, Array], Array], ...] = (
     lambda s, load: np.tanh(load),
     lambda s, load: np.exp(-(load**2)),
 )
+_FLAT = 1e-6  # of shapes, which are of size 1
 
 
 class LawError(JointEffect):
@@ -45,7 +46,12 @@ class LawError(JointEffect):
         # Free of a change of the whole law, which is an effect, and of unit size.
         self._mean = float(np.sum(weight * raw) / max(np.sum(weight), 1e-300))
         spread = np.sum(weight * (raw - self._mean) ** 2) / max(np.sum(weight), 1e-300)
-        self._size = float(np.sqrt(spread)) or 1.0
+        self._size = float(np.sqrt(spread))
+
+    @property
+    def varies(self) -> bool:
+        """Whether the shape differs along the motion at all; a constant is a change of the whole law."""
+        return self._size > _FLAT
 
     def _raw(self, state: State) -> Array:
         j = self._joint
@@ -107,6 +113,8 @@ def law_errors(rig: Situation, state: State) -> list[Look]:
             torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
             for shape in range(len(_SHAPES)):
                 effect = LawError(joint, law, shape, torque, state)
+                if not effect.varies:
+                    continue
                 looks.append(Look(effect, (0.01,), 0.01, 1 / np.sqrt(len(_SHAPES))))
     return looks
 
