@@ -56,10 +56,10 @@ def error_table(verdict: Verdict) -> pd.DataFrame:
 
 def _draw(axes: Axes, table: pd.DataFrame, models: list[str]) -> None:
     unit, factor = scaled(table["unit"].iloc[0], float(table["value"].max()))
-    known = table.set_index("model")
+    known = {row["model"]: row for row in table.to_dict("records")}
     most = factor * float(table["high"].max())
     for y, model in zip(range(len(models))[::-1], models, strict=True):
-        value, low, high = (factor * float(known.loc[model, name]) for name in ("value", "low", "high"))
+        value, low, high = (factor * float(known[model][name]) for name in ("value", "low", "high"))
         if model == "noise_floor":
             axes.axvline(value, color="black", lw=1, ls=":")
         axes.barh(y, value, height=0.6, color=MODEL_COLOURS[model], alpha=0.85, lw=0)

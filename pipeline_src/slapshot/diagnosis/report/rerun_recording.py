@@ -180,7 +180,7 @@ def _log_series(
     index = [rr.TimeColumn(TIME, duration=times)]
     recorded = motions["recorded"].seen
 
-    def log(path: list[str], name: str, values: Array) -> None:
+    def log(path: list[object], name: str, values: Array) -> None:
         gapped = np.pad(values, ((0, 0), (0, 1)), constant_values=np.nan).reshape(-1)
         colour = [round(255 * part) for part in to_rgb(MODEL_COLOURS.get(name, RECORDED))]
         label = MODELS.get(name, name)
