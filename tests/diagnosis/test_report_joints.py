@@ -147,10 +147,10 @@ CONSTANTS = {90, 95, 0.5, 0.01, 20}  # intervals, limits, windows, what counts a
 
 def invented(text: str, verdict: dict) -> list[str]:
     """Numbers of a page that verdict.json does not hold, in any unit that a prefix or percent makes."""
-    page = re.sub(r"\\(.)", r"\1", text.split("\n## Figures")[0].split("\n## Versions")[0])
+    page = re.sub(r"\\(.)", r"\1", text.split("\n## Figures")[0].split("\n## Versions")[0]).lower()
     for said in sorted(texts_of(verdict), key=len, reverse=True):
-        if re.search(r"\d", said):
-            page = page.replace(said, "")
+        if re.search(r"[a-z].*\d|\d.*[a-z]", said):
+            page = page.replace(said.lower(), "")
     known = np.array(numbers_of(verdict))
     wrong = []
     for match in re.finditer(r"(?<![\w.])[-−]?\d+(?:\.\d+)?(?:e[-+]\d+)?", page):
@@ -160,8 +160,8 @@ def invented(text: str, verdict: dict) -> list[str]:
         step = 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
         if "." not in shown and abs(value) >= 1000:
             step = 10.0
-        told_ = [np.abs(f * known - value) <= 0.501 * step for f in (1, 1e2, 1e3, 1e6)]
-        if value not in CONSTANTS and not np.any(told_):
+        held = [np.abs(f * known - value) <= 0.501 * step for f in (1, 1e2, 1e3, 1e6)]
+        if value not in CONSTANTS and not np.any(held):
             wrong.append(match[0])
     return wrong
 
@@ -311,10 +311,10 @@ def test_motion_that_is_drawn_is_that_which_was_predicted_and_recorded(made):
     half = outcome.half
     for arm in outcome.arms:
         motion = predicted_motion(outcome, arm, outcome.windows)
-        shown, told_ = motion.seen[:, half:], outcome.predictions(arm).predicted
+        shown, first = motion.seen[:, half:], outcome.predictions(arm).predicted
         # The noise under which first states are told is fitted anew for predictions: that moves them little.
         error = outcome.predictions("nominal").error
-        assert np.sqrt(np.mean((shown - told_) ** 2)) < 0.1 * np.sqrt(np.mean(error**2))
+        assert np.sqrt(np.mean((shown - first) ** 2)) < 0.1 * np.sqrt(np.mean(error**2))
         recorded = recorded_motion(motion, outcome.windows.y)
         np.testing.assert_allclose(recorded.qpos[..., 0], outcome.windows.y[..., 0], atol=1e-9)
 
@@ -466,7 +466,8 @@ def test_rare_verdicts_keep_the_rules(verdict):
 def test_rivals_states_and_free_parameters_are_told():
     text = re.sub(r"\\(.)", r"\1", markdown(FOUND))
     assert headline(FOUND) == (
-        "Something is missing: backlash of joint elbow (read at the motor), and something that no name explains"
+        "Something is missing: backlash of joint elbow (read at the motor), and something that no name "
+        "explains"
     )
     assert (
         "cannot tell it from elasticity of joint elbow (read at the motor) (1.7 nats worse) or "
