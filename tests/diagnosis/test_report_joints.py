@@ -481,6 +481,14 @@ def test_rivals_states_and_free_parameters_are_told():
     assert "| viscous friction at elbow | coefficient | 17.3 mN m s/rad |" in markdown(NOTHING)
 
 
+def test_errors_above_the_noise_floor_are_explained_where_nothing_is_left():
+    said = "still lie above the noise floor"
+    assert said in markdown(NOTHING)
+    assert said not in markdown(FOUND)  # something is left
+    low = fits(nominal=0.0012, refitted=0.0012, augmented=0.0012, noise_floor=0.001)
+    assert said not in markdown(NOTHING.model_copy(update={"fit": low}))
+
+
 def test_names_from_outside_cannot_break_the_page():
     text = markdown(FOUND.model_copy(update={"rig": "a\x1b[31m | <b>", "findings": ["x\n# y"]}))
     assert "\x1b" not in text

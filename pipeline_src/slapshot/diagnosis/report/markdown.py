@@ -29,6 +29,7 @@ from slapshot.figures.drawing import STAND_IN
 
 VERDICT_TEXT = "verdict.md"
 AUGMENTED = "augmented"
+_ABOVE = 1.5  # noise floors
 
 
 def markdown(
@@ -192,10 +193,21 @@ def _errors(verdict: Verdict) -> list[str]:
         rows.append([MODELS[model], *cells, likelihood])
     heads = [f"{escaped(kind)} ({_error_unit(verdict, kind)[0]})" for kind in kinds]
     told = [f"{kind}: {errors_text(verdict, kind)}" for kind in kinds]
+    best: Errors = getattr(fit, models[-2])
+    above = any(best.rms[kind].low > _ABOVE * fit.noise_floor.rms[kind].value for kind in kinds)
+    unknown = verdict.unknown
+    if above and unknown is not None and not unknown.flagged:
+        why = (
+            "The smallest of them still lie above the noise floor, though no test says that anything is "
+            "left: tests allow for errors of the time step and small ones of laws, predictions do not."
+        )
+    else:
+        why = ""
     return [
         "Windows of 0.5 s are predicted from the data before them and the recorded controls. Root mean "
         f"square errors, {escaped('; '.join(told))}.",
         table(["model", *heads, "log-likelihood (nats a window)"], rows),
+        *([why] if why else []),
     ]
 
 
