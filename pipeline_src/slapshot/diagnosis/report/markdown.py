@@ -7,6 +7,7 @@ from slapshot.diagnosis.report.wording import (
     MODELS,
     VARIABLES,
     between,
+    error_unit,
     errors_text,
     escaped,
     headline,
@@ -17,7 +18,6 @@ from slapshot.diagnosis.report.wording import (
     phrase_of,
     quantity,
     rivals_text,
-    scaled,
     sentence,
     several,
     shown_models,
@@ -191,7 +191,7 @@ def _errors(verdict: Verdict) -> list[str]:
         cells = [_cell(verdict, model, kind) for kind in kinds]
         likelihood = "" if errors.log_likelihood is None else f"{errors.log_likelihood:.1f}"
         rows.append([MODELS[model], *cells, likelihood])
-    heads = [f"{escaped(kind)} ({_error_unit(verdict, kind)[0]})" for kind in kinds]
+    heads = [f"{escaped(kind)} ({error_unit(verdict, kind)[0]})" for kind in kinds]
     told = [f"{kind}: {errors_text(verdict, kind)}" for kind in kinds]
     best: Errors = getattr(fit, models[-2])
     above = any(best.rms[kind].low > _ABOVE * fit.noise_floor.rms[kind].value for kind in kinds)
@@ -213,16 +213,9 @@ def _errors(verdict: Verdict) -> list[str]:
 
 def _cell(verdict: Verdict, model: str, kind: str) -> str:
     interval = getattr(verdict.fit, model).rms[kind]
-    _, factor = _error_unit(verdict, kind)
+    _, factor = error_unit(verdict, kind)
     value, low, high = (f"{factor * v:.3g}" for v in (interval.value, interval.low, interval.high))
     return value if interval.low == interval.high else f"{value} ({low} to {high})"
-
-
-def _error_unit(verdict: Verdict, kind: str) -> tuple[str, float]:
-    """One unit for all models, and the factor to it."""
-    assert verdict.fit is not None
-    found = [getattr(verdict.fit, model).rms[kind] for model in shown_models(verdict)]
-    return scaled(found[0].unit, max(interval.value for interval in found))
 
 
 def _free(verdict: Verdict) -> list[str]:

@@ -124,13 +124,21 @@ def errors_text(verdict: Verdict, kind: str) -> str:
     assert verdict.fit is not None
     models = shown_models(verdict)
     found = [getattr(verdict.fit, model).rms[kind] for model in models]
-    unit, factor = scaled(found[0].unit, max(interval.value for interval in found))
+    unit, factor = error_unit(verdict, kind)
     names = {"noise_floor": "noise floor"}
     parts = [
         f"{names.get(model, model)} {factor * interval.value:.3g}"
         for model, interval in zip(models, found, strict=True)
     ]
     return f"{', '.join(parts)}{_unit(unit)}"
+
+
+def error_unit(verdict: Verdict, kind: str) -> tuple[str, float]:
+    """One readable unit for the errors of all models, midway between their sizes, and the factor to it."""
+    assert verdict.fit is not None
+    found = [getattr(verdict.fit, model).rms[kind] for model in shown_models(verdict)]
+    sizes = [interval.value for interval in found]
+    return scaled(found[0].unit, math.sqrt(max(sizes) * min(sizes)))
 
 
 def noise_text(noise: ChannelNoise) -> str:
