@@ -21,7 +21,7 @@ from slapshot.diagnosis.report.motion import Motion, predicted_motion, recorded_
 from slapshot.diagnosis.report.outcome import Outcome, coordinates
 from slapshot.diagnosis.report.residuals import binned, made_up, missing, variables
 from slapshot.diagnosis.report.terminal import terminal_text
-from slapshot.diagnosis.report.wording import between, headline, phrase_of, quantity, scaled
+from slapshot.diagnosis.report.wording import between, headline, noise_text, phrase_of, quantity, scaled
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
@@ -517,6 +517,15 @@ def test_numbers_have_readable_units(value, unit, text):
     assert quantity(value, unit) == text
     readable, factor = scaled(unit, value)
     assert text == f"{factor * value:.3g} {readable}".rstrip()
+
+
+def test_parts_of_quaternions_are_no_shares():
+    noise = ChannelNoise(white=0.001, coloured=0.0, correlation_s=0.05, unit="1")
+    assert noise_text(noise) == "0.001 white"
+    unit = {"joint position": Interval(value=0.02, low=0.02, high=0.02, unit="1")}
+    same = Errors(rms=unit, log_likelihood=None)
+    fit = Fits(nominal=same, refitted=same, augmented=same, noise_floor=same)
+    assert "| joint position |" in markdown(NOTHING.model_copy(update={"fit": fit}))
 
 
 def test_intervals_have_the_digits_that_they_deserve():

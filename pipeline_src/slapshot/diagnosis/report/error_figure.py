@@ -73,4 +73,4 @@ def _draw(axes: Axes, verdict: Verdict, table: pd.DataFrame) -> None:
     axes.set_yticks(range(len(models))[::-1], [_NAMES[model] for model in models])
     axes.set_ylim(-0.6, len(models) - 0.4)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(f"rms error ({unit})")
+    axes.set_xlabel(f"rms error ({unit})" if unit else "rms error")

@@ -191,7 +191,8 @@ def _errors(verdict: Verdict) -> list[str]:
         cells = [_cell(verdict, model, kind) for kind in kinds]
         likelihood = "" if errors.log_likelihood is None else f"{errors.log_likelihood:.1f}"
         rows.append([MODELS[model], *cells, likelihood])
-    heads = [f"{escaped(kind)} ({error_unit(verdict, kind)[0]})" for kind in kinds]
+    units = {kind: error_unit(verdict, kind)[0] for kind in kinds}
+    heads = [escaped(kind) + (f" ({unit})" if unit else "") for kind, unit in units.items()]
     told = [f"{kind}: {errors_text(verdict, kind)}" for kind in kinds]
     best: Errors = getattr(fit, models[-2])
     above = any(best.rms[kind].low > _ABOVE * fit.noise_floor.rms[kind].value for kind in kinds)

@@ -90,6 +90,11 @@ def scaled(unit: str, size: float) -> tuple[str, float]:
     return prefix + pretty, factor
 
 
+def plain(unit: str) -> str:
+    """Unit of a reading: parts of a quaternion are no shares, which would be told in per cent."""
+    return "" if unit == "1" else unit
+
+
 def numbers(values: Sequence[float], spread: float) -> list[str]:
     """Numbers with as many decimals as `spread` has at two digits."""
     spread = abs(spread) if math.isfinite(spread) else 0.0
@@ -138,15 +143,16 @@ def error_unit(verdict: Verdict, kind: str) -> tuple[str, float]:
     assert verdict.fit is not None
     found = [getattr(verdict.fit, model).rms[kind] for model in shown_models(verdict)]
     sizes = [interval.value for interval in found]
-    return scaled(found[0].unit, math.sqrt(max(sizes) * min(sizes)))
+    return scaled(plain(found[0].unit), math.sqrt(max(sizes) * min(sizes)))
 
 
 def noise_text(noise: ChannelNoise) -> str:
     """White and coloured noise of a channel."""
+    unit = plain(noise.unit)
     if noise.coloured == 0:
-        return f"{quantity(noise.white, noise.unit)} white"
+        return f"{quantity(noise.white, unit)} white"
     return (
-        f"{quantity(noise.white, noise.unit)} white, {quantity(noise.coloured, noise.unit)} correlated over "
+        f"{quantity(noise.white, unit)} white, {quantity(noise.coloured, unit)} correlated over "
         f"{quantity(noise.correlation_s, 's')}"
     )
 
