@@ -1,6 +1,7 @@
 """J4: candidates and their evidence: all of them alone, then those that were refitted in each step."""
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
@@ -87,22 +88,23 @@ def _name(effect: JointEffect) -> str:
 def _draw(axes: Axes, table: pd.DataFrame) -> None:
     places = range(len(table))[::-1]
     refitted = bool(table["added"].any())
-    best = float(table.loc[table["added"], "nats"].max()) if refitted else -float("inf")
+    nats = table["nats"].to_numpy(float)
+    best = float(nats[table["added"].to_numpy(bool)].max()) if refitted else -np.inf
     colours = [
-        FREE_FORM if row.free_form
-        else AUGMENTED if row.added or not refitted
-        else _ALIKE if best - row.nats < CLASS_NATS
+        FREE_FORM if free
+        else AUGMENTED if added or not refitted
+        else _ALIKE if best - gain < CLASS_NATS
         else _PALE
-        for row in table.itertuples()
+        for free, added, gain in zip(table["free_form"], table["added"], nats, strict=True)
     ]  # fmt: skip
-    axes.barh(places, table["nats"], height=0.62, color=colours, lw=0)
-    for y, row in zip(places, table.itertuples(), strict=True):
+    axes.barh(places, nats, height=0.62, color=colours, lw=0)
+    for y, gain in zip(places, nats, strict=True):
         axes.annotate(
-            f"{row.nats:.1f}".replace("-", "−"), (max(row.nats, 0), y), (3, 0), textcoords="offset points",
+            f"{gain:.1f}".replace("-", "−"), (max(gain, 0), y), (3, 0), textcoords="offset points",
             va="center", fontsize=7,
         )  # fmt: skip
     axes.axvline(0, color="black", lw=0.8)
-    low, high = min(float(table["nats"].min()), 0.0), max(float(table["nats"].max()), 1.0)
+    low, high = min(float(nats.min()), 0.0), max(float(nats.max()), 1.0)
     axes.set_xlim(1.1 * low, low + 1.2 * (high - low))
     axes.set_yticks(places, [_short(name) for name in table["candidate"]], fontsize=7.5)
     axes.set_ylim(-0.7, max(len(table), 4) - 0.3)

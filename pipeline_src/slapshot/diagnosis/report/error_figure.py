@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.style import MODEL_COLOURS, mark_stand_in
-from slapshot.diagnosis.report.wording import scaled, shown_models
+from slapshot.diagnosis.report.wording import error_unit, shown_models
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.figures.drawing import Drawing
 
@@ -36,7 +36,7 @@ def draw(outcome: Outcome) -> Drawing:
     size = (max(1.4 + 2.6 * columns, 5.5), rows * (0.9 + 0.42 * len(models)))
     figure, grid = plt.subplots(rows, columns, figsize=size, sharey=True, squeeze=False)
     for axes, kind in zip(grid.flat, kinds, strict=False):
-        _draw(axes, table[table["kind"] == kind], models)
+        _draw(axes, outcome.verdict, table[table["kind"] == kind])
         axes.set_title(kind, loc="left")
     for axes in grid.flat[len(kinds) :]:
         axes.set_axis_off()
@@ -54,12 +54,13 @@ def error_table(verdict: Verdict) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _draw(axes: Axes, table: pd.DataFrame, models: list[str]) -> None:
-    unit, factor = scaled(table["unit"].iloc[0], float(table["value"].max()))
-    known = table.set_index("model")
+def _draw(axes: Axes, verdict: Verdict, table: pd.DataFrame) -> None:
+    unit, factor = error_unit(verdict, str(table["kind"].iloc[0]))
+    models = shown_models(verdict)
+    known = {row["model"]: row for row in table.to_dict("records")}
     most = factor * float(table["high"].max())
     for y, model in zip(range(len(models))[::-1], models, strict=True):
-        value, low, high = (factor * float(known.loc[model, name]) for name in ("value", "low", "high"))
+        value, low, high = (factor * float(known[model][name]) for name in ("value", "low", "high"))
         if model == "noise_floor":
             axes.axvline(value, color="black", lw=1, ls=":")
         axes.barh(y, value, height=0.6, color=MODEL_COLOURS[model], alpha=0.85, lw=0)
@@ -72,4 +73,4 @@ def _draw(axes: Axes, table: pd.DataFrame, models: list[str]) -> None:
     axes.set_yticks(range(len(models))[::-1], [_NAMES[model] for model in models])
     axes.set_ylim(-0.6, len(models) - 0.4)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(f"rms error ({unit})")
+    axes.set_xlabel(f"rms error ({unit})" if unit else "rms error")

@@ -7,6 +7,7 @@ from slapshot.diagnosis.report.wording import (
     MODELS,
     VARIABLES,
     between,
+    error_unit,
     errors_text,
     escaped,
     headline,
@@ -17,7 +18,6 @@ from slapshot.diagnosis.report.wording import (
     phrase_of,
     quantity,
     rivals_text,
-    scaled,
     sentence,
     several,
     shown_models,
@@ -29,6 +29,7 @@ from slapshot.figures.drawing import STAND_IN
 
 VERDICT_TEXT = "verdict.md"
 AUGMENTED = "augmented"
+_ABOVE = 1.5  # noise floors
 
 
 def markdown(
@@ -190,27 +191,32 @@ def _errors(verdict: Verdict) -> list[str]:
         cells = [_cell(verdict, model, kind) for kind in kinds]
         likelihood = "" if errors.log_likelihood is None else f"{errors.log_likelihood:.1f}"
         rows.append([MODELS[model], *cells, likelihood])
-    heads = [f"{escaped(kind)} ({_error_unit(verdict, kind)[0]})" for kind in kinds]
+    units = {kind: error_unit(verdict, kind)[0] for kind in kinds}
+    heads = [escaped(kind) + (f" ({unit})" if unit else "") for kind, unit in units.items()]
     told = [f"{kind}: {errors_text(verdict, kind)}" for kind in kinds]
+    best: Errors = getattr(fit, models[-2])
+    above = any(best.rms[kind].low > _ABOVE * fit.noise_floor.rms[kind].value for kind in kinds)
+    unknown = verdict.unknown
+    if above and unknown is not None and not unknown.flagged:
+        why = (
+            "The smallest of them still lie above the noise floor, though no test says that anything is "
+            "left: tests allow for errors of the time step and small ones of laws, predictions do not."
+        )
+    else:
+        why = ""
     return [
         "Windows of 0.5 s are predicted from the data before them and the recorded controls. Root mean "
         f"square errors, {escaped('; '.join(told))}.",
         table(["model", *heads, "log-likelihood (nats a window)"], rows),
+        *([why] if why else []),
     ]
 
 
 def _cell(verdict: Verdict, model: str, kind: str) -> str:
     interval = getattr(verdict.fit, model).rms[kind]
-    _, factor = _error_unit(verdict, kind)
+    _, factor = error_unit(verdict, kind)
     value, low, high = (f"{factor * v:.3g}" for v in (interval.value, interval.low, interval.high))
     return value if interval.low == interval.high else f"{value} ({low} to {high})"
-
-
-def _error_unit(verdict: Verdict, kind: str) -> tuple[str, float]:
-    """One unit for all models, and the factor to it."""
-    assert verdict.fit is not None
-    found = [getattr(verdict.fit, model).rms[kind] for model in shown_models(verdict)]
-    return scaled(found[0].unit, max(interval.value for interval in found))
 
 
 def _free(verdict: Verdict) -> list[str]:

@@ -91,7 +91,7 @@ def recorded_motion(of: Motion, recorded: Array) -> Motion:
 
 
 def _jointed(model: mujoco.MjModel, address: int) -> tuple[int, int, bool] | None:
-    """Index in qpos of the place or quaternion that a sensor reads, component, and whether it is a quaternion."""
+    """Index in qpos of the place or quaternion that a sensor reads, component, and whether it turns."""
     sensor = int(np.flatnonzero(model.sensor_adr <= address)[-1])
     kind, target = int(model.sensor_type[sensor]), int(model.sensor_objid[sensor])
     component = address - int(model.sensor_adr[sensor])

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.style import MODEL_COLOURS, NOISE, RECORDED, Z90, mark_stand_in
-from slapshot.diagnosis.report.wording import MODELS, scaled
+from slapshot.diagnosis.report.wording import MODELS, plain, scaled
 from slapshot.figures.drawing import Drawing
 
 NAME = "J1-predictions"
@@ -37,14 +37,15 @@ def draw(outcome: Outcome) -> Drawing:
         table = _table(outcome, channel, chosen[channel])
         unit = table["unit"].iloc[0]
         errors = table["recorded"] - table["predicted"]
-        readable, factor = scaled(unit, float(np.nanmax(np.abs(errors))))
+        readable, factor = scaled(plain(unit), float(np.nanmax(np.abs(errors))))
         limit = 1.08 * factor * float(np.nanmax(np.abs(errors)))
         for k, (window, error) in enumerate(chosen[channel].items()):
             own = table[table["window"] == window]
             _draw_motion(above[k], own)
             _draw_error(below[k], own, factor)
             below[k].set_ylim(-limit, limit)
-            said = f"episode {own['episode'].iloc[0]}, nominal error {factor * error:.3g} {readable} rms"
+            size = f"{factor * error:.3g} {readable}".rstrip()
+            said = f"episode {own['episode'].iloc[0]}, nominal error {size} rms"
             above[k].set_title(said, loc="left", fontsize=8)
             above[k].tick_params(labelbottom=False)
             above[k].sharex(below[k])
@@ -54,8 +55,9 @@ def draw(outcome: Outcome) -> Drawing:
                 below[k].set_xlabel("time in the episode (s)")
         for axes in [*above[len(chosen[channel]) :], *below[len(chosen[channel]) :]]:
             axes.set_axis_off()
-        above[0].set_ylabel(f"{outcome.rig.observations[channel].channel}\n({unit})")
-        below[0].set_ylabel(f"recorded less\npredicted ({readable})")
+        name = outcome.rig.observations[channel].channel
+        above[0].set_ylabel(f"{name}\n({unit})" if plain(unit) else name)
+        below[0].set_ylabel("recorded less\npredicted" + (f" ({readable})" if readable else ""))
         tables.append(table)
     figure.align_ylabels(grid[:, 0])
     handles, labels = grid[0, 0].get_legend_handles_labels()

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from slapshot.diagnosis.report.motion import Motion, predicted_motion, recorded_motion
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.style import MODEL_COLOURS, RECORDED
-from slapshot.diagnosis.report.wording import MODELS, scaled
+from slapshot.diagnosis.report.wording import MODELS, plain, scaled
 from slapshot.diagnosis.segments import Segments
 from slapshot.viewer.bodies import SOLID, rotation_quaternion, shape_of
 from slapshot.viewer.names import APPLICATION, TIME
@@ -164,7 +164,7 @@ def _unit(outcome: Outcome, motions: dict[str, Motion], channel: int) -> tuple[s
         float(np.nanmax(np.abs(recorded - motion.seen[..., channel])))
         for motion in list(motions.values())[1:]
     )
-    return scaled(outcome.units[channel], size)
+    return scaled(plain(outcome.units[channel]), size)
 
 
 def _log_series(
@@ -180,7 +180,7 @@ def _log_series(
     index = [rr.TimeColumn(TIME, duration=times)]
     recorded = motions["recorded"].seen
 
-    def log(path: list[str], name: str, values: Array) -> None:
+    def log(path: list[object], name: str, values: Array) -> None:
         gapped = np.pad(values, ((0, 0), (0, 1)), constant_values=np.nan).reshape(-1)
         colour = [round(255 * part) for part in to_rgb(MODEL_COLOURS.get(name, RECORDED))]
         label = MODELS.get(name, name)
@@ -231,7 +231,8 @@ def _layout(outcome: Outcome, motion: Motion, units: dict[int, tuple[str, float]
                     origin=rr.new_entity_path(["readings", part]), name=f"{part} ({outcome.units[channel]})"
                 ),
                 rrb.TimeSeriesView(
-                    origin=rr.new_entity_path(["errors", part]), name=f"recorded less model ({unit})"
+                    origin=rr.new_entity_path(["errors", part]),
+                    name="recorded less model" + (f" ({unit})" if unit else ""),
                 ),
                 name=part,
             )

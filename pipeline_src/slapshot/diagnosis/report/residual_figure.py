@@ -76,10 +76,12 @@ def draw(outcome: Outcome) -> Drawing:
         if place.force == "N"
         else "missing torque"
     )
-    drive = quantity(float(outcome.search.nominal.problem.torque[place.v]), place.force)
-    axes.set_title(f"{place.name}: {what}; {drive} rms move it", loc="left")
+    torque = float(outcome.search.nominal.problem.torque[place.v])
+    drive = "" if column is not None else f"; {quantity(torque, place.force)} rms move it"
+    axes.set_title(f"{place.name}: {what}{drive}", loc="left")
     axes.set_ylabel(f"{what} ({readable})")
-    axes.legend(loc="best")
+    if len(table):
+        axes.legend(loc="best")
     tables.append(table.assign(part=place.name, variable=variable, unit=coordinate_unit))
     force = {c.force for c in shown}
     figure.supylabel("missing torque" if force == {"N m"} else "missing force", fontsize=9)

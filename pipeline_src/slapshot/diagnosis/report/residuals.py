@@ -147,17 +147,17 @@ def binned(at: Array, value: Array, segment: NDArray[np.intp], edges: Array) -> 
     return pd.DataFrame(rows, columns=["at", "value", "low", "high"])
 
 
-def edges_of(at: Array, variable: str) -> Array:
+def edges_of(at: Array, variable: str, bins: int = _BINS) -> Array:
     """Edges of bins: of equal width where most samples lie; of sessions one an episode."""
     if variable == "session":
         values = np.unique(at)
-        if len(values) <= 2 * _BINS:
+        if len(values) <= 2 * bins:
             middle = (values[1:] + values[:-1]) / 2
             return np.concatenate([[values[0] - 0.01], middle, [values[-1] + 0.01]])
     low, high = np.quantile(at, [0.005, 0.995])
     if not high > low:
         low, high = low - 0.5, high + 0.5
-    return np.linspace(low, high, _BINS + 1)
+    return np.linspace(low, high, bins + 1)
 
 
 def by_variable(
@@ -177,6 +177,9 @@ def by_variable(
         arms: what each model misses.
     """
     at = variables(outcome, coordinate)[variable]
-    edges = edges_of(at, variable)
-    tables = [binned(at, of(lack), lack.segment, edges).assign(model=arm) for arm, lack in arms.items()]
+    for bins in (_BINS, _BINS // 2, _BINS // 4):  # fewer where segments hardly meet in one
+        edges = edges_of(at, variable, bins)
+        tables = [binned(at, of(lack), lack.segment, edges).assign(model=arm) for arm, lack in arms.items()]
+        if min(map(len, tables)) >= bins / 2:
+            break
     return pd.concat(tables, ignore_index=True)

@@ -90,6 +90,11 @@ def scaled(unit: str, size: float) -> tuple[str, float]:
     return prefix + pretty, factor
 
 
+def plain(unit: str) -> str:
+    """Unit of a reading: parts of a quaternion are no shares, which would be told in per cent."""
+    return "" if unit == "1" else unit
+
+
 def numbers(values: Sequence[float], spread: float) -> list[str]:
     """Numbers with as many decimals as `spread` has at two digits."""
     spread = abs(spread) if math.isfinite(spread) else 0.0
@@ -124,7 +129,7 @@ def errors_text(verdict: Verdict, kind: str) -> str:
     assert verdict.fit is not None
     models = shown_models(verdict)
     found = [getattr(verdict.fit, model).rms[kind] for model in models]
-    unit, factor = scaled(found[0].unit, max(interval.value for interval in found))
+    unit, factor = error_unit(verdict, kind)
     names = {"noise_floor": "noise floor"}
     parts = [
         f"{names.get(model, model)} {factor * interval.value:.3g}"
@@ -133,12 +138,21 @@ def errors_text(verdict: Verdict, kind: str) -> str:
     return f"{', '.join(parts)}{_unit(unit)}"
 
 
+def error_unit(verdict: Verdict, kind: str) -> tuple[str, float]:
+    """One readable unit for the errors of all models, midway between their sizes, and the factor to it."""
+    assert verdict.fit is not None
+    found = [getattr(verdict.fit, model).rms[kind] for model in shown_models(verdict)]
+    sizes = [interval.value for interval in found]
+    return scaled(plain(found[0].unit), math.sqrt(max(sizes) * min(sizes)))
+
+
 def noise_text(noise: ChannelNoise) -> str:
     """White and coloured noise of a channel."""
+    unit = plain(noise.unit)
     if noise.coloured == 0:
-        return f"{quantity(noise.white, noise.unit)} white"
+        return f"{quantity(noise.white, unit)} white"
     return (
-        f"{quantity(noise.white, noise.unit)} white, {quantity(noise.coloured, noise.unit)} correlated over "
+        f"{quantity(noise.white, unit)} white, {quantity(noise.coloured, unit)} correlated over "
         f"{quantity(noise.correlation_s, 's')}"
     )
 
