@@ -17,7 +17,7 @@ either: without process noise that would be singular.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -148,7 +148,7 @@ def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
     return A, B, d, C, np.ascontiguousarray(system.r), W, psi, noise.white, initial, q
 
 
-@njit(cache=True, parallel=True, fastmath={"contract", "reassoc", "arcp", "nsz"})
+@njit(cache=True, fastmath={"contract", "reassoc", "arcp", "nsz"})
 def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-untyped-def]
     S, L, n = d.shape
     ny, p, nf = r.shape[2], W.shape[3], B.shape[3]
@@ -157,7 +157,7 @@ def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-unt
     kept = L if keep else 0
     x_at, P_at = np.zeros((S, kept, n)), np.zeros((S, kept, n, n))
     K_at, s_at, i_at = np.zeros((S, kept, ny, n)), np.zeros((S, kept, ny)), np.zeros((S, kept, ny))
-    for k in prange(S):
+    for k in range(S):
         x, X, P = np.zeros(n), np.zeros((n, p)), np.diag(initial)
         g, PA = np.zeros(n), np.zeros((n, n))
         for t in range(L):
@@ -213,12 +213,12 @@ def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-unt
     return e, z, logdet, variance, x_at, P_at, K_at, s_at, i_at
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def _backward(A, C, x_at, P_at, K_at, s_at, i_at):  # type: ignore[no-untyped-def]
     S, L, n = x_at.shape
     ny = s_at.shape[2]
     smoothed, adjoint = np.zeros((S, L, n)), np.zeros((S, L, n))
-    for k in prange(S):
+    for k in range(S):
         a = np.zeros(n)
         for t in range(L - 1, -1, -1):
             if t < L - 1:

@@ -21,6 +21,7 @@ from slapshot.effects.joints.effect import Situation, State
 
 Array = NDArray[np.float64]
 
+_FRESH = 2  # rounds with derivatives of their own
 STILL = 0.01  # posterior standard deviations that parameters may still move
 LAW = "law_error"
 
@@ -79,7 +80,12 @@ class Fitter:
     rig: Situation | None = None
 
     def system(
-        self, hypothesis: Hypothesis, theta: Array, path: Array, looks: Sequence[Look] = ()
+        self,
+        hypothesis: Hypothesis,
+        theta: Array,
+        path: Array,
+        looks: Sequence[Look] = (),
+        jacobian: Linear | None = None,
     ) -> tuple[Linear, Prior]:
         """The linear system of a hypothesis with all nuisance, and the priors of its columns.
 
@@ -87,7 +93,7 @@ class Fitter:
         the hypothesis adds.
         """
         everything = (*self.nuisance, *looks)
-        found = self.linearise(hypothesis, theta, path, everything)
+        found = self.linearise(hypothesis, theta, path, everything, jacobian)
         system, prior = found.system, prior_of(hypothesis, everything)
         if self.rig is None:
             return system, prior
@@ -107,12 +113,18 @@ class Fitter:
         return wider, Prior(np.concatenate([prior.sd, sd]), law)
 
     def linearise(
-        self, hypothesis: Hypothesis, theta: Array, path: Array, looks: Sequence[Look] = ()
+        self,
+        hypothesis: Hypothesis,
+        theta: Array,
+        path: Array,
+        looks: Sequence[Look] = (),
+        jacobian: Linear | None = None,
     ) -> Linearised:
         """Linearise on these segments."""
         return linearise(
-            self.simulator, hypothesis, theta, self.segments, path, looks, torque_scale=self.torque
-        )
+            self.simulator, hypothesis, theta, self.segments, path, looks,
+            torque_scale=self.torque, jacobian=jacobian,
+        )  # fmt: skip
 
     def fit(self, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise, rounds: int = 8) -> Fit:
         """Fit from a start.
@@ -128,9 +140,12 @@ class Fitter:
         theta, start = hypothesis.within(theta), hypothesis.start
         covariances = noise.covariances(self.segments.interval)
         moved, converged, evidence = np.inf, False, -np.inf
+        system: Linear | None = None
         precision = np.diag(hypothesis.prior_sd**-2.0)
         for number in range(rounds + 1):
-            system, prior = self.system(hypothesis, theta, path)
+            # A path nearby has nearly the same derivatives: they are taken anew at first and at the end.
+            fresh = number < _FRESH or converged or number == rounds
+            system, prior = self.system(hypothesis, theta, path, jacobian=None if fresh else system)
             sd = prior.at(noise)
             seen = innovations(system, covariances)
             z = seen.Z.reshape(seen.e.size, -1) * sd

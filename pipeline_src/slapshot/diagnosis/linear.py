@@ -80,6 +80,7 @@ def linearise(
     looks: Sequence[Look] = (),
     *,
     torque_scale: Array | None = None,
+    jacobian: Linear | None = None,
 ) -> Linearised:
     """Linearise a hypothesis about a path.
 
@@ -91,6 +92,7 @@ def linearise(
         path: (S, L, nq + nv + na).
         looks: further columns.
         torque_scale: (nv,) size of forces, for differences; 1 where it is not known.
+        jacobian: whose A, B and C are taken, of a path nearby; they are most of the work.
     """
     (S, L), tangent = segments.shape, simulator.tangent
     n, nv, dim = S * L, tangent.nv, tangent.dim
@@ -113,21 +115,26 @@ def linearise(
         return Observed(*flat, order)
 
     base, y, torque = advance(hypothesis, theta, model, x, control)
-    A, C = np.empty((n, dim, dim)), np.empty((n, ny, dim))
-    for i in range(dim):
-        step = _POSITION_STEP if i < nv else _VELOCITY_STEP
-        delta = np.zeros(dim)
-        delta[i] = step
-        moved, changed, _ = advance(hypothesis, theta, model, tangent.add(x, delta), control)
-        A[:, :, i] = tangent.subtract(moved, base) / step
-        C[:, :, i] = (changed - y) / step
-    B = np.empty((n, dim, nv))
-    scale = np.ones(nv) if torque_scale is None else np.maximum(torque_scale, 1e-9)
-    for j in range(nv):
-        force = np.zeros((n, nv))
-        force[:, j] = _FORCE_STEP * scale[j]
-        moved, _, _ = advance(hypothesis, theta, model, x, control, force)
-        B[:, :, j] = tangent.subtract(moved, base) / (_FORCE_STEP * scale[j])
+    if jacobian is None:
+        scale = np.ones(nv) if torque_scale is None else np.maximum(torque_scale, 1e-9)
+        A, C = np.empty((n, dim, dim)), np.empty((n, ny, dim))
+        for i in range(dim):
+            step = _POSITION_STEP if i < nv else _VELOCITY_STEP
+            delta = np.zeros(dim)
+            delta[i] = step
+            moved, changed, _ = advance(hypothesis, theta, model, tangent.add(x, delta), control)
+            A[:, :, i] = tangent.subtract(moved, base) / step
+            C[:, :, i] = (changed - y) / step
+        B = np.empty((n, dim, nv))
+        for j in range(nv):
+            force = np.zeros((n, nv))
+            force[:, j] = _FORCE_STEP * scale[j]
+            moved, _, _ = advance(hypothesis, theta, model, x, control, force)
+            B[:, :, j] = tangent.subtract(moved, base) / (_FORCE_STEP * scale[j])
+    else:
+        A, B, C = (
+            getattr(jacobian, name).reshape(n, -1, k) for name, k in (("A", dim), ("B", nv), ("C", dim))
+        )
 
     observed = seen(y)
     added = hypothesis.observe(observed, theta)
