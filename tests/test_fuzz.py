@@ -19,6 +19,7 @@ from slapshot.diagnosis.rig_file import read_rig
 from slapshot.diagnosis.verdict_file import VERDICT_FILE, read_verdict
 from slapshot.errors import InputError
 from slapshot.recordings.importing.mapping import load_mapping
+from slapshot.recordings.importing.signal_mapping import load_signal_mapping
 
 ROOT = Path(__file__).parents[1]
 CASES, TOGETHER = 160, 40
@@ -57,6 +58,8 @@ def doors() -> Iterator[Any]:
     yield pytest.param(("r.yaml", read_rig, rig), id="rig file")
     mapping = yaml.safe_load((ROOT / "config/recordings/lasa-hits.yaml").read_text())
     yield pytest.param(("m.yaml", load_mapping, mapping), id="import mapping")
+    signals = yaml.safe_load((ROOT / "config/recordings/pendulum-double-sysid.yaml").read_text())
+    yield pytest.param(("s.yaml", load_signal_mapping, signals), id="mapping of signals")
     yield pytest.param((VERDICT_FILE, lambda file: read_verdict(file.parent), VERDICT), id="verdict")
 
 

@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     check = commands.add_parser("check", help="check a recording and say what is in it")
     check.add_argument("recording", help="folder")
     check.set_defaults(run=_check)
-    importing = commands.add_parser("import", help="make a recording of tracks in CSV files")
+    importing = commands.add_parser("import", help="make a recording of CSV files")
     importing.add_argument("mapping", type=Path, help="YAML file that says which column is what")
     importing.add_argument("source", type=Path, help="folder of CSV files, one of them, or a path with *")
     importing.add_argument("out", type=Path, help="folder of the recording, which must not exist yet")

@@ -287,7 +287,7 @@ CLOCKS: dict[str, Attack] = {
         for name in TABLES[1:]
     },
     **{
-        f"{word} of {name}": (table(name, change), [f"{name}.parquet: has one row a hit at most"])
+        f"{word} of {name}": (table(name, change), [f"{name}.parquet: has one row of each hit at most"])
         for name in TABLES[1:]
         for word, change in (("one row in all", one_row), ("first rows", first_rows))
     },

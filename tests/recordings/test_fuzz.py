@@ -15,12 +15,17 @@ import pytest
 from slapshot.errors import InputError
 from slapshot.recordings.__main__ import describe
 from slapshot.recordings.commands import say_findings
+from slapshot.recordings.describe_signals import describe_signals
 from slapshot.recordings.format import Recording
+from slapshot.recordings.odd_signals import odd_signals
 from slapshot.recordings.oddities import odd_things
 from slapshot.recordings.read import read_recording
+from slapshot.recordings.signal_measures import measure_all
+from slapshot.recordings.signals import SignalRecording, read_signals, write_signals
 from slapshot.recordings.write import write_recording
 
 from .builder import make_recording
+from .signal_builder import make_signals
 from .slide_tracks import recording_of, varied_slides
 
 CASES = 200
@@ -42,8 +47,8 @@ CHANGES: dict[str, Change] = {
 }
 
 
-def changed(frame: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
-    """One to three changes of columns or rows, of all hits or of one."""
+def changed(frame: pd.DataFrame, rng: np.random.Generator, of: str = "hit") -> pd.DataFrame:
+    """One to three changes of columns or rows, of all hits (or episodes) or of one."""
     frame = frame.copy()
     for _ in range(rng.integers(1, 4)):
         if rng.random() < 0.25:
@@ -54,7 +59,7 @@ def changed(frame: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
             continue
         numeric = [name for name in frame if name not in {"object_id", "recorded_at", "latent"}]
         column = str(rng.choice(numeric))
-        rows = frame["hit"] == rng.choice(frame["hit"]) if rng.random() < 0.5 else np.ones(len(frame), bool)
+        rows = frame[of] == rng.choice(frame[of]) if rng.random() < 0.5 else np.ones(len(frame), bool)
         change = CHANGES[str(rng.choice(list(CHANGES)))]
         values = pd.Series(frame[column].astype("Float64").to_numpy(float, na_value=np.nan))
         frame[column] = values.where(~rows, change(values[rows], rng).reindex(frame.index))
@@ -78,6 +83,33 @@ def test_a_changed_recording_is_refused_in_one_line_or_described(tmp_path: Path,
                 write_recording(fuzzed(seed), tmp_path / str(seed))
                 recording = read_recording(tmp_path / str(seed))
                 said = f"{describe(recording)}\n{say_findings(odd_things(recording))}"
+            except InputError as error:
+                said = str(error)
+            assert said.replace("\n", " ").isprintable(), (seed, said)
+            assert ("\n" in said) == (tmp_path / str(seed)).exists(), (seed, said)
+            assert not {" nan", " inf"} & set(re.findall(r" -?(?:nan|inf)\b", said)), (seed, said)
+
+
+def fuzzed_signals(seed: int) -> SignalRecording:
+    rng = np.random.default_rng(seed)
+    good = make_signals(seed, seconds=float(rng.choice([0.1, 0.5, 2.0])))
+    tables = {"episodes": good.episodes, **good.signals}
+    for name in rng.choice(list(tables), rng.integers(1, 3)):
+        tables[str(name)] = changed(tables[str(name)], rng, "episode")
+    return dataclasses.replace(good, episodes=tables.pop("episodes"), signals=tables)
+
+
+@pytest.mark.parametrize("first", range(0, CASES, 25))
+def test_changed_signals_are_refused_in_one_line_or_described(tmp_path: Path, first: int) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for seed in range(first, first + 25):
+            try:
+                write_signals(fuzzed_signals(seed), tmp_path / str(seed))
+                recording = read_signals(tmp_path / str(seed))
+                channels = measure_all(recording)
+                odd = say_findings(odd_signals(recording, channels))
+                said = f"{describe_signals(recording, channels)}\n{odd}"
             except InputError as error:
                 said = str(error)
             assert said.replace("\n", " ").isprintable(), (seed, said)

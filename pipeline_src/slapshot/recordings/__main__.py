@@ -9,13 +9,16 @@ import numpy as np
 import pandas as pd
 
 from slapshot.errors import InputError
+from slapshot.recordings.describe_signals import describe_signals
 from slapshot.recordings.format import Recording
-from slapshot.recordings.read import read_recording
+from slapshot.recordings.read import format_version, read_recording
+from slapshot.recordings.signal_measures import measure_all
+from slapshot.recordings.signals import SIGNAL_FORMAT_VERSION, read_signals
 from slapshot.text import printable
 
 
 def describe(recording: Recording) -> str:
-    """A short summary of a recording, one fact a line."""
+    """A short summary of a recording of hits, one fact a line."""
     origin = "stand-in (simulated), not a real robot" if recording.stand_in else "real robot"
     lines = [f"rig            {recording.rig}: {origin}", f"kind           {recording.kind}"]
     hits_of = recording.hits["object_id"].value_counts()
@@ -96,7 +99,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("folder", type=Path, help="folder of the recording")
     options = parser.parse_args(arguments)
     try:
-        print(describe(read_recording(options.folder)))
+        if format_version(options.folder) == SIGNAL_FORMAT_VERSION:
+            signals = read_signals(options.folder)
+            print(describe_signals(signals, measure_all(signals)))
+        else:
+            print(describe(read_recording(options.folder)))
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -120,14 +120,23 @@ class Channel(Model):
             )
 
     def _check_unit(self) -> None:
-        allowed, what = UNITS[self.quantity], str(self.quantity)
-        if self.quantity == "position" and self.component is not None:
-            allowed = ("1",) if self.component in QUATERNION else ("m",)
-            what = "quaternion's component" if self.component in QUATERNION else "place"
         try:
-            check_si(self.unit, allowed, what)
+            self.check_unit(self.unit)
         except ValueError as error:
             raise ProblemAtError(("unit",), str(error)) from None
+
+    def check_unit(self, unit: str) -> None:
+        """Refuse a unit that is none of the quantity.
+
+        Raises:
+            ValueError: one line that says how to convert.
+        """
+        if self.quantity != "position" or self.component is None:
+            check_si(unit, UNITS[self.quantity], self.quantity)
+        elif self.component in QUATERNION:
+            check_si(unit, ("1",), "quaternion's component")
+        else:
+            check_si(unit, ("m",), "place")
 
 
 def check_channels(channels: Mapping[str, Channel]) -> None:

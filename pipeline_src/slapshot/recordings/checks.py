@@ -236,7 +236,8 @@ def check_shows_motion(table: pd.DataFrame, file: Path, of: str = "hit") -> None
     """Refuse a table without two rows of one hit."""
     if not table[of].duplicated().any():
         raise InputError(
-            f"{file}: has one row a {of} at most, which shows no motion: export all rows, or remove the file"
+            f"{file}: has one row of each {of} at most, which shows no motion: export all rows, or remove "
+            "the file"
         )
 
 

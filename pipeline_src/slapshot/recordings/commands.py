@@ -4,10 +4,16 @@ import argparse
 from pathlib import Path
 
 from slapshot.recordings.__main__ import describe
+from slapshot.recordings.describe_signals import describe_signals
 from slapshot.recordings.finding import Finding
 from slapshot.recordings.importing.importer import ImportSummary, import_tracks
+from slapshot.recordings.importing.signal_importer import SignalSummary, import_signals
+from slapshot.recordings.importing.signal_mapping import is_signal_mapping
+from slapshot.recordings.odd_signals import odd_signals
 from slapshot.recordings.oddities import odd_things
-from slapshot.recordings.read import read_recording
+from slapshot.recordings.read import format_version, read_recording
+from slapshot.recordings.signal_measures import measure_all
+from slapshot.recordings.signals import SIGNAL_FORMAT_VERSION, read_signals
 from slapshot.text import printable
 
 
@@ -20,7 +26,10 @@ def run_import(args: argparse.Namespace) -> int:
     Raises:
         InputError: A line for a person.
     """
-    print(say_imported(import_tracks(args.mapping, args.source, args.out)))
+    if is_signal_mapping(args.mapping):
+        print(say_signals(import_signals(args.mapping, args.source, args.out)))
+    else:
+        print(say_imported(import_tracks(args.mapping, args.source, args.out)))
     return 0
 
 
@@ -33,9 +42,16 @@ def run_check(args: argparse.Namespace) -> int:
     Raises:
         InputError: A line for a person.
     """
-    recording = read_recording(Path(args.recording))
-    print(describe(recording))
-    print(say_findings(odd_things(recording)))
+    folder = Path(args.recording)
+    if format_version(folder) == SIGNAL_FORMAT_VERSION:
+        signals = read_signals(folder)
+        channels = measure_all(signals)
+        print(describe_signals(signals, channels))
+        print(say_findings(odd_signals(signals, channels)))
+    else:
+        recording = read_recording(folder)
+        print(describe(recording))
+        print(say_findings(odd_things(recording)))
     return 0
 
 
@@ -45,6 +61,16 @@ def say_imported(summary: ImportSummary) -> str:
     if summary.dropped:
         lines[0] += f"; {len(summary.dropped)} dropped"
     return "\n".join(printable(line) for line in [*lines, *(f"  {line}" for line in summary.lines)])
+
+
+def say_signals(summary: SignalSummary) -> str:
+    """What an import of signals did, one fact a line."""
+    episodes = f"{summary.episodes} episode{'s' * (summary.episodes > 1)}"
+    lines = [
+        f"{summary.out}: {episodes}, {summary.samples} samples",
+        *(f"  {line}" for line in summary.lines),
+    ]
+    return "\n".join(printable(line) for line in lines)
 
 
 def say_findings(findings: list[Finding]) -> str:

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from slapshot.errors import InputError
 from slapshot.recordings.channels import Channel, Name, check_channels
-from slapshot.recordings.format import FORMAT_VERSION, HEADER_FILE, LONGEST_ID, ObjectInfo, Recording
+from slapshot.recordings.format import FORMAT_VERSION, LONGEST_ID, ObjectInfo, Recording
 from slapshot.validation import Model, ProblemAtError, read_json, short, validated
 
 _LONGEST_LINE, _LONGEST_NOTE = 200, 20_000  # characters
@@ -112,13 +112,12 @@ _WHAT = {1: "hits of a sliding object", 2: "joints and bodies"}
 H = TypeVar("H", Header, SignalHeader)
 
 
-def format_version(folder: Path) -> int:
-    """Which version of the format a recording is in, of those that are known.
+def version_in(file: Path) -> int:
+    """Which of the versions that are known recording.json is in; 1 where it does not say.
 
     Raises:
-        InputError: Its recording.json cannot be read, or is in another version.
+        InputError: The file cannot be read, is not JSON, or is in another version.
     """
-    file = folder / HEADER_FILE
     return _version_of(_read(file), file)
 
 

@@ -1,6 +1,7 @@
 """What is odd in a recording's places, scales and order of hits."""
 
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -35,24 +36,31 @@ def odd_places(recording: Recording) -> Iterator[Finding]:
         )
 
 
-def odd_order(hits: pd.DataFrame) -> Iterator[Finding]:
-    """Places in the order of execution that stand there twice, or contradict the dates."""
-    twice = hits["hit"][hits["order"].duplicated(keep=False)]
+def odd_order(hits: pd.DataFrame, of: Literal["hit", "episode"] = "hit") -> Iterator[Finding]:
+    """Places in the order of execution that stand there twice, or contradict the dates.
+
+    Args:
+        hits: table of hits, or of episodes.
+        of: which of them.
+    """
+    twice = hits[of][hits["order"].duplicated(keep=False)]
     if len(twice):
         yield Finding(
             "order_repeats",
-            f"{len(twice)} of {len(hits)} hits share their place in the order of execution with another",
+            f"{len(twice)} of {len(hits)} {of}s share their place in the order of execution with another",
             tuple(map(int, twice)),
-            "what drifts from hit to hit cannot be seen",
+            f"what drifts from {of} to {of} cannot be seen",
+            of,
         )
     dated = hits[hits["recorded_at"].notna()].sort_values("order", kind="stable")
-    back = dated["hit"][dated["recorded_at"].diff() < pd.Timedelta(0)]
+    back = dated[of][dated["recorded_at"].diff() < pd.Timedelta(0)]
     if len(back):
         yield Finding(
             "order_dates",
-            f"{len(back)} of {len(dated)} hits were recorded before the one that precedes them in the order",
+            f"{len(back)} of {len(dated)} {of}s were recorded before the one that precedes them in the order",
             tuple(map(int, back)),
             "order or dates are wrong: drift and sessions are told by them",
+            of,
         )
 
 

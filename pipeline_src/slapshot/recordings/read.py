@@ -1,4 +1,4 @@
-"""Read a recording from its folder and check all of it."""
+"""Read a recording of hits from its folder and check all of it; tell the version of any recording."""
 
 from pathlib import Path
 
@@ -17,12 +17,22 @@ from slapshot.recordings.format import (
     TRACKS_SCHEMA,
     Recording,
 )
-from slapshot.recordings.header import Header, read_header
+from slapshot.recordings.header import Header, read_header, version_in
 from slapshot.recordings.tables import conform, frame_from_table, joint_schema_for, read_parquet
 
 
+def format_version(folder: Path) -> int:
+    """Which version of the format a recording is in: 1 for `read_recording`, 2 for `signals.read_signals`.
+
+    Raises:
+        InputError: It cannot be read, or is in another version.
+    """
+    check_folder(folder)
+    return version_in(folder / HEADER_FILE)
+
+
 def read_recording(folder: Path) -> Recording:
-    """Read and check a recording.
+    """Read and check a recording of hits.
 
     Args:
         folder: Folder in the format of `slapshot.recordings.format`; other files are ignored.

@@ -51,9 +51,9 @@ def read_hits(mapping: TrackMapping, source: Path) -> list[RawHit]:
     Raises:
         InputError: There is no file, or one of them cannot be read as the mapping says.
     """
-    root, files = find_sources(mapping, source)
+    root, files = find_sources(mapping.files, source)
     hits: list[RawHit] = []
-    for file, fields in zip(files, fields_of_names(mapping, files), strict=True):
+    for file, fields in zip(files, fields_of_names(mapping.name_pattern, files), strict=True):
         rows = read_rows(mapping, file)
         name = file.relative_to(root).as_posix()
         parts = _parts(rows)

@@ -8,17 +8,18 @@ from glob import has_magic
 from pathlib import Path, PurePath
 
 from slapshot.errors import InputError
-from slapshot.recordings.importing.mapping import TrackMapping
+from slapshot.recordings.importing.mapping import Files
+from slapshot.recordings.importing.name_pattern import NamePattern
 
 _MOST_ENTRIES = 500_000  # of folders that are searched: nobody's recordings, but a whole disk
 _ANY_DEPTH = "**"
 
 
-def find_sources(mapping: TrackMapping, source: Path) -> tuple[Path, list[Path]]:
+def find_sources(files: Files, source: Path) -> tuple[Path, list[Path]]:
     """The folder that names are told from, and the files in natural order.
 
     Args:
-        mapping: says which files in a folder are hits.
+        files: says which files in a folder are meant.
         source: a folder, a file, or a path with * in it.
 
     Raises:
@@ -26,7 +27,7 @@ def find_sources(mapping: TrackMapping, source: Path) -> tuple[Path, list[Path]]
     """
     try:
         if source.is_dir():
-            root, pattern, remedy = source, mapping.files.pattern, "files.pattern in the mapping"
+            root, pattern, remedy = source, files.pattern, "files.pattern in the mapping"
         elif has_magic(str(source)) and not source.exists():
             depth = next(i for i, part in enumerate(source.parts) if has_magic(part))
             root, pattern = Path(*source.parts[:depth]), str(Path(*source.parts[depth:]))
@@ -43,14 +44,17 @@ def find_sources(mapping: TrackMapping, source: Path) -> tuple[Path, list[Path]]
     return root, sorted(found, key=lambda file: natural_key(file.relative_to(root).as_posix()))
 
 
-def fields_of_names(mapping: TrackMapping, files: list[Path]) -> list[dict[str, str]]:
+def fields_of_names(pattern: NamePattern | None, files: list[Path]) -> list[dict[str, str]]:
     """Field -> text, for each file.
+
+    Args:
+        pattern: what makes fields of a name; None makes none.
+        files: whose names they are.
 
     Raises:
         InputError: A name does not match, or matching does not end.
     """
     own = [{"file": file.stem, "folder": file.absolute().parent.name} for file in files]
-    pattern = mapping.name_pattern
     if pattern is None:
         return own
     found = []

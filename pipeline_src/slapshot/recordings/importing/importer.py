@@ -77,7 +77,7 @@ def import_tracks(mapping: Path, source: Path, out: Path) -> ImportSummary:
         said = [f"dropped, for it {cut.dropped}"] if cut.dropped else [*hit.remarks, *cut.remarks]
         lines += [f"{hit.name}: {'; '.join(said)}"] if said else []
     dropped = tuple(hit.name for hit, cut in zip(raw, cuts, strict=True) if cut.dropped)
-    _write_sources(out, kept, lines)
+    write_sources(out, {"lines": lines, "hits": _sources(kept)})
     frames = 0 if recording.tracks is None else len(recording.tracks)
     return ImportSummary(out, len(kept), frames, dropped, tuple(lines))
 
@@ -197,9 +197,9 @@ def _recorded_at(hit: RawHit, rules: TrackMapping) -> datetime:
         ) from None
 
 
-def _write_sources(out: Path, kept: list[tuple[RawHit, Cut]], lines: list[str]) -> None:
-    """Beside the recording, the lines of the files that each hit is from."""
-    hits: list[dict[str, Any]] = [
+def _sources(kept: list[tuple[RawHit, Cut]]) -> list[dict[str, Any]]:
+    """The lines of the files that each hit is from."""
+    return [
         {
             "hit": number,
             "source": hit.name,
@@ -209,11 +209,19 @@ def _write_sources(out: Path, kept: list[tuple[RawHit, Cut]], lines: list[str]) 
         }
         for number, (hit, cut) in enumerate(kept)
     ]
-    text = json.dumps({"lines": lines, "hits": hits}, indent=1)
+
+
+def write_sources(out: Path, content: dict[str, Any]) -> None:
+    """Write beside a recording what it was made from.
+
+    Args:
+        out: folder of the recording.
+        content: of the file.
+    """
     partial = out / f".{SOURCES_FILE}.{uuid.uuid4().hex[:8]}.partial"
     try:
         with writing(out / SOURCES_FILE):
-            partial.write_text(text + "\n", encoding="utf-8")
+            partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
             partial.rename(out / SOURCES_FILE)
     finally:
         partial.unlink(missing_ok=True)

@@ -28,6 +28,8 @@ _FIELD = re.compile(r"\{(\w+)\}")
 _HUGE, _TINY = 1e6, 1e-9  # bounds far beyond any rig
 _DELIMITERS = {"tab": "\t", "blanks": None}
 _IN_NUMBERS = "0123456789+-.eE"
+# Memory that nobody wrote to reads as numbers like 1e-310 or 1e160. No tracker reports these.
+_TINIEST, _LARGEST = 1e-30, 1e6
 
 T = TypeVar("T")
 
@@ -207,6 +209,15 @@ class TrackMapping(Described):
     def file(self) -> Path:
         """The mapping's own."""
         return self._document.path
+
+    @property
+    def sizes(self) -> tuple[float, float]:
+        """Least and largest size of what a tracker reports."""
+        return _TINIEST, _LARGEST
+
+    def place_of(self, role: str) -> str:
+        """File, line and key of the mapping where a role's column is named."""
+        return self.where("columns", role)
 
     def where(self, *loc: str) -> str:
         """File, line and key of what it says, for errors."""

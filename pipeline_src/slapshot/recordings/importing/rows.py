@@ -8,28 +8,54 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.errors import InputError, reading
-from slapshot.recordings.importing.mapping import LONGEST_TEXT, Column, CsvStyle, TrackMapping
+from slapshot.recordings.importing.mapping import LONGEST_TEXT, Column, CsvStyle
 from slapshot.validation import short
 
 Array = NDArray[np.float64]
 
 _NOT_SEEN = {"", "nan", "na", "null", "none"}
-# Memory that nobody wrote to reads as numbers like 1e-310 or 1e160. No tracker reports these.
-_TINIEST, _LARGEST = 1e-30, 1e6
 _LONGEST_FILE = 200_000_000  # bytes
 _DAMAGED = "\ufffd"
 # One clock may tell the order of hits, too, and a place that changes begins where the hit does.
 _MAY_SHARE = {("t", "order"), ("x", "start_x"), ("y", "start_y")}
 _LARGEST_TIME = 1e11  # s; clocks may count from 1970, in any unit
+
+
+class NamedColumns(Protocol):
+    """What a mapping says of the columns of a file."""
+
+    @property
+    def csv(self) -> CsvStyle:
+        """What the file looks like."""
+
+    @property
+    def file(self) -> Path:
+        """The mapping's own."""
+
+    @property
+    def numbers(self) -> Mapping[str, Column]:
+        """Role -> column of numbers; t is the time in s."""
+
+    @property
+    def texts(self) -> Mapping[str, str | int]:
+        """Field, or a role in brackets such as <hit> -> column of texts."""
+
+    @property
+    def sizes(self) -> tuple[float, float]:
+        """Least and largest size of a number other than 0 and t: others are memory that nobody wrote to."""
+
+    def place_of(self, role: str) -> str:
+        """File, line and key of the mapping where a role's column is named."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +79,7 @@ class Rows:
     longest_row: int
 
 
-def read_rows(mapping: TrackMapping, file: Path) -> Rows:
+def read_rows(mapping: NamedColumns, file: Path) -> Rows:
     """Read the columns that a mapping names.
 
     Raises:
@@ -96,7 +122,7 @@ def read_rows(mapping: TrackMapping, file: Path) -> Rows:
         file=file,
         lines=lines,
         numbers={
-            role: _numbers(cells, mapping.numbers[role], role, style, file, lines)
+            role: _numbers(cells, role, mapping, file, lines)
             for role, cells in zip(numbers, columns, strict=False)
         },
         texts={
@@ -149,12 +175,12 @@ def _split(text: str, style: CsvStyle, file: Path) -> Iterator[_Row]:
         raise InputError(f"{file}: line {line} is no CSV ({error}); mend that line") from None
 
 
-def _check_apart(numbers: dict[str, int], mapping: TrackMapping) -> None:
+def _check_apart(numbers: dict[str, int], mapping: NamedColumns) -> None:
     """Refuse a column that is to be two things at once."""
     for a, b in combinations(numbers, 2):
         if numbers[a] == numbers[b] and (a, b) not in _MAY_SHARE:
             raise InputError(
-                f"{mapping.where('columns', b)}: takes the column of {a}, {mapping.numbers[b].column!r}; "
+                f"{mapping.place_of(b)}: takes the column of {a}, {mapping.numbers[b].column!r}; "
                 "name another one"
             )
 
@@ -172,7 +198,7 @@ def _check_header_fits(row: _Row, names: list[str] | None, style: CsvStyle, file
         )
 
 
-def _header(rows: Iterator[_Row], mapping: TrackMapping, file: Path) -> list[str]:
+def _header(rows: Iterator[_Row], mapping: NamedColumns, file: Path) -> list[str]:
     first = next(rows, None)
     names = [name.strip() for name in first.cells] if first else []
     if names and all(re.fullmatch(r"[-+.,\deE]*", name) for name in names):
@@ -197,11 +223,14 @@ def _index(place: str | int, names: list[str] | None, role: str, file: Path) -> 
 
 
 def _numbers(
-    cells: tuple[str, ...], column: Column, role: str, style: CsvStyle, file: Path, lines: NDArray[np.int64]
+    cells: tuple[str, ...], role: str, mapping: NamedColumns, file: Path, lines: NDArray[np.int64]
 ) -> Array:
     """One column in the recording's unit; refuses what is no number or cannot be one."""
     values = np.empty(len(cells))
-    limit = _LARGEST_TIME if role == "t" else _LARGEST
+    column, style = mapping.numbers[role], mapping.csv
+    least, limit = mapping.sizes
+    if role == "t":
+        limit = _LARGEST_TIME
     for i, cell in enumerate(cells):
         text = cell.strip()
         if text.lower() in _NOT_SEEN or text in style.missing:
@@ -216,7 +245,7 @@ def _numbers(
                 "under csv.missing"
             ) from None
         scaled = column.factor * value + column.offset
-        if 0 < abs(value) < _TINIEST or not abs(scaled) <= limit:
+        if 0 < abs(value) < least or not abs(scaled) <= limit:
             raise InputError(
                 f"{where}: {text[:40]} cannot be: it looks like memory that nobody wrote to; name another "
                 "column, mend the line, or list the text under csv.missing"
