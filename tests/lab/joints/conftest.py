@@ -6,12 +6,12 @@ from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.rehearsal import Rehearsal
 from slapshot.lab.joints.rigs import rig_named
 
-EPISODES, SECONDS = 3, 0.8
+EPISODES, SECONDS = 3, 0.6
 
 
 def short(name):
     """A rig that does not wait long for its first command."""
-    return replace(rig_named(name), settle=0.2)
+    return replace(rig_named(name), settle=0.12)
 
 
 @pytest.fixture(scope="session")

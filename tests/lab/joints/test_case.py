@@ -2,15 +2,19 @@
 
 import hashlib
 import json
+from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
 from slapshot.errors import InputError
 from slapshot.lab.joints.__main__ import main, write_case
-from slapshot.lab.joints.case import Order, make_case
+from slapshot.lab.joints.case import Order, check_kinds, make_case
 from slapshot.lab.joints.cases import Case, read_cases, write_cases
+from slapshot.lab.joints.lists import LISTS, draw_list
 from slapshot.lab.joints.noise import Condition
 from slapshot.lab.joints.registry import KINDS
+from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.signals import read_signals
 
 SHORT = {"episodes": 5, "seconds": 0.5}
@@ -122,6 +126,31 @@ def test_lists_are_read_as_they_were_written(tmp_path):
     file = tmp_path / "list.csv"
     write_cases(cases, file)
     assert read_cases(file) == cases
+
+
+def test_drawn_lists_have_what_fits_in_random_order_under_new_seeds():
+    cases = draw_list(LISTS["full"], "j")
+    assert [case.case for case in cases] == [f"j{i:04d}" for i in range(len(cases))]
+    assert len({case.order.seed for case in cases}) == len(cases)
+    assert {case.order.seed for case in cases}.isdisjoint(c.order.seed for c in draw_list(LISTS["full"], "j"))
+    for case in cases:
+        kinds = [kind for kind, _ in case.order.conceals]
+        check_kinds(kinds, rig_named(case.order.rig))
+        assert len(kinds) == {"pair": 2, "null": 0}.get(case.condition.split(",")[0], 1)
+        assert all(0.29 < size < 30.1 for _, size in case.order.conceals)
+    shown = {kind for case in cases for kind, _ in case.order.conceals}
+    assert shown == set(KINDS)
+
+
+def test_the_lists_that_ship_can_be_read_and_are_large_enough():
+    folder = Path(__file__).parents[3] / "config" / "cases"
+    found = Counter(case.condition for case in read_cases(folder / "joints.csv"))
+    assert found["null"] + found["null, cluttered"] >= 150
+    assert found["null, cluttered"] >= 50
+    assert found["single"] >= 100
+    assert found["pair"] >= 40
+    assert found["uncatalogued"] >= 40
+    assert 20 <= len(read_cases(folder / "joints-small.csv")) <= 30
 
 
 @pytest.mark.parametrize(

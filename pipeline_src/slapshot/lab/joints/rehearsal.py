@@ -74,7 +74,10 @@ class Rehearsal:
         nearest: Concealed | None = None
         for _ in range(DRAWS):
             shape = kind.draw(self.setting, rng)
-            found = self.fit(kind, shape, asked)
+            bounds = kind.bounds(self.setting, shape)
+            # Where the most that is possible of one shape was too little, that of the next is tried first.
+            short = nearest is not None and nearest.size is not None and nearest.size < asked
+            found = self.fit(kind, shape, asked, bounds.largest if short else bounds.usual)
             if nearest is None or _miss(found) < _miss(nearest):
                 nearest = found
             if not nearest.bounded:
@@ -82,10 +85,18 @@ class Rehearsal:
         assert nearest is not None
         return nearest
 
-    def fit(self, kind: Kind, shape: Shape, asked: float) -> Concealed:
-        """The amplitude that makes a shape as large as is asked for, or the nearest one that is possible."""
+    def fit(self, kind: Kind, shape: Shape, asked: float, first: float) -> Concealed:
+        """The amplitude that makes a shape as large as is asked for, or the nearest one that is possible.
+
+        Args:
+            kind: of the shape.
+            shape: that was drawn.
+            asked: size.
+            first: amplitude that is tried first.
+        """
+        bounds = kind.bounds(self.setting, shape)
         amplitude, size = _search(
-            lambda a: self.size([Concealed(kind, a, shape)]), asked, kind.bounds(self.setting, shape)
+            lambda a: self.size([Concealed(kind, a, shape)]), asked, bounds, float(first)
         )
         return Concealed(kind, amplitude, shape, size, asked, bounded=abs(size / asked - 1) > 2 * CLOSE)
 
@@ -105,13 +116,15 @@ def _miss(found: Concealed) -> float:
     return abs(np.log(max(found.size, 1e-9) / found.asked))
 
 
-def _search(measure: Callable[[float], float], asked: float, bounds: Bounds) -> tuple[float, float]:
+def _search(
+    measure: Callable[[float], float], asked: float, bounds: Bounds, first: float
+) -> tuple[float, float]:
     """The possible amplitude whose size comes nearest to `asked`, and that size.
 
     Size grows with amplitude, mostly in proportion, but for some kinds only beyond a threshold: secants
     between logarithms, and every second time halves.
     """
-    amplitude = bounds.usual
+    amplitude = first
     tries: list[tuple[float, float]] = []
     below: tuple[float, float] | None = None
     above: tuple[float, float] | None = None
@@ -130,7 +143,7 @@ def _search(measure: Callable[[float], float], asked: float, bounds: Bounds) -> 
             continue
         ratio = asked / size if size > 0 else _STRIDE
         amplitude *= float(np.clip(ratio, 1 / _STRIDE, _STRIDE))
-        amplitude = min(max(amplitude, bounds.least), bounds.largest)
+        amplitude = float(min(max(amplitude, bounds.least), bounds.largest))
     finite = [one for one in tries if np.isfinite(one[1])] or [(0.0, 0.0)]
     return min(finite, key=lambda one: abs(np.log(max(one[1], 1e-9) / asked)))
 

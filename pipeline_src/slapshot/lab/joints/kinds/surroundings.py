@@ -18,6 +18,7 @@ from slapshot.lab.joints.kind import (
     draw_sign,
 )
 
+_LEVER = 0.4  # m, roughly, from the first joint to the tip
 _TRIES = 500  # places that are tried
 _WITHIN = (0.03, 0.25)  # share of the time in which a tip touches an obstacle
 
@@ -161,7 +162,7 @@ class Magnet(Kind):
         }
 
     def bounds(self, setting: Setting, shape: Shape) -> Bounds:
-        return Bounds(2.0, 0.0, 1000.0)
+        return Bounds(0.5 * setting.force(0) / _LEVER, 0.0, 1000.0)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {"force": (shape["sign"] * amplitude, "N"), "reach": (shape["reach_m"], "m")}
