@@ -4,9 +4,11 @@ Derivatives are differences of whole intervals of simulation, many nodes at once
 its own belongs to is a product with the effect B of a held force, and needs no simulation.
 """
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from mujoco import MjModel
 from numpy.typing import NDArray
@@ -115,6 +117,10 @@ def linearise(
         return Observed(*flat, order)
 
     base, y, torque = advance(hypothesis, theta, model, x, control)
+    # Differences need the model's integrator no more than derivatives need its last digits.
+    quick = _quick(model)
+    same = quick is model
+    near = base if same else advance(hypothesis, theta, quick, x, control)[0]
     if jacobian is None:
         scale = np.ones(nv) if torque_scale is None else np.maximum(torque_scale, 1e-9)
         A, C = np.empty((n, dim, dim)), np.empty((n, ny, dim))
@@ -122,15 +128,15 @@ def linearise(
             step = _POSITION_STEP if i < nv else _VELOCITY_STEP
             delta = np.zeros(dim)
             delta[i] = step
-            moved, changed, _ = advance(hypothesis, theta, model, tangent.add(x, delta), control)
-            A[:, :, i] = tangent.subtract(moved, base) / step
+            moved, changed, _ = advance(hypothesis, theta, quick, tangent.add(x, delta), control)
+            A[:, :, i] = tangent.subtract(moved, near) / step
             C[:, :, i] = (changed - y) / step
         B = np.empty((n, dim, nv))
         for j in range(nv):
             force = np.zeros((n, nv))
             force[:, j] = _FORCE_STEP * scale[j]
-            moved, _, _ = advance(hypothesis, theta, model, x, control, force)
-            B[:, :, j] = tangent.subtract(moved, base) / (_FORCE_STEP * scale[j])
+            moved, _, _ = advance(hypothesis, theta, quick, x, control, force)
+            B[:, :, j] = tangent.subtract(moved, near) / (_FORCE_STEP * scale[j])
     else:
         A, B, C = (
             getattr(jacobian, name).reshape(n, -1, k) for name, k in (("A", dim), ("B", nv), ("C", dim))
@@ -150,18 +156,18 @@ def linearise(
 
     def column(k: int, h: Hypothesis, values: Array, step: float, changed_effect: JointEffect) -> None:
         if overrides(changed_effect, "edit") or overrides(changed_effect, "control"):
-            m = h.compiled(values, segments.step)
+            m = _quick(h.compiled(values, segments.step))
             u = control
             if overrides(changed_effect, "control"):
                 u = h.control(segments, values).reshape(n, segments.substeps, -1)
             moved, other, _ = advance(h, values, m, x, u)
-            W[:, :, k] = tangent.subtract(moved, base) / step
+            W[:, :, k] = tangent.subtract(moved, near) / step
             difference = other - y
             if np.abs(difference).max(initial=0.0) > 0:
                 psi[:, :, k] = difference / step
         elif overrides(changed_effect, "force"):
-            moved, _, _ = advance(h, values, model, x, control)
-            W[:, :, k] = tangent.subtract(moved, base) / step
+            moved, _, _ = advance(h, values, quick, x, control)
+            W[:, :, k] = tangent.subtract(moved, near) / step
         if overrides(changed_effect, "observe"):
             psi[:, :, k] += (h.observe(observed, values) - added) / step
 
@@ -207,6 +213,15 @@ def residuals(rig: Rig, segments: Segments, predicted: Array) -> Array:
         y = y.copy()
         y[..., columns] *= sign[..., None]
     return y - predicted
+
+
+def _quick(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The model with an integrator of one evaluation a step, where its own takes four."""
+    if model.opt.integrator != int(mujoco.mjtIntegrator.mjINT_RK4):
+        return model
+    model = copy.copy(model)
+    model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+    return model
 
 
 def _over_interval(values: Array) -> Array:
