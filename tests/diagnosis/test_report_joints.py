@@ -50,7 +50,7 @@ from .mechanisms import BRICK, PENDULUM, joint, place, recording, simulate, told
 
 FRICTION = 0.25  # N m
 NOISE = 5e-4  # rad
-EPISODES, SECONDS, INTERVAL = 5, 2.0, 0.02
+EPISODES, SECONDS, INTERVAL = 6, 2.0, 0.01
 VERSIONS = {"code": "abc", "model": "def"}
 FIGURES = ("J1-predictions", "J2-residuals", "J3-errors", "J4-candidates")
 
@@ -77,7 +77,7 @@ class Made(NamedTuple):
 
 
 def swings(friction: float, seed: int) -> SignalRecording:
-    """A pendulum under a motor, with dry friction, stepped as its model is."""
+    """A pendulum under a motor, with dry friction."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, SECONDS, INTERVAL)
     text = PENDULUM.replace('damping="0.05"', f'damping="0.05" frictionloss="{friction}"')
@@ -86,7 +86,7 @@ def swings(friction: float, seed: int) -> SignalRecording:
     for _ in range(EPISODES):
         waves = zip(rng.normal(0, 2.5, 3), (0.4, 0.9, 1.7), rng.uniform(0, 6, 3), strict=True)
         torque = np.sum([a * np.sin(2 * np.pi * f * t + phase) for a, f, phase in waves], axis=0)
-        qpos, *_ = simulate(model, t, torque[:, None], [rng.normal(0, 0.3)], [0.0], finer=2)
+        qpos, *_ = simulate(model, t, torque[:, None], [rng.normal(0, 0.3)], [0.0])
         angles.append(qpos[:, 0] + rng.normal(0, NOISE, len(t)))
         torques.append(torque)
     return recording(
@@ -276,7 +276,7 @@ def test_missing_torque_is_the_friction(made):
     value = effect.parameters[0].value
     for way in (-1, 1):
         own = way * speed > 0.5
-        assert own.sum() > 25
+        assert own.sum() > 50
         edges = np.sort(way * np.array([0.5, 50.0]))
         (row,) = binned(speed, found.force[:, 0], found.segment, edges).to_dict("records")
         # Twice the half-width of the 90 % interval: 3.3 standard errors.
