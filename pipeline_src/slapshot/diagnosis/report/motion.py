@@ -16,16 +16,17 @@ from slapshot.diagnosis.segments import Segments
 Array = NDArray[np.float64]
 
 _ROUNDS = 5
+_SHARE, _NO_FORCE = 0.01, 1e-6  # of the noise of readings; of the torque that moves each joint
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Positions in W windows of n nodes, of which the second half is predicted.
+    """Positions in W windows of n nodes.
 
     Attributes:
         rig: whose model has the positions.
         qpos: (W, n, nq).
-        seen: (W, n, ny) what the model reads there.
+        seen: (W, n, ny) readings there: of the model, or recorded.
     """
 
     rig: Rig
@@ -33,16 +34,34 @@ class Motion:
     seen: Array
 
 
-def predicted_motion(outcome: Outcome, arm: str, windows: Segments) -> Motion:
-    """The motion that a model estimates in the first half of each window and predicts in the second."""
+def predicted_half(windows: Segments) -> Segments:
+    """The second halves of windows, which were predicted."""
+    half = windows.shape[1] // 2
+    kept = {name: getattr(windows, name)[:, half:] for name in ("y", "shift", "inside", "time")}
+    return replace(windows, **kept, first=windows.first + half)
+
+
+def predicted_motion(outcome: Outcome, arm: str, some: NDArray[np.intp]) -> Motion:
+    """The motion whose readings a model predicted.
+
+    Args:
+        outcome: of the diagnosis.
+        arm: model.
+        some: indices of the windows.
+    """
     step, prediction = outcome.step(arm), outcome.arms[arm]
-    problem, half = step.problem, windows.shape[1] // 2
-    masked = windows.y.copy()
-    masked[:, half:] = np.nan
-    fitter = Fitter(problem.fitter.simulator, replace(windows, y=masked), problem.torque)
-    noise = replace(step.examination.noise, weight=np.ones_like(masked))
-    covariances = noise.covariances(windows.interval)
-    path = first_path(problem, outcome.search.nominal.problem, windows)
+    problem = step.problem
+    halves = predicted_half(outcome.windows.select(some))
+    halves = replace(halves, y=prediction.predictions.predicted[some])
+    fitter = Fitter(problem.fitter.simulator, halves, problem.torque)
+    noise = step.examination.noise
+    # What was predicted is told without noise, and nothing else pushed.
+    noise = replace(
+        noise, white=_SHARE * noise.white, coloured=0 * noise.coloured, force=_NO_FORCE,
+        weight=np.ones_like(halves.y),
+    )  # fmt: skip
+    covariances = noise.covariances(halves.interval)
+    path = first_path(problem, outcome.search.nominal.problem, halves)
     hypothesis, theta = prediction.hypothesis, prediction.theta
     for _ in range(_ROUNDS):
         system = fitter.linearise(hypothesis, theta, path).system.without_columns()
