@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -101,6 +102,8 @@ def diagnose(
         A verdict of any kind; where the data do not suffice, it says so.
     """
     began = time.process_time()
+    # Trials of models that blow up are part of a search: they are dropped, and nobody needs to read of each.
+    mujoco.set_mju_user_warning(lambda text: None)
     derived = derived_velocities([measure(recording, o.channel) for o in rig.observations])
     rig = rig.without(derived)
     said = [*findings, *_unbound(rig)]

@@ -20,6 +20,9 @@ def restructured(rig: Rig, effect: JointEffect, channels: dict[str, Channel]) ->
     """The rig with what an effect adds to its model."""
     spec = rig.spec.copy()
     spec = effect.restructure(spec)
+    if spec.option.integrator == int(mujoco.mjtIntegrator.mjINT_RK4):
+        # Explicit damping of something small and stiff would blow up.
+        spec.option.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
     second = deflection(effect.part)
     reads_link = getattr(effect, "reads_link", False)
     if reads_link:
