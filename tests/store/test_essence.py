@@ -136,7 +136,15 @@ def test_imports_for_type_checkers_alone_are_none(tmp_path):
 BEHIND = ("slapshot.command", "slapshot.errors", "slapshot.progress", "slapshot.store")
 # What they may import beside the standard library and each other. (verify.py, which no stage runs, computes
 # statistics for the lock; command.py plans for people who type a stage's command.)
-MAY_IMPORT = {"tqdm", "slapshot.text", "pyarrow", "slapshot.parquet", "slapshot.config", "slapshot.plan"}
+MAY_IMPORT = {
+    "rich",
+    "tqdm",
+    "slapshot.text",
+    "pyarrow",
+    "slapshot.parquet",
+    "slapshot.config",
+    "slapshot.plan",
+}
 # Handlers that go on after anything, and note what it said: whatever an effect of anybody raises, and a
 # figure that cannot be drawn. Nothing of the package that runs there raises InputError but of bad input.
 NOTED = {
