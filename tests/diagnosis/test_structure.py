@@ -1,0 +1,197 @@
+"""Rigs that an effect restructures: a joint split in two, a robot on a base that gives way."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco import MjSpec
+from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.rig import Rig, bind
+from slapshot.diagnosis.segments import Segments, cut
+from slapshot.diagnosis.situation import situation
+from slapshot.diagnosis.structure import moved_path, moved_situation, restructured, same_effects
+from slapshot.effects.joints.backlash import Backlash
+from slapshot.effects.joints.base_compliance import BaseCompliance
+from slapshot.effects.joints.effect import JointEffect, Situation
+from slapshot.effects.joints.joint_elasticity import JointElasticity
+from slapshot.effects.joints.split import base_joint, deflection
+from slapshot.recordings.channels import Channel
+
+from .mechanisms import PENDULUM, joint, recording, simulate, told
+
+ROTOR, LINK, WEIGHT = 0.05, 1 / 12 + 0.25, 9.81 * 0.5  # kg m², kg m², N m at a right angle
+ROD = PENDULUM.replace('damping="0.05"', f'armature="{ROTOR}"').replace('timestep="0.01"', 'timestep="0.001"')
+FLOATING = ROD.replace("<option", '<option gravity="0 0 0"')
+DIRECT = ROD.replace(f'armature="{ROTOR}"', "")
+SPLIT = [(kind, variant) for kind in (JointElasticity, Backlash) for variant in (0, 1)]
+
+
+class Bench:
+    """A driven rod, recorded for two episodes, and a rig that an effect restructured."""
+
+    def __init__(self, kind: type[JointEffect], variant: int = 0, text: str = ROD) -> None:
+        t = np.arange(100) * 0.01
+        u = [np.sin(7 * t)[:, None], 1.5 * np.cos(5 * t)[:, None]]
+        states = [simulate(text, t, part, [0.3], [0.0]) for part in u]
+        taken = recording(
+            [t, t],
+            {
+                "angle": (joint("swing"), [s[0][:, 0] for s in states]),
+                "rate": (joint("swing", "velocity", "rad/s"), [s[1][:, 0] for s in states]),
+                "drive": (told(actuator="drive"), [part[:, 0] for part in u]),
+            },
+        )
+        self.channels: dict[str, Channel] = taken.channels
+        self.nominal: Rig = bind(MjSpec.from_string(text), taken.channels)
+        self.segments: Segments = cut(taken, self.nominal)
+        self.path = recorded_path(self.nominal, self.segments)
+        self.scales: Situation = situation(self.nominal, self.segments, self.path)
+        self.effect = list(kind.instances(self.scales))[variant]
+        self.rig = restructured(self.nominal, self.effect, self.channels)
+
+    def model(self, first: float, damping: float) -> mujoco.MjModel:
+        """The restructured model at values of the effect's two parameters."""
+        return Hypothesis(self.rig, (self.effect,)).compiled(np.array([first, damping]), 0.001)
+
+
+def rest(model: mujoco.MjModel, torque: float) -> mujoco.MjData:
+    """Where a model with much damping comes to rest under a torque of the motor."""
+    data = mujoco.MjData(model)
+    data.ctrl[:] = torque
+    for _ in range(8000):
+        mujoco.mj_step(model, data)
+    assert np.abs(data.qvel).max() < 1e-5
+    return data
+
+
+@pytest.mark.parametrize(("kind", "added"), [(JointElasticity, 1), (Backlash, 1), (BaseCompliance, 2)])
+def test_masses_stay_as_they_are(kind: type[JointEffect], added: int):
+    of = Bench(kind)
+    old, new = of.nominal.model, of.rig.model
+    assert new.nv == old.nv + added
+    np.testing.assert_array_equal(new.body("rod").mass, old.body("rod").mass)
+    # A base is put below as XML, in which numbers have six digits.
+    np.testing.assert_allclose(new.body("rod").inertia, old.body("rod").inertia, rtol=1e-6)
+    assert new.joint("swing").armature == pytest.approx(ROTOR)
+    if added == 1:
+        assert new.body_mass.sum() == old.body_mass.sum()
+        # Motor and link as one have the inertia that the joint had.
+        data, full = mujoco.MjData(new), np.zeros((2, 2))
+        mujoco.mj_forward(new, data)
+        mujoco.mj_fullM(new, data, full)
+        np.testing.assert_allclose(full, [[LINK + ROTOR, LINK], [LINK, LINK]], rtol=1e-6)
+    assert of.rig.controls == of.nominal.controls
+    assert [o.channel for o in of.rig.observations] == ["angle", "rate"]
+
+
+@pytest.mark.parametrize("variant", [0, 1])
+def test_a_stiff_spring_moves_as_one_joint_does(variant: int):
+    """Momentum: motor = nominal - LINK/(LINK + ROTOR) deflection, which is at most 2 load/stiffness."""
+    of = Bench(JointElasticity, variant, FLOATING)
+    compliance = of.effect.parameters[0].low
+    t = np.arange(100) * 0.01
+    u = 1.5 * np.sin(6 * t)[:, None]
+    one, *_ = simulate(of.nominal.model, t, u, [0.2], [0.5])
+    two, *_ = simulate(of.model(compliance, 0.0), t, u, [0.2, 0.0], [0.5, 0.0])
+    bound = 2 * 1.5 * compliance
+    assert bound < 1e-3 < np.ptp(one)
+    assert np.abs(two[:, 1]).max() < bound
+    np.testing.assert_allclose(two[:, 0], one[:, 0], atol=bound)
+    np.testing.assert_allclose(two[:, 0] + LINK / (LINK + ROTOR) * two[:, 1], one[:, 0], atol=1e-6)
+
+
+def test_on_a_stiff_base_a_robot_moves_as_on_the_world():
+    """The motor's torque is all that tilts the plate; the rod's own angle in the world does not change."""
+    of = Bench(BaseCompliance, text=DIRECT)
+    compliance = of.effect.parameters[0].low
+    t = np.arange(100) * 0.01
+    u = 1.5 * np.sin(6 * t)[:, None]
+    one, *_ = simulate(of.nominal.model, t, u, [0.2], [0.5])
+    model = of.model(compliance, 0.0)
+    x, y, swing = (int(model.joint(name).qposadr[0]) for name in (base_joint("x"), base_joint("y"), "swing"))
+    first, rate = np.zeros(3), np.zeros(3)
+    first[swing], rate[int(model.joint("swing").dofadr[0])] = 0.2, 0.5
+    two, *_ = simulate(model, t, u, first, rate)
+    bound = 2 * 1.5 * compliance
+    assert bound < 1e-3
+    np.testing.assert_allclose(two[:, x], 0, atol=1e-9)
+    assert 0 < np.abs(two[:, y]).max() < bound
+    np.testing.assert_allclose(two[:, swing], one[:, 0], atol=bound)
+    np.testing.assert_allclose(two[:, swing] + two[:, y], one[:, 0], atol=1e-6)
+
+
+def test_a_spring_bends_by_load_over_stiffness():
+    of = Bench(JointElasticity)
+    compliance = of.effect.parameters[0].start
+    damped = of.model(compliance, 20.0)
+    damped.dof_damping[0] = 2.0
+    data = rest(damped, 2.0)
+    assert data.joint(deflection("swing")).qpos[0] == pytest.approx(-2.0 * compliance, rel=1e-3)
+    assert np.sin(data.qpos.sum()) == pytest.approx(2.0 / WEIGHT, rel=1e-3)  # motor and deflection: the link
+    np.testing.assert_allclose(of.effect.static_deflection(np.array([2.0])), [-2.0 * compliance])
+
+
+def test_play_is_taken_up_by_the_load():
+    of = Bench(Backlash)
+    gap = of.effect.parameters[0].start
+    damped = of.model(gap, 1.0)
+    damped.dof_damping[0] = 2.0
+    found = [rest(damped, load).joint(deflection("swing")).qpos[0] for load in (2.0, -2.0)]
+    # The stop gives way by (1 - d)/d of the free acceleration times its time constant squared, d = 0.9.
+    soft = 2.0 * (1 / ROTOR + 1 / LINK) * 0.004**2 * (1 - 0.9) / 0.9
+    assert soft < 0.02 * gap
+    np.testing.assert_allclose(found, [-gap, gap], atol=2 * soft)
+    np.testing.assert_allclose(of.effect.static_deflection(np.array([2.0, -2.0])), [-gap, gap], rtol=1e-6)
+
+
+def test_a_base_tilts_by_load_over_stiffness():
+    of = Bench(BaseCompliance, text=DIRECT)
+    compliance = of.effect.parameters[0].start
+    damped = of.model(compliance, 5.0)
+    damped.dof_damping[int(damped.joint("swing").dofadr[0])] = 2.0
+    data = rest(damped, 2.0)
+    tilt = data.joint(base_joint("y")).qpos[0]
+    assert tilt == pytest.approx(-2.0 * compliance, rel=1e-3)
+    assert np.sin(tilt + data.joint("swing").qpos[0]) == pytest.approx(2.0 / WEIGHT, rel=1e-3)
+
+
+@pytest.mark.parametrize(("kind", "variant"), SPLIT)
+def test_an_encoder_at_the_link_reads_motor_and_deflection(kind: type[JointEffect], variant: int):
+    of = Bench(kind, variant)
+    assert of.effect.reads_link is bool(variant)
+    x = np.array([[0.4, -0.003, 1.1, 0.2]])  # motor and deflection, then their velocities
+    _, seen, _ = Simulator(of.rig).run(of.model(0.01, 0.1), x, np.zeros((1, 1, 1)))
+    np.testing.assert_allclose(seen, [[0.397, 1.3]] if variant else [[0.4, 1.1]], atol=1e-12)
+
+
+@pytest.mark.parametrize(("kind", "variant"), [*SPLIT, (BaseCompliance, 0)])
+def test_a_moved_path_keeps_what_is_observed(kind: type[JointEffect], variant: int):
+    of = Bench(kind, variant)
+    moved = moved_path(of.nominal, of.rig, of.effect, of.segments, of.path)
+    model = of.rig.model
+    x = moved.reshape(-1, moved.shape[-1])
+    _, seen, _ = Simulator(of.rig).run(model, x, np.zeros((len(x), 1, 1)))
+    before = of.path.reshape(-1, 2)
+    np.testing.assert_allclose(seen, before, atol=1e-12)
+    if kind is BaseCompliance:
+        return
+    # The link stands behind the motor by what it takes to move it, gravity included.
+    own = model.joint(deflection("swing"))
+    rate = np.gradient(of.path[..., 1], of.segments.interval, axis=1)
+    load = LINK * rate + WEIGHT * np.sin(of.path[..., 0])
+    expected = of.effect.static_deflection(load)
+    np.testing.assert_allclose(moved[..., int(own.qposadr[0])], expected, atol=1e-6)
+
+
+def test_scales_and_effects_are_brought_over():
+    of = Bench(BaseCompliance)
+    moved = moved_situation(of.scales, of.rig)
+    (before,), (after,) = of.scales.joints, moved.joints
+    swing = of.rig.model.joint("swing")
+    assert (after.q, after.v) == (swing.qposadr[0], swing.dofadr[0])
+    assert replace(after, q=before.q, v=before.v) == before
+    candidates = [*JointElasticity.instances(moved), *BaseCompliance.instances(of.scales)]
+    (same,) = same_effects((of.effect,), candidates)
+    assert same is candidates[-1]
