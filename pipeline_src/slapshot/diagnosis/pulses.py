@@ -30,7 +30,7 @@ class Scan:
 
     Attributes:
         ratio: (S, windows, joints) force over its spread.
-        nodes: of a window.
+        nodes: of a window; the last of a segment has what is left over as well.
         p_value: that the largest is chance.
     """
 
@@ -55,7 +55,7 @@ def scan(system: Linear, values: Array, noise: Noise, segments: Segments, rig: S
     system = system.moved(values)
     W = np.zeros((S, L, system.d.shape[-1], count * len(joints)))
     for w in range(count):
-        at = slice(w * nodes, (w + 1) * nodes)
+        at = slice(w * nodes, (w + 1) * nodes if w < count - 1 else L)
         for j, joint in enumerate(joints):
             W[:, at, :, w * len(joints) + j] = system.B[:, at, :, joint.v]
     psi = np.zeros((*system.r.shape, W.shape[-1]))
@@ -86,7 +86,7 @@ def pushes(found: Scan, segments: Segments, rig: Situation) -> Sequence[External
         for s in range(found.ratio.shape[0]):
             pulses += _in_segment(found, segments, s, j, limit)
         joined = _joined(sorted(pulses, key=lambda item: (item[1].episode, item[1].begin)))
-        strongest = sorted(joined, key=lambda item: -item[0])[:_MOST]
+        strongest = sorted(joined, key=lambda item: -abs(item[0]))[:_MOST]
         if strongest:
             ordered = sorted((p for _, p in strongest), key=lambda p: (p.episode, p.begin))
             effects.append(ExternalPulse(joint, ordered))
@@ -94,7 +94,7 @@ def pushes(found: Scan, segments: Segments, rig: Situation) -> Sequence[External
 
 
 def _in_segment(found: Scan, segments: Segments, s: int, j: int, limit: float) -> list[tuple[float, Pulse]]:
-    """Runs of windows that stand out, with those next to them that lean the same way."""
+    """Runs of windows that stand out, with those next to them that lean the same way; and how much, signed."""
     ratio = found.ratio[s, :, j]
     out = []
     w = 0
@@ -109,24 +109,29 @@ def _in_segment(found: Scan, segments: Segments, s: int, j: int, limit: float) -
         while end < len(ratio) and sign * ratio[end] > limit / 2:
             end += 1
         start = float(segments.time[s, 0])
-        width = found.nodes * segments.interval
+        last = end * found.nodes if end < len(ratio) else segments.shape[1]
         pulse = Pulse(
             int(segments.ids[segments.episode[s]]), float(segments.order[s]),
-            start + begin * width, start + end * width,
+            start + begin * found.nodes * segments.interval, start + last * segments.interval,
         )  # fmt: skip
-        out.append((float(np.abs(ratio[begin:end]).max()), pulse))
+        out.append((float(sign * np.abs(ratio[begin:end]).max()), pulse))
         w = end
     return out
 
 
 def _joined(pulses: Sequence[tuple[float, Pulse]]) -> list[tuple[float, Pulse]]:
-    """Pulses that touch, as where a segment ends, are one."""
+    """Pulses the same way that touch, as where a segment ends, are one."""
     out: list[tuple[float, Pulse]] = []
     for strength, pulse in pulses:
-        if out and out[-1][1].episode == pulse.episode and pulse.begin - out[-1][1].end < 1e-6:
-            before = out[-1]
+        before = out[-1] if out else None
+        if (
+            before is not None
+            and before[1].episode == pulse.episode
+            and pulse.begin - before[1].end < 1e-6
+            and before[0] * strength > 0
+        ):
             whole = Pulse(pulse.episode, pulse.order, before[1].begin, pulse.end)
-            out[-1] = (max(before[0], strength), whole)
+            out[-1] = (max(before[0], strength, key=abs), whole)
         else:
             out.append((strength, pulse))
     return out

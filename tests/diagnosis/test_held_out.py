@@ -1,0 +1,126 @@
+"""Predictions of held-out windows: from the data before alone, and as good as noise lets them be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mujoco import MjSpec
+from slapshot.diagnosis.diagnose import split
+from slapshot.diagnosis.held_out import Predictions, first_path, predict
+from slapshot.diagnosis.noise import Noise
+from slapshot.diagnosis.problem import Problem
+from slapshot.diagnosis.rig import Rig, bind
+from slapshot.diagnosis.segments import Segments, cut
+from slapshot.errors import InputError
+from slapshot.recordings.signals import SignalRecording
+
+from .mechanisms import PENDULUM, joint, recording, simulate, told
+
+WHITE = 2e-3
+BOTH = np.array([0])
+
+
+def taken(seed: int, episodes: int = 6, seconds: float = 2.0) -> SignalRecording:
+    """A driven rod, simulated as the model itself does."""
+    rng, t = np.random.default_rng(seed), np.arange(round(100 * seconds)) * 0.01
+    u = [1.5 * np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t)[:, None] for _ in range(episodes)]
+    angles = [simulate(PENDULUM, t, p, [rng.uniform(-1, 1)], [0.0], finer=1)[0][:, 0] for p in u]
+    noisy = [angle + WHITE * rng.standard_normal(len(t)) for angle in angles]
+    channels = {"angle": (joint("swing"), noisy), "drive": (told(actuator="drive"), [p[:, 0] for p in u])}
+    return recording([t] * episodes, channels)
+
+
+def made(seed: int, model: str = PENDULUM) -> tuple[Rig, Problem, Segments, Noise]:
+    of = taken(seed)
+    rig = bind(MjSpec.from_string(model), of.channels)
+    problem = Problem.of(rig, of.channels, cut(of, rig))
+    noise = replace(problem.first_noise, white=np.array([WHITE]), force=1e-6)
+    return rig, problem, cut(of, rig, segment_s=1.0), noise
+
+
+def predicted(of: tuple[Rig, Problem, Segments, Noise], path: np.ndarray | None = None) -> Predictions:
+    _, problem, windows, noise = of
+    path = first_path(problem, problem, windows) if path is None else path
+    return predict(problem, problem.base(()), np.zeros(0), windows, noise, path)
+
+
+def test_nothing_that_was_recorded_within_a_window_is_used():
+    rig, problem, windows, noise = made(1)
+    path = first_path(problem, problem, windows)
+    before = predicted((rig, problem, windows, noise), path)
+    y = windows.y.copy()
+    y[:, 50:] += np.random.default_rng(2).normal(size=y[:, 50:].shape)
+    after = predicted((rig, problem, replace(windows, y=y), noise), path)
+    np.testing.assert_array_equal(after.predicted, before.predicted)
+    np.testing.assert_array_equal(after.floor, before.floor)
+    np.testing.assert_allclose(after.error - before.error, (y - windows.y)[:, 50:], atol=1e-12)
+    assert np.all(after.log_likelihood < before.log_likelihood)
+
+
+def test_what_is_recorded_before_is_used():
+    rig, problem, windows, noise = made(1)
+    y = windows.y.copy()
+    y[:, 40:50] += 0.01
+    before, after = predicted((rig, problem, windows, noise)), None
+    after = predicted((rig, problem, replace(windows, y=y), noise))
+    assert np.abs(after.predicted - before.predicted).max() > 1e-3
+
+
+def test_predictions_do_not_depend_on_where_first_states_are_looked_for():
+    """The path is only where linearising begins: five rounds take it to one and the same place."""
+    rig, problem, windows, noise = made(1)
+    before = predicted((rig, problem, windows, noise))
+    y = windows.y.copy()
+    y[:, 50:] += 0.3
+    path = first_path(problem, problem, replace(windows, y=y))
+    np.testing.assert_allclose(
+        predicted((rig, problem, windows, noise), path).predicted, before.predicted, atol=1e-3 * WHITE
+    )
+
+
+def test_of_the_truth_the_error_is_the_floor():
+    """Errors within a window go together: about 12 windows count, each with two unknowns at least."""
+    found = [predicted(made(seed)) for seed in (3, 4, 5)]
+    ratio = np.sqrt(
+        np.mean([f.rms(BOTH) ** 2 for f in found]) / np.mean([f.rms_floor(BOTH) ** 2 for f in found])
+    )
+    assert abs(ratio - 1) < 3 / np.sqrt(2 * 36)
+    assert found[0].error.shape == (12, 50, 1)
+    # Standardised, every window's error is that of noise: the mean square is 1.
+    z = np.concatenate([(f.error / f.floor)[..., 0] for f in found])
+    assert abs(np.mean(z**2) - 1) < 3 * np.std(np.mean(z**2, axis=1)) / np.sqrt(len(z)) + 1e-3
+    np.testing.assert_allclose(found[0].squares(BOTH), np.mean(found[0].error[..., 0] ** 2, axis=1))
+
+
+def test_a_wrong_model_predicts_worse_than_its_floor():
+    wrong = PENDULUM.replace('damping="0.05"', 'damping="0.3"')
+    found, true = predicted(made(3, wrong)), predicted(made(3))
+    assert found.rms(BOTH) > 5 * found.rms_floor(BOTH)
+    assert found.log_likelihood.sum() < true.log_likelihood.sum() - 10
+
+
+@pytest.mark.parametrize("episodes", [5, 6, 11])
+def test_whole_episodes_are_held_out(episodes: int):
+    of = taken(6, episodes)
+    segments = cut(of, bind(MjSpec.from_string(PENDULUM), of.channels))
+    used, held = split(segments)
+    out = set(segments.episode[held])
+    assert out == {e for e in range(episodes) if e % 5 == 2}
+    assert not out & set(used.episode)
+    assert used.shape[0] + len(held) == segments.shape[0]
+
+
+def test_of_few_episodes_blocks_are_held_out():
+    """Two segments side by side: one window to begin from, and one to predict."""
+    of = taken(6, 1, 10.0)
+    segments = cut(of, bind(MjSpec.from_string(PENDULUM), of.channels))
+    used, held = split(segments)
+    assert list(held) == [4, 5, 14, 15]
+    assert used.shape[0] == segments.shape[0] - 4
+
+
+def test_too_little_to_hold_any_out_is_refused():
+    of = taken(6, 1, 1.5)
+    with pytest.raises(InputError, match="record longer") as caught:
+        split(cut(of, bind(MjSpec.from_string(PENDULUM), of.channels)))
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,176 @@
+"""When something pushes: two masses on rails, simulated as linear systems, with and without pushes."""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy import stats
+from slapshot.diagnosis.filter import Linear
+from slapshot.diagnosis.noise import HELD_S, Noise
+from slapshot.diagnosis.pulses import Scan, pushes, scan
+from slapshot.diagnosis.segments import Segments
+from slapshot.effects.joints.effect import Joint, Situation, State
+
+JOINTS, SEGMENTS, WHITE, FORCE = 2, 6, 1e-4, 0.1
+NONE = np.zeros(0)
+
+
+def rig(interval: float) -> Situation:
+    joints = tuple(
+        Joint(
+            name=f"rail {k}", q=k, v=k, unit="N", actuators=(), torque=1.0, largest=(), speed=1.0, travel=1.0,
+            middle=0.0, inertia=1.0,
+        )
+        for k in range(JOINTS)
+    )  # fmt: skip
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    return Situation(model, joints, (), (), interval, 2)
+
+
+def segments(interval: float = 0.01) -> Segments:
+    """Two episodes, each three segments of half a second side by side."""
+    L = round(0.5 / interval)
+    y = np.zeros((SEGMENTS, L, JOINTS))
+    episode = np.arange(SEGMENTS) // 3
+    first = np.arange(SEGMENTS) % 3 * L
+    return Segments(
+        interval=interval, substeps=1, y=y, shift=0 * y, inside=np.ones(y.shape[:2], bool),
+        time=(first[:, None] + np.arange(L)) * interval, episode=episode, first=first,
+        order=episode - 0.5, controls=(), ids=np.array([7, 9]),
+    )  # fmt: skip
+
+
+def noise(of: Segments) -> Noise:
+    return Noise(
+        white=np.full(JOINTS, WHITE), coloured=np.zeros(JOINTS), correlation_s=np.ones(JOINTS), force=FORCE,
+        torque=np.ones(JOINTS), initial=np.repeat([0.05**2, 1.0], JOINTS), weight=np.ones_like(of.y),
+    )  # fmt: skip
+
+
+def masses(
+    of: Segments, rng: np.random.Generator, push: tuple[int, int, float, float, float] | None = None
+) -> Linear:
+    """Masses of 1 kg, of which the places are seen.
+
+    Args:
+        of: times.
+        rng: of first states, process force and noise.
+        push: episode, joint, begin and end in s, force in N.
+    """
+    h, (S, L), n = of.interval, of.shape, 2 * JOINTS
+    one = np.eye(JOINTS)
+    A = np.block([[one, h * one], [0 * one, one]])
+    B = np.concatenate([h**2 * one, h * one])
+    C = np.concatenate([one, 0 * one], axis=1)
+    r = np.empty((S, L, JOINTS))
+    for s in range(S):
+        x = np.repeat([0.05, 1.0], JOINTS) * rng.standard_normal(n)
+        for t in range(L):
+            r[s, t] = C @ x + WHITE * rng.standard_normal(JOINTS)
+            f = FORCE * np.sqrt(HELD_S / h) * rng.standard_normal(JOINTS)
+            if push is not None and of.episode[s] == push[0]:
+                f[push[1]] += push[4] * (push[2] - 1e-9 <= of.time[s, t] < push[3] - 1e-9)
+            x = A @ x + B @ f
+    shape = (S, L)
+    return Linear(
+        *(np.broadcast_to(part, (*shape, *part.shape)).copy() for part in (A, B)),
+        np.zeros((*shape, n)), np.broadcast_to(C, (*shape, *C.shape)).copy(), r,
+        np.zeros((*shape, n, 0)), np.zeros((*shape, JOINTS, 0)),
+    )  # fmt: skip
+
+
+def scanned(
+    seed: int, push: tuple[int, int, float, float, float] | None = None, interval: float = 0.01
+) -> tuple[Scan, Segments]:
+    of = segments(interval)
+    system = masses(of, np.random.default_rng(seed), push)
+    return scan(system, NONE, noise(of), of, rig(interval)), of
+
+
+def test_without_pushes_p_values_are_at_least_uniform():
+    p = np.array([scanned(seed)[0].p_value for seed in range(100)])
+    assert np.all((p >= 0) & (p <= 1))
+    # No smaller than chance makes them, and not so large that nothing were ever found.
+    assert stats.kstest(p, "uniform", alternative="greater").pvalue > 1e-3
+    assert np.mean(p < 0.5) > 0.1
+
+
+def test_ratios_without_pushes_are_standard_normal():
+    ratio = np.concatenate([scanned(seed)[0].ratio.ravel() for seed in range(20)])
+    # Scaled by the spread of all where that is more than one, so a little less than one.
+    assert 0.8 < np.std(ratio) < 1 + 4 / np.sqrt(2 * len(ratio))
+    assert abs(np.mean(ratio)) < 4 / np.sqrt(len(ratio))
+
+
+def test_without_pushes_none_is_told():
+    """A level of 1 % a recording: 3 or more of 40 have a chance of 0.7 %."""
+    told = 0
+    for seed in range(40):
+        found, of = scanned(1000 + seed)
+        told += bool(pushes(found, of, rig(0.01)))
+    assert told < 3
+
+
+@pytest.mark.parametrize(("joint", "begin", "force"), [(0, 0.2, 1.5), (1, 0.67, -1.5), (1, 1.13, 1.5)])
+def test_a_push_is_located(joint: int, begin: float, force: float):
+    found, of = scanned(3, (1, joint, begin, begin + 0.1, force))
+    assert found.p_value < 1e-4
+    (effect,) = pushes(found, of, rig(0.01))
+    assert effect.part == f"rail {joint}"
+    (pulse,) = effect.pulses
+    assert (pulse.episode, pulse.order) == (9, 0.5)  # as recorded, not an index
+    # The windows that it touches, and at most one before and after.
+    first, last = np.floor(begin / 0.05 + 1e-6) * 0.05, np.ceil((begin + 0.1) / 0.05 - 1e-6) * 0.05
+    assert -0.05 - 1e-9 <= pulse.begin - first <= 1e-9
+    assert -1e-9 <= pulse.end - last <= 0.05 + 1e-9
+    s, w, j = np.unravel_index(np.abs(found.ratio).argmax(), found.ratio.shape)
+    assert (s, j, np.sign(found.ratio[s, w, j])) == (3 + int(begin / 0.5), joint, np.sign(force))
+    # It acts on its joint, in its time and episode alone.
+    times = np.array([pulse.begin, pulse.end, pulse.begin])
+    order = np.array([0.5, 0.5, -0.5])
+    state = State(np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((3, 2)), times, order)
+    acting = effect.force(state, np.array([2.0]))
+    np.testing.assert_array_equal(acting[:, joint], [2, 0, 0])
+    np.testing.assert_array_equal(acting[:, 1 - joint], 0)
+
+
+@pytest.mark.parametrize("interval", [0.01, 0.004])  # at 0.004 s no whole number of windows fills a segment
+def test_a_push_over_the_border_of_segments_is_one(interval: float):
+    found, of = scanned(4, (0, 1, 0.3, 0.7, 2.0), interval)
+    (effect,) = pushes(found, of, rig(interval))
+    (pulse,) = effect.pulses
+    assert pulse.episode == 7
+    assert abs(pulse.begin - 0.3) <= 0.06
+    assert abs(pulse.end - 0.7) <= 0.06
+
+
+def test_pushes_to_and_fro_are_two():
+    """Forward in 0.3 to 0.5 s, back in 0.5 to 0.7 s, with the border of segments between."""
+    of = segments()
+    system, back = masses(of, np.random.default_rng(7), (0, 0, 0.3, 0.5, 2.0)), [0, 0, 0.5, 0.7, -2.0]
+    other = masses(of, np.random.default_rng(7), tuple(back))
+    system.r[1] = other.r[1]  # the second segment is pushed back
+    (effect,) = pushes(scan(system, NONE, noise(of), of, rig(0.01)), of, rig(0.01))
+    first, second = effect.pulses
+    assert first.end == pytest.approx(0.5)
+    assert second.begin == pytest.approx(0.5)
+
+
+def test_what_always_acts_is_no_push():
+    """A force that the model lacks everywhere raises the spread of all windows."""
+    found, of = scanned(5, (0, 0, 0.0, 9.0, 3.0))
+    one, _ = scanned(5, (0, 0, 0.2, 0.3, 3.0))
+    assert np.abs(found.ratio[..., 0]).max() < 0.5 * np.abs(one.ratio[..., 0]).max()
+
+
+def test_values_of_columns_are_taken_off_first():
+    """A column that is the push itself, at its value, leaves nothing."""
+    of = segments()
+    system = masses(of, np.random.default_rng(6), (1, 0, 0.2, 0.3, 3.0))
+    W = np.zeros((*system.d.shape, 1))
+    during = (of.episode[:, None] == 1) & (of.time > 0.2 - 1e-9) & (of.time < 0.3 - 1e-9)
+    W[during, :, 0] = system.B[during][..., 0]
+    own = system.with_columns(W, np.zeros((*system.r.shape, 1)))
+    assert scan(own, np.array([0.0]), noise(of), of, rig(0.01)).p_value < 1e-4
+    left = scan(own, np.array([3.0]), noise(of), of, rig(0.01))
+    nothing, _ = scanned(6)
+    np.testing.assert_allclose(left.ratio, nothing.ratio, atol=1e-6)
