@@ -157,7 +157,7 @@ def test_pushes_to_and_fro_are_two():
 
 def test_what_always_acts_is_no_push():
     """A force that the model lacks everywhere raises the spread of all windows."""
-    found, of = scanned(5, (0, 0, 0.0, 9.0, 3.0))
+    found, _ = scanned(5, (0, 0, 0.0, 9.0, 3.0))
     one, _ = scanned(5, (0, 0, 0.2, 0.3, 3.0))
     assert np.abs(found.ratio[..., 0]).max() < 0.5 * np.abs(one.ratio[..., 0]).max()
 

@@ -1,4 +1,4 @@
-"""Shooting: as the filter on linear systems, and where the filter cannot follow: a spring and play in a joint."""
+"""Shooting: as the filter on linear systems, and where it cannot follow: a spring and play in a joint."""
 
 from dataclasses import replace
 

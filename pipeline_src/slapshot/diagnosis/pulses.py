@@ -94,7 +94,7 @@ def pushes(found: Scan, segments: Segments, rig: Situation) -> Sequence[External
 
 
 def _in_segment(found: Scan, segments: Segments, s: int, j: int, limit: float) -> list[tuple[float, Pulse]]:
-    """Runs of windows that stand out, with those next to them that lean the same way; and how much, signed."""
+    """Runs of windows that stand out, those beside them that lean the same way, and how much (signed)."""
     ratio = found.ratio[s, :, j]
     out = []
     w = 0

@@ -10,7 +10,7 @@ from slapshot.lab.joints.noise import NOISE_SD, read_clean
 from slapshot.lab.joints.registry import KINDS
 from slapshot.lab.joints.rigs import RIGS, rig_named
 
-from tests.lab.joints.conftest import EPISODES, SECONDS, short
+from .conftest import EPISODES, SECONDS, short
 
 ASKED = 3.0
 UNCATALOGUED = {

@@ -22,7 +22,7 @@ from slapshot.lab.joints.noise import (
 )
 from slapshot.lab.joints.rig import CLOCK
 
-from tests.lab.joints.conftest import short
+from .conftest import short
 
 PERIOD = CLOCK.period
 
