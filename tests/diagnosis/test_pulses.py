@@ -114,7 +114,7 @@ def test_without_pushes_none_is_told():
 def test_a_push_is_located(joint: int, begin: float, force: float):
     found, of = scanned(3, (1, joint, begin, begin + 0.1, force))
     assert found.p_value < 1e-4
-    (effect,) = pushes(found, of, rig(0.01))
+    ((effect, _),) = pushes(found, of, rig(0.01))
     assert effect.part == f"rail {joint}"
     (pulse,) = effect.pulses
     assert (pulse.episode, pulse.order) == (9, 0.5)  # as recorded, not an index

@@ -229,12 +229,15 @@ def _arms(found: Search, problem: Problem, windows: Segments) -> tuple[Predictio
     """Predictions of the nominal, refitted and augmented model, each with the noise of its own."""
     first, last = found.nominal, found.final
     base = first.hypothesis
-    arms = []
+    arms: list[Prediction] = []
     for step, hypothesis, theta in (
         (first, base, base.start),
         (first, base, first.examination.fit.theta),
         (last, last.hypothesis, last.examination.fit.theta),
     ):
+        if arms and hypothesis is arms[-1].hypothesis and np.array_equal(theta, arms[-1].theta):
+            arms.append(arms[-1])
+            continue
         fit, noise = step.examination.fit, step.examination.noise
         path = held_out.first_path(step.problem, problem, windows)
         noise, _ = held_out.own_noise(step.problem, hypothesis, theta, fit.path, noise)

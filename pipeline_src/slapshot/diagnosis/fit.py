@@ -22,6 +22,9 @@ from slapshot.effects.joints.effect import Situation, State
 Array = NDArray[np.float64]
 
 _FRESH = 2  # rounds with derivatives of their own
+_DROP = 10.0  # nats that a step may lose, being judged by another linearisation
+_SMALLEST = 1e-3  # share of a step that is still tried
+_DIGITS = 1e-6
 STILL = 0.01  # posterior standard deviations that parameters may still move
 LAW = "law_error"
 
@@ -102,7 +105,7 @@ class Fitter:
         order = np.repeat(self.segments.order, self.segments.shape[1])
         torque = found.torque.reshape(len(x), nv)
         state = State(x[:, :nq], x[:, nq : nq + nv], torque, self.segments.time.reshape(-1), order)
-        W, sd = own_law_errors(system, hypothesis, theta, self.rig, state)
+        W, sd = own_law_errors(system, hypothesis, theta, self.rig, state, self.segments.interval)
         if not len(sd):
             return system, prior
         psi = np.zeros((*system.psi.shape[:3], len(sd)))
@@ -126,7 +129,15 @@ class Fitter:
             torque_scale=self.torque, jacobian=jacobian,
         )  # fmt: skip
 
-    def fit(self, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise, rounds: int = 8) -> Fit:
+    def fit(
+        self,
+        hypothesis: Hypothesis,
+        theta: Array,
+        path: Array,
+        noise: Noise,
+        rounds: int = 8,
+        known: Linear | None = None,
+    ) -> Fit:
         """Fit from a start.
 
         Args:
@@ -135,17 +146,22 @@ class Fitter:
             path: first path.
             noise: that of the data.
             rounds: at most.
+            known: a system about the first path, or one near it, whose derivatives serve for the first round.
         """
         p = len(hypothesis.parameters)
         theta, start = hypothesis.within(theta), hypothesis.start
         covariances = noise.covariances(self.segments.interval)
         moved, converged, evidence = np.inf, False, -np.inf
-        system: Linear | None = None
+        before: tuple[float, Array, Array] | None = None
+        step: Array = np.zeros(p)
+        delta, share = np.zeros((*path.shape[:2], self.simulator.tangent.dim)), 1.0
+        system = known
         precision = np.diag(hypothesis.prior_sd**-2.0)
         for number in range(rounds + 1):
             # A path nearby has nearly the same derivatives: they are taken anew at first and at the end.
-            fresh = number < _FRESH or converged or number == rounds
-            system, prior = self.system(hypothesis, theta, path, jacobian=None if fresh else system)
+            fresh = number < _FRESH or converged or (number == rounds and rounds >= _FRESH + 1)
+            reused = known if number == 0 else None if fresh else system
+            system, prior = self.system(hypothesis, theta, path, jacobian=reused)
             sd = prior.at(noise)
             seen = innovations(system, covariances)
             z = seen.Z.reshape(seen.e.size, -1) * sd
@@ -153,27 +169,42 @@ class Fitter:
             offset[:p] = (theta - start) / sd[:p]
             gradient = z.T @ seen.e.reshape(-1) - offset
             scaled = np.eye(len(sd)) + z.T @ z
-            if not np.all(np.isfinite(scaled)):
+            full = np.zeros(len(sd))
+            evidence = -np.inf
+            if np.all(np.isfinite(scaled)) and np.all(np.isfinite(gradient)):
+                full = np.asarray(np.linalg.solve(scaled, gradient))
+                # More than there is cannot be explained: then the numbers have lost their digits.
+                if gradient @ full < (1 + _DIGITS) * (np.sum(seen.e**2) + offset @ offset):
+                    evidence = float(
+                        log_likelihood(seen) - 0.5 * offset @ offset + 0.5 * gradient @ full
+                        - 0.5 * np.linalg.slogdet(scaled)[1]
+                    )  # fmt: skip
+            if before is not None and evidence < before[0] - _DROP:
+                if number == rounds or share < _SMALLEST:
+                    evidence, theta, path = before
+                    converged = False
+                    break
+                # The step went too far.
+                share /= 4
+                theta = before[1] + share * step
+                path = self.simulator.tangent.add(before[2], share * delta)
+                continue
+            if not np.isfinite(evidence):
                 break
-            step = np.linalg.solve(scaled, gradient)
-            evidence = float(
-                log_likelihood(seen) - 0.5 * offset @ offset + 0.5 * gradient @ step
-                - 0.5 * np.linalg.slogdet(scaled)[1]
-            )  # fmt: skip
             # Precision of the values alone: the nuisance is eliminated (Schur complement).
             own, other = scaled[:p, :p], scaled[:p, p:]
             own = own - other @ np.linalg.solve(scaled[p:, p:], other.T)
             precision = own / np.outer(sd[:p], sd[:p])
             if converged or number == rounds:
                 break
-            step = step * sd
-            target = hypothesis.within(theta + step[:p])
-            step[:p] = target - theta
-            delta, _ = smooth(system.moved(step).without_columns(), covariances)
+            before, share = (evidence, theta, path), 1.0
+            full = full * sd
+            target = hypothesis.within(theta + full[:p])
+            step = target - theta
+            full[:p] = step
+            delta, _ = smooth(system.moved(full).without_columns(), covariances)
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
-            moved = float(np.max(np.abs(step[:p]) / spread, initial=0.0))
+            moved = float(np.max(np.abs(step) / spread, initial=0.0))
             theta, path = target, self.simulator.tangent.add(path, delta)
-            if not np.all(np.isfinite(path)):
-                break
             converged = moved < STILL and number >= 1
         return Fit(hypothesis, theta, path, evidence, precision, converged, moved)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.filter import innovations
+from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.fit import Fitter, prior_of
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.linear import Look
@@ -22,6 +22,7 @@ from slapshot.diagnosis.structure import moved_path
 Array = NDArray[np.float64]
 
 WINDOW_S = 0.5
+_ROUNDS = 5
 
 
 @dataclass(frozen=True)
@@ -99,10 +100,11 @@ def _without_parameters(
     fitter: Fitter, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise
 ) -> Array:
     """Smoothed path with the values held."""
-    from slapshot.diagnosis.filter import smooth
-
-    for _ in range(5):
-        system = fitter.linearise(hypothesis, theta, path).system.without_columns()
+    system: Linear | None = None
+    for number in range(_ROUNDS):
+        # A path nearby has nearly the same derivatives.
+        known = system if number > 1 else None
+        system = fitter.linearise(hypothesis, theta, path, jacobian=known).system.without_columns()
         delta, _ = smooth(system, noise.covariances(fitter.segments.interval))
         path = fitter.simulator.tangent.add(path, delta)
     return path
@@ -120,7 +122,7 @@ def own_noise(
         system = problem.fitter.linearise(hypothesis, theta, path).system.without_columns()
         nothing: tuple[Look, ...] = ()
         prior = prior_of(Hypothesis(problem.rig), nothing)
-        noise = fit_noise(system, prior, noise, problem.segments, problem.kinds)
+        noise = fit_noise(system, prior, noise, problem.segments, problem.kinds, near=True)
         path = _without_parameters(problem.fitter, hypothesis, theta, path, noise)
     return noise, path
 

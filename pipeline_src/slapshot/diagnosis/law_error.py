@@ -25,6 +25,7 @@ _SHAPES: tuple[Callable[[Array, Array], Array], ...] = (
     lambda s, load: np.tanh(load),
     lambda s, load: np.exp(-(load**2)),
 )
+LATE_S = 0.01  # by which a law may follow its state late, as friction does after a reversal
 _FLAT = 1e-6  # of shapes, which are of size 1
 
 
@@ -64,7 +65,7 @@ class LawError(JointEffect):
 
 
 def own_law_errors(
-    system: Linear, hypothesis: Hypothesis, theta: Array, rig: Situation, state: State
+    system: Linear, hypothesis: Hypothesis, theta: Array, rig: Situation, state: State, interval: float
 ) -> tuple[Array, Array]:
     """Columns of the errors of the laws that a hypothesis adds: what they do, times the same shapes.
 
@@ -74,6 +75,7 @@ def own_law_errors(
         theta: their values.
         rig: scales.
         state: of all nodes, S * L.
+        interval: s from node to node.
 
     Returns:
         (S, L, n, k) and standard deviations (k,), in shares of the common size.
@@ -99,8 +101,18 @@ def own_law_errors(
             size = np.sqrt(np.sum(weight * raw**2) / total)
             if size > 1e-9:
                 columns.append(law * (raw / size).reshape(S, L, 1))
+        late = _late(law, max(1, round(LATE_S / interval)))
+        size = np.sqrt(np.sum(late**2) / total)
+        if size > 1e-9:
+            columns.append(late / size)
     W = np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
-    return W, np.full(len(columns), 1 / np.sqrt(len(_SHAPES)))
+    return W, np.full(len(columns), 1 / np.sqrt(len(_SHAPES) + 1))
+
+
+def _late(law: Array, nodes: int) -> Array:
+    """What a law does later, less what it does, (S, L, n): friction gives way before it slips."""
+    later = np.concatenate([np.repeat(law[:, :1], nodes, axis=1), law[:, :-nodes]], axis=1)
+    return later - law
 
 
 def law_errors(rig: Situation, state: State) -> list[Look]:

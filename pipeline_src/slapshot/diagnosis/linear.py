@@ -154,6 +154,15 @@ def linearise(
     p = len(theta)
     W, psi = np.zeros((n, dim, p + len(looks))), np.zeros((n, ny, p + len(looks)))
 
+    state = State(x[:, : tangent.nq], x[:, tangent.nq : tangent.nq + nv], torque, time, order)
+
+    def law_column(k: int, effect: JointEffect, moved: Array, here: Array, step: float) -> None:
+        laws = effect.force(state, moved), effect.force(state, here)
+        if laws[0] is not None and laws[1] is not None:
+            law = (laws[0] - laws[1]).reshape(S, L, nv)
+            held = _over_interval(law, segments.substeps).reshape(n, nv)
+            W[:, :, k] = np.einsum("nij,nj->ni", B, held) / step
+
     def column(k: int, h: Hypothesis, values: Array, step: float, changed_effect: JointEffect) -> None:
         if overrides(changed_effect, "edit") or overrides(changed_effect, "control"):
             m = _quick(h.compiled(values, segments.step))
@@ -179,19 +188,18 @@ def linearise(
                 step = -step
             values = theta.copy()
             values[k] += step
-            column(k, hypothesis, values, step, effect)
-    state = State(x[:, : tangent.nq], x[:, tangent.nq : tangent.nq + nv], torque, time, order)
+            if is_law(effect):
+                law_column(k, effect, values[part], theta[part], step)
+            else:
+                column(k, hypothesis, values, step, effect)
     for k, look in enumerate(looks, start=p):
         if look.effect is None:
             finer = hypothesis.compiled(theta, segments.step / 2)
             moved, _, _ = advance(hypothesis, theta, finer, x, np.repeat(control, 2, axis=1))
             W[:, :, k] = tangent.subtract(moved, base)
-        elif overrides(look.effect, "force") and not overrides(look.effect, "edit"):
+        elif is_law(look.effect):
             start = np.array([parameter.start for parameter in look.effect.parameters])
-            law, rest = look.effect.force(state, np.array(look.values)), look.effect.force(state, start)
-            if law is not None and rest is not None:
-                held = _over_interval((law - rest).reshape(S, L, nv)).reshape(n, nv)
-                W[:, :, k] = np.einsum("nij,nj->ni", B, held) / look.probe
+            law_column(k, look.effect, np.array(look.values), start, look.probe)
         else:
             h = hypothesis.with_effect(look.effect)
             column(k, h, np.concatenate([theta, look.values]), look.probe, look.effect)
@@ -203,6 +211,13 @@ def linearise(
         residual, W.reshape(*shapes, dim, -1), psi.reshape(*shapes, ny, -1),
     )  # fmt: skip
     return Linearised(system, torque.reshape(*shapes, nv), predicted.reshape(*shapes, ny))
+
+
+def is_law(effect: JointEffect) -> bool:
+    """Whether an effect is a force of the present state and nothing else."""
+    return overrides(effect, "force") and not any(
+        overrides(effect, other) for other in ("edit", "control", "observe")
+    )
 
 
 def residuals(rig: Rig, segments: Segments, predicted: Array) -> Array:
@@ -224,7 +239,11 @@ def _quick(model: mujoco.MjModel) -> mujoco.MjModel:
     return model
 
 
-def _over_interval(values: Array) -> Array:
-    """Mean of a law over an interval, from its values at the nodes, (S, L, nv)."""
+def _over_interval(values: Array, steps: int) -> Array:
+    """Mean of a law over an interval, from its values at the nodes, (S, L, nv).
+
+    A law is held over each step at its value from the step's beginning.
+    """
     following = np.concatenate([values[:, 1:], values[:, -1:]], axis=1)
-    return (values + following) / 2
+    share = (steps - 1) / (2 * steps)
+    return (1 - share) * values + share * following

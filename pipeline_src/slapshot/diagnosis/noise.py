@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.linalg import cho_factor, cho_solve
 
 from slapshot.diagnosis.filter import Covariances, Innovations, Linear, innovations
+from slapshot.diagnosis.inference.scoring import Evaluation, maximise
 from slapshot.diagnosis.segments import Segments
 
 Array = NDArray[np.float64]
@@ -20,8 +21,6 @@ Array = NDArray[np.float64]
 HELD_S = 0.01  # process force is told as the standard deviation of a force held so long
 LARGEST_LAW_ERROR = 0.15  # rms share of a law
 CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
-_STILL = 0.01  # nats by which a round of the search still raises the likelihood
-_MOST_ROUNDS = 60
 _WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
 _SEARCH_NODES = 3000
 
@@ -125,7 +124,16 @@ class Prior:
         return np.where(self.law_error, self.sd * noise.law_error, self.sd)
 
 
-def fit_noise(system: Linear, prior: Prior, noise: Noise, segments: Segments, kinds: Sequence[str]) -> Noise:
+def fit_noise(
+    system: Linear,
+    prior: Prior,
+    noise: Noise,
+    segments: Segments,
+    kinds: Sequence[str],
+    *,
+    near: bool = False,
+    colour: bool = True,
+) -> Noise:
     """Noise of the highest likelihood, all columns being integrated out.
 
     What any column explains is no noise: so the columns should be those of everything that might be there.
@@ -136,6 +144,8 @@ def fit_noise(system: Linear, prior: Prior, noise: Noise, segments: Segments, ki
         noise: where the search begins.
         segments: data.
         kinds: quantity of each channel; those of one kind share ratio and correlation time of coloured noise.
+        near: whether the noise was fitted before to a system much like this one, so that one start suffices.
+        colour: whether coloured noise is looked for.
     """
     S, L = segments.shape
     noise = replace(noise, weight=np.ones_like(noise.weight))
@@ -143,51 +153,37 @@ def fit_noise(system: Linear, prior: Prior, noise: Noise, segments: Segments, ki
     part = system.select(some)
     groups = sorted(set(kinds))
     member = np.array([groups.index(kind) for kind in kinds])
+    first = np.array([kinds.index(group) for group in groups])
     least = np.array([quantisation(segments.y[..., c]) / np.sqrt(12) for c in range(len(kinds))])
-    with_law = bool(prior.law_error.any())
     count = len(groups)
 
     # Values: log force, log law error, log factor of each kind's white noise, log ratio and log time of each.
-    def of(values: Array, colour: bool) -> Noise:
+    def of(values: Array) -> Noise:
         white = np.maximum(noise.white * np.exp(values[2 : 2 + count])[member], least)
         found = replace(
             noise, force=float(np.exp(values[0])), law_error=float(np.exp(values[1])),
             white=white, coloured=0 * white,
         )  # fmt: skip
-        if not colour:
+        if len(values) == 2 + count:
             return found
         ratio, time = np.exp(values[2 + count :]).reshape(2, count)
         return replace(found, coloured=white * ratio[member], correlation_s=time[member])
 
-    def cost(values: Array, colour: bool) -> float:
-        candidate = of(values, colour)
+    def evaluate(values: Array) -> Evaluation:
+        candidate = of(values)
         found = innovations(part, candidate.covariances(segments.interval, some))
-        value = -marginal_likelihood(found, prior.at(candidate))
-        return value if np.isfinite(value) else 1e12
-
-    def search(
-        begins: Sequence[Array], colour: bool, limits: list[tuple[float, float]]
-    ) -> tuple[float, Array]:
-        clipped = [np.clip(values, *np.array(limits).T) for values in begins]
-        start = min(clipped, key=lambda values: cost(values, colour))
-        still = _STILL / max(abs(cost(start, colour)), 1.0)
-        found = minimize(
-            cost,
-            start,
-            (colour,),
-            "L-BFGS-B",
-            bounds=limits,
-            options={"maxiter": _MOST_ROUNDS, "ftol": still},
-        )
-        return float(found.fun), found.x
+        return _evaluation(found, prior.at(candidate), prior.law_error)
 
     zero = np.zeros(count)
-    law_limits = (np.log(1e-4), np.log(LARGEST_LAW_ERROR if with_law else 1.01e-4))
-    limits = [(np.log(1e-6), np.log(1e2)), law_limits] + [(-7.0, 7.0)] * count
+    law_high = np.log(LARGEST_LAW_ERROR if prior.law_error.any() else 1.01e-4)
+    limits = [(np.log(1e-6), np.log(1e2)), (np.log(1e-4), law_high)] + [(-7.0, 7.0)] * count
     forces = sorted({1e-5, 1e-3, 1e-2, 1e-1, noise.force})
-    begins = [np.concatenate([[np.log(f), np.log(law)], zero]) for f in forces for law in (1e-3, 0.05)]
-    plain, values = search(begins, False, limits)
-    best = of(values, False)
+    begins = [np.array([np.log(f), np.log(law), *zero]) for f in forces for law in (1e-3, 0.05)]
+    if near:
+        begins = [np.array([np.log(noise.force), np.log(noise.law_error), *zero])]
+    plain, values = maximise(evaluate, begins, limits)
+    if not colour:
+        return _balanced(system, prior, of(values), segments, least)
     longest = max(2 * segments.interval, L * segments.interval / 2)
     limits += [(np.log(0.05), np.log(30.0))] * count
     limits += [(np.log(segments.interval), np.log(longest))] * count
@@ -196,12 +192,31 @@ def fit_noise(system: Linear, prior: Prior, noise: Noise, segments: Segments, ki
                         zero + np.log(ratio), zero + np.log(time)])
         for ratio in (0.5, 2.0, 10.0)
         for time in (4 * segments.interval, longest / 3)
-        for force in (values[0], np.log(1e-4))
+        for force in ((values[0], np.log(1e-4)) if ratio == 2.0 else (values[0],))
     ]  # fmt: skip
-    coloured, values = search(begins, True, limits)
-    if plain - coloured > _WORTH:
-        best = of(values, True)
+    if near and noise.coloured.any():
+        ratio = np.maximum(noise.coloured, 1e-12) / noise.white
+        own = np.concatenate([zero, np.log(ratio[first]), np.log(noise.correlation_s[first])])
+        begins = [np.array([np.log(noise.force), np.log(noise.law_error), *own])]
+    coloured, others = maximise(evaluate, begins, limits)
+    best = of(others if coloured - plain > _WORTH else values)
     return _balanced(system, prior, best, segments, least)
+
+
+def _evaluation(found: Innovations, prior_sd: Array, law: NDArray[np.bool_]) -> Evaluation:
+    """Marginal likelihood of innovations, and what its information is made of."""
+    there = found.e != 0
+    z = found.Z.reshape(found.e.size, -1) * prior_sd
+    gram, b = z.T @ z, z.T @ found.e.reshape(-1)
+    if not np.all(np.isfinite(gram)):
+        return Evaluation(-np.inf, found.e[there], np.log(found.variance[there]))
+    factor = cho_factor(np.eye(len(b)) + gram, lower=True)
+    values = cho_solve(factor, b)
+    value = log_likelihood(found) + 0.5 * b @ values - np.log(np.diag(factor[0])).sum()
+    e = (found.e.reshape(-1) - z @ values).reshape(found.e.shape)
+    # Of the logarithm of the law errors' size: half the trace of the squared relative covariance.
+    own = gram[np.ix_(law, law)] - gram[law] @ cho_solve(factor, gram[:, law])
+    return Evaluation(float(value), e[there], np.log(found.variance[there]), {1: 2 * float(np.sum(own**2))})
 
 
 def _balanced(system: Linear, prior: Prior, noise: Noise, segments: Segments, least: Array) -> Noise:

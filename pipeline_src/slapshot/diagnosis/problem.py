@@ -126,6 +126,7 @@ class Examination:
 
     Attributes:
         fit: of the hypothesis.
+        system: linear about the path before the last round of the fit.
         noise: of the data, everything that might be there being integrated out.
         scores: own parameters and nuisance eliminated.
         effects: candidates; `columns` says which of the scores' candidates are theirs.
@@ -135,6 +136,7 @@ class Examination:
     """
 
     fit: Fit
+    system: Linear
     noise: Noise
     scores: Scores
     effects: tuple[JointEffect, ...]
@@ -159,10 +161,12 @@ def examine(
     fitter = problem.fitter
     present = {effect.key for effect in hypothesis.effects}
     effects = tuple(e for e in problem.catalogue if e.starts and e.key not in present)
-    looks = looks_at(effects)
     own = len(hypothesis.parameters)
     fixed = own + len(problem.nuisance)
-    for _ in range(passes):
+    for number in range(passes):
+        # Passes before the last serve the path alone.
+        last = number == passes - 1
+        looks = looks_at(effects) if last else []
         system, prior = fitter.system(hypothesis, theta, path, looks)
         candidate = np.zeros(len(prior.sd), bool)
         candidate[fixed : fixed + len(looks)] = True
@@ -172,8 +176,9 @@ def examine(
         explains = ~candidate
         explains[fixed : fixed + len(looks)] = ~np.array(many, bool)
         few = Prior(prior.sd[explains], prior.law_error[explains])
-        noise = fit_noise(_with(system, explains), few, noise, problem.segments, problem.kinds)
-        fit = fitter.fit(hypothesis, theta, path, noise, rounds=3)
+        part = _with(system, explains)
+        noise = fit_noise(part, few, noise, problem.segments, problem.kinds, near=passes == 1, colour=last)
+        fit = fitter.fit(hypothesis, theta, path, noise, rounds=3, known=system)
         theta, path = fit.theta, fit.path
     # About the path before the last fit, which is as good a point: scores eliminate what the fit moved.
     found = innovations(system, noise.covariances(problem.segments.interval))
@@ -187,6 +192,7 @@ def examine(
         columns.append(np.array([i for i, look in enumerate(looks) if look.effect is effect]))
     return Examination(
         fit,
+        system.without_columns(),
         noise,
         scores(found, prior.at(noise), fixed_columns),
         effects,

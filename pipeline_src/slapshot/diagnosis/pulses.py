@@ -77,8 +77,8 @@ def scan(system: Linear, values: Array, noise: Noise, segments: Segments, rig: S
     return Scan(ratio, nodes, p_value)
 
 
-def pushes(found: Scan, segments: Segments, rig: Situation) -> Sequence[ExternalPulse]:
-    """Pushes that stand out, one effect a joint."""
+def pushes(found: Scan, segments: Segments, rig: Situation) -> Sequence[tuple[ExternalPulse, float]]:
+    """Pushes that stand out, one effect a joint, and about how many nats they could gain."""
     limit = float(norm.isf(_LEVEL / 2 / max(found.ratio.size, 1)))
     effects = []
     for j, joint in enumerate(rig.joints):
@@ -89,7 +89,8 @@ def pushes(found: Scan, segments: Segments, rig: Situation) -> Sequence[External
         strongest = sorted(joined, key=lambda item: -abs(item[0]))[:_MOST]
         if strongest:
             ordered = sorted((p for _, p in strongest), key=lambda p: (p.episode, p.begin))
-            effects.append(ExternalPulse(joint, ordered))
+            told = np.abs(found.ratio[..., j])
+            effects.append((ExternalPulse(joint, ordered), float(0.5 * np.sum(told[told > limit] ** 2))))
     return effects
 
 

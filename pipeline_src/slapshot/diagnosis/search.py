@@ -29,9 +29,11 @@ Array = NDArray[np.float64]
 P_VALUE = 0.01
 MOST_EFFECTS = 5
 REFITTED = 6  # candidates that are refitted in a step
+_RACE_NODES, _RACE_ROUNDS = 3000, 4  # of a first refit
+_BEHIND, _BEHIND_NATS = 0.02, 30.0  # behind the leader, where no candidate is refitted to everything
 CLASS_NATS = float(np.log(20.0))  # rivals within a factor of twenty cannot be told apart
 _STRUCTURE_JOINTS = 3
-_SHOT_SEGMENTS = 32  # for a first look at structures
+_SHOT_SEGMENTS = 12  # for a first look at structures
 
 Report = Callable[[str], None]
 
@@ -138,23 +140,27 @@ def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | No
     found = gains(examined.scores, examined.columns)
     order = sorted(range(len(found)), key=lambda i: -found[i].log_evidence)
     rivals: list[Rival] = []
-    tried: set[str] = set()
+    tried: dict[str, tuple[JointEffect, Array]] = {}
     for i in order:
         effect = examined.effects[i]
         # One start of a period is enough for each joint.
         family = f"{effect.name}@{effect.part}{effect.variant}"
-        if is_free(effect) or family in tried or found[i].log_evidence < min(worth, 3.0):
-            continue
-        tried.add(family)
-        fit = refit(step, effect, _start(examined, i, found[i].values))
-        rivals.append(Rival(effect, fit.log_evidence - examined.fit.log_evidence, fit))
-        report(f"refitted {effect.key}: {rivals[-1].gain:+.1f} nats")
-        if len(tried) >= REFITTED:
+        if not is_free(effect) and family not in tried and found[i].log_evidence >= min(worth, 3.0):
+            tried[family] = effect, _start(examined, i, found[i].values)
+        if len(tried) == REFITTED:
             break
+    raced = _raced(step, list(tried.values()))
+    leader = max((gain for *_, gain in raced), default=0.0)
+    for effect, start, gain in raced:
+        if gain > leader - max(_BEHIND_NATS, _BEHIND * leader):
+            fit = refit(step, effect, start)
+            rivals.append(Rival(effect, fit.log_evidence - examined.fit.log_evidence, fit))
+            report(f"refitted {effect.key}: {rivals[-1].gain:+.1f} nats")
+    leader = max((rival.gain for rival in rivals), default=0.0)
     present = {effect.key for effect in step.hypothesis.effects}
     if examined.pulses.p_value < P_VALUE:
-        for push in pushes(examined.pulses, problem.segments, problem.situation):
-            if push.key not in present:
+        for push, promise in pushes(examined.pulses, problem.segments, problem.situation):
+            if push.key not in present and promise > _BEHIND * leader:
                 fit = refit(step, push, np.zeros(len(push.parameters)))
                 rivals.append(Rival(push, fit.log_evidence - examined.fit.log_evidence, fit))
                 report(f"refitted {push.name}@{push.part}: {rivals[-1].gain:+.1f} nats")
@@ -164,6 +170,26 @@ def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | No
     best = _simplest(step, rivals)
     examined = examine(problem, best.fit.hypothesis, best.fit.theta, best.fit.path, step.examination.noise)
     return Step(problem, examined, _test(examined, rng), best.effect, best.gain, tuple(rivals))
+
+
+def _raced(
+    step: Step, candidates: Sequence[tuple[JointEffect, Array]]
+) -> list[tuple[JointEffect, Array, float]]:
+    """Candidates fitted to some segments: values that they begin with, and about what they gain on all."""
+    examined, problem = step.examination, step.problem
+    S, L = problem.segments.shape
+    some = np.unique(np.linspace(0, S - 1, min(S, max(4, _RACE_NODES // L))).astype(int))
+    fitter = replace(problem.fitter, segments=problem.segments.select(some))
+    noise = replace(examined.noise, weight=examined.noise.weight[some])
+    system, path = examined.system.select(some), examined.fit.path[some]
+    base, theta = examined.fit.hypothesis, examined.fit.theta
+    none = fitter.fit(base, theta, path, noise, rounds=0, known=system).log_evidence
+    raced = []
+    for effect, start in candidates:
+        both = np.concatenate([theta, start])
+        fit = fitter.fit(base.with_effect(effect), both, path, noise, _RACE_ROUNDS, known=system)
+        raced.append((effect, fit.theta[len(theta) :], (fit.log_evidence - none) * S / len(some)))
+    return raced
 
 
 def _simplest(step: Step, rivals: Sequence[Rival]) -> Rival:
@@ -202,12 +228,12 @@ def _change(step: Step, rival: Rival) -> Array:
     return np.asarray(difference[segments.inside.reshape(n)])
 
 
-def refit(step: Step, effect: JointEffect, start: Array) -> Fit:
+def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8) -> Fit:
     """The step's hypothesis with one effect more, fitted under the step's noise."""
-    examined = step.examination
+    examined, fitter = step.examination, step.problem.fitter
     hypothesis = examined.fit.hypothesis.with_effect(effect)
     theta = np.concatenate([examined.fit.theta, start])
-    return step.problem.fitter.fit(hypothesis, theta, examined.fit.path, examined.noise)
+    return fitter.fit(hypothesis, theta, examined.fit.path, examined.noise, rounds, known=examined.system)
 
 
 def _start(examined: Examination, index: int, values: Array) -> Array:
@@ -284,13 +310,12 @@ def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Rep
 
 def _own_evidence(problem: Problem, fit: Fit, noise: Noise) -> tuple[float, Fit, Noise]:
     """Evidence of a fit under the noise of its own: what it leaves is noise to it."""
-    for _ in range(2):
-        hypothesis = fit.hypothesis
-        system, prior = problem.fitter.system(hypothesis, fit.theta, fit.path)
-        noise = fit_noise(system, prior, noise, problem.segments, problem.kinds)
-        still = problem.fitter.fit(hypothesis, fit.theta, fit.path, noise, rounds=0)
-        moved = problem.fitter.fit(hypothesis, fit.theta, fit.path, noise, rounds=3)
-        fit = moved if moved.log_evidence > still.log_evidence else still
+    hypothesis, fitter = fit.hypothesis, problem.fitter
+    system, prior = fitter.system(hypothesis, fit.theta, fit.path)
+    noise = fit_noise(system, prior, noise, problem.segments, problem.kinds, near=True)
+    still = fitter.fit(hypothesis, fit.theta, fit.path, noise, rounds=0, known=system)
+    moved = fitter.fit(hypothesis, fit.theta, fit.path, noise, rounds=4, known=system)
+    fit = moved if moved.log_evidence > still.log_evidence else still
     return fit.log_evidence, fit, noise
 
 
