@@ -12,7 +12,7 @@ from slapshot.effects.joints.effect import Situation, State
 
 from .mechanisms import PENDULUM, joint, recording, told
 
-SHAPES = 6
+SHAPES = 7
 
 
 def moving(text: str, torque: float | None = None) -> tuple[Situation, State]:
@@ -71,8 +71,8 @@ def test_only_laws_that_the_model_has_can_err(text, laws):
 def test_a_motor_that_does_nothing_does_not_err():
     of, state = moving(PENDULUM, 0.0)
     found = pushes(of, state)
-    # Of damping there are the four shapes of speed; those of load do not vary.
-    assert len(found) == 4
+    # Of damping there are the five shapes of speed; those of load do not vary.
+    assert len(found) == 5
     assert np.all(np.mean(found**2, axis=1) > 0)
 
 
@@ -81,6 +81,6 @@ def test_what_does_not_vary_is_no_error_of_its_own():
     of, state = moving(PENDULUM, 0.7)
     law = -0.05 * state.v[:, 0]
     found = pushes(of, state)
-    assert len(found) == 8
-    for errors in found[4:]:
+    assert len(found) == 10
+    for errors in found[5:]:
         assert abs(errors @ law / (law @ law)) < 1e-9

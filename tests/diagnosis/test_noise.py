@@ -92,7 +92,7 @@ def fitted(of: Made, prior: Prior | None = None) -> Noise:
 
 
 def no_columns() -> Prior:
-    return Prior(np.zeros(0), np.zeros(0, bool))
+    return Prior(np.zeros(0), np.zeros(0, int))
 
 
 def standard_errors(of: Made, names: tuple[str, ...]) -> np.ndarray:

@@ -141,8 +141,7 @@ def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
     C[..., channels, range(n, n + m)] = 1
     d = np.zeros((segments, nodes, n + m))
     d[..., :n] = system.d
-    W = np.zeros((segments, nodes, n + m, system.W.shape[-1]))
-    W[..., :n, :] = system.W
+    W = np.ascontiguousarray(system.W)
     initial = np.concatenate([noise.initial, noise.coloured[channels]])
     psi = np.ascontiguousarray(system.psi)
     return A, B, d, C, np.ascontiguousarray(system.r), W, psi, noise.white, initial, q
@@ -152,6 +151,7 @@ def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
 def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-untyped-def]
     S, L, n = d.shape
     ny, p, nf = r.shape[2], W.shape[3], B.shape[3]
+    moved = W.shape[2]  # states of coloured noise, which come last, no column moves
     e, z, logdet = np.zeros((S, L, ny)), np.zeros((S, L, ny, p)), np.zeros(S)
     variance = np.zeros((S, L, ny))
     kept = L if keep else 0
@@ -181,13 +181,20 @@ def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-unt
                 root = np.sqrt(s)
                 e[k, t, c] = innovation / root
                 logdet[k] += np.log(s)
+                # One column beside the other in the inner loops, which are most of the work.
+                at = z[k, t, c]
+                at[:] = psi[k, t, c]
+                for i in range(n):
+                    if row[i] != 0.0:
+                        for a in range(p):
+                            at[a] += row[i] * X[i, a]
+                for i in range(n):
+                    gain = g[i] / s
+                    if gain != 0.0:
+                        for a in range(p):
+                            X[i, a] -= gain * at[a]
                 for a in range(p):
-                    value = psi[k, t, c, a]
-                    for i in range(n):
-                        value += row[i] * X[i, a]
-                    z[k, t, c, a] = value / root
-                    for i in range(n):
-                        X[i, a] -= g[i] * (value / s)
+                    at[a] /= root
                 for i in range(n):
                     x[i] += g[i] * (innovation / s)
                     for j in range(n):
@@ -200,7 +207,8 @@ def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-unt
             At, Bt = A[k, t], B[k, t]
             x = At @ x + d[k, t]
             if p > 0:
-                X = At @ X + W[k, t]
+                X = At @ X
+                X[:moved] += W[k, t]
             PA = P @ At.T
             P = At @ PA
             for i in range(n):

@@ -15,14 +15,14 @@ from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.law_error import own_law_errors
 from slapshot.diagnosis.linear import Linearised, Look, linearise
-from slapshot.diagnosis.noise import Noise, Prior, log_likelihood
+from slapshot.diagnosis.noise import ADDED, NOMINAL, Noise, Prior, log_likelihood
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Situation, State
 
 Array = NDArray[np.float64]
 
 _FRESH = 2  # rounds with derivatives of their own
-_DROP = 10.0  # nats that a step may lose, being judged by another linearisation
+_DROP = 0.05  # share of its evidence that a step may lose: each is judged by a linearisation of its own
 _SMALLEST = 1e-3  # share of a step that is still tried
 _DIGITS = 1e-6
 STILL = 0.01  # posterior standard deviations that parameters may still move
@@ -31,9 +31,9 @@ LAW = "law_error"
 
 def prior_of(hypothesis: Hypothesis, looks: Sequence[Look]) -> Prior:
     """Priors of the columns that linearising gives."""
-    law = [False] * len(hypothesis.parameters)
-    law += [look.effect is not None and look.effect.name == LAW for look in looks]
-    return Prior(np.concatenate([hypothesis.prior_sd, [look.scale for look in looks]]), np.array(law, bool))
+    law = [0] * len(hypothesis.parameters)
+    law += [NOMINAL * (look.effect is not None and look.effect.name == LAW) for look in looks]
+    return Prior(np.concatenate([hypothesis.prior_sd, [look.scale for look in looks]]), np.array(law, int))
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Fitter:
         wider = system.with_columns(
             np.concatenate([system.W, W], axis=-1), np.concatenate([system.psi, psi], axis=-1)
         )
-        law = np.concatenate([prior.law_error, np.ones(len(sd), bool)])
+        law = np.concatenate([prior.law_error, np.full(len(sd), ADDED)])
         return wider, Prior(np.concatenate([prior.sd, sd]), law)
 
     def linearise(
@@ -179,7 +179,7 @@ class Fitter:
                         log_likelihood(seen) - 0.5 * offset @ offset + 0.5 * gradient @ full
                         - 0.5 * np.linalg.slogdet(scaled)[1]
                     )  # fmt: skip
-            if before is not None and evidence < before[0] - _DROP:
+            if before is not None and evidence < before[0] - _DROP * abs(before[0]):
                 if number == rounds or share < _SMALLEST:
                     evidence, theta, path = before
                     converged = False

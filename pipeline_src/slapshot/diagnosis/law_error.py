@@ -18,6 +18,7 @@ from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situat
 Array = NDArray[np.float64]
 
 _SHAPES: tuple[Callable[[Array, Array], Array], ...] = (
+    lambda s, load: np.exp(-((s / 0.05) ** 2)),
     lambda s, load: np.exp(-((s / 0.2) ** 2)),
     lambda s, load: np.exp(-(s**2)),
     lambda s, load: np.tanh(s),

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 HELD_S = 0.01  # process force is told as the standard deviation of a force held so long
 LARGEST_LAW_ERROR = 0.15  # rms share of a law
+TYPICAL_LAW_ERROR = 0.05  # of empirical laws, before any of them is known
 CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
 _WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
 _SEARCH_NODES = 3000
@@ -36,7 +37,8 @@ class Noise:
         force: process force over `torque`, as the sd of a force held for `HELD_S`.
         torque: (nv,) N m or N, scale of forces.
         initial: (n,) variances of a segment's first state about the path.
-        law_error: size of the errors of the model's own laws, as a share.
+        law_error: size of the errors of the nominal model's laws, as a share.
+        added_error: the same of laws that a hypothesis adds.
         weight: (S, L, ny) factor on the white variance; more than 1 for outliers.
     """
 
@@ -48,6 +50,7 @@ class Noise:
     initial: Array
     weight: Array
     law_error: float = 1e-4
+    added_error: float = TYPICAL_LAW_ERROR
 
     def covariances(self, interval: float, segments: NDArray[np.intp] | None = None) -> Covariances:
         """What the filter takes."""
@@ -107,21 +110,26 @@ def first_noise(segments: Segments, torque: Array, n: int, position: Array, spee
     return Noise(white, np.zeros(ny), np.full(ny, 0.05), 1e-2, torque, initial, np.ones_like(segments.y))
 
 
+NOMINAL, ADDED = 1, 2
+
+
 @dataclass(frozen=True)
 class Prior:
     """Priors of a system's columns.
 
     Attributes:
         sd: (p,) standard deviations.
-        law_error: (p,) whether a column is a law error, whose sd is in shares of its common size.
+        law_error: (p,) `NOMINAL` or `ADDED` for errors of such laws, whose sd is in shares of their common
+            size; 0 for other columns.
     """
 
     sd: Array
-    law_error: NDArray[np.bool_]
+    law_error: NDArray[np.intp]
 
     def at(self, noise: Noise) -> Array:
         """(p,) standard deviations under a noise."""
-        return np.where(self.law_error, self.sd * noise.law_error, self.sd)
+        size = np.where(self.law_error == NOMINAL, noise.law_error, 1.0)
+        return self.sd * np.where(self.law_error == ADDED, noise.added_error, size)
 
 
 def fit_noise(
@@ -157,16 +165,17 @@ def fit_noise(
     least = np.array([quantisation(segments.y[..., c]) / np.sqrt(12) for c in range(len(kinds))])
     count = len(groups)
 
-    # Values: log force, log law error, log factor of each kind's white noise, log ratio and log time of each.
+    # Values: logarithms of force and of law errors of both kinds; then for each kind of channel of a factor on
+    # white noise, of the ratio of coloured noise to it, and of its time.
     def of(values: Array) -> Noise:
-        white = np.maximum(noise.white * np.exp(values[2 : 2 + count])[member], least)
+        white = np.maximum(noise.white * np.exp(values[3 : 3 + count])[member], least)
         found = replace(
             noise, force=float(np.exp(values[0])), law_error=float(np.exp(values[1])),
-            white=white, coloured=0 * white,
+            added_error=float(np.exp(values[2])), white=white, coloured=0 * white,
         )  # fmt: skip
-        if len(values) == 2 + count:
+        if len(values) == 3 + count:
             return found
-        ratio, time = np.exp(values[2 + count :]).reshape(2, count)
+        ratio, time = np.exp(values[3 + count :]).reshape(2, count)
         return replace(found, coloured=white * ratio[member], correlation_s=time[member])
 
     def evaluate(values: Array) -> Evaluation:
@@ -175,12 +184,17 @@ def fit_noise(
         return _evaluation(found, prior.at(candidate), prior.law_error)
 
     zero = np.zeros(count)
-    law_high = np.log(LARGEST_LAW_ERROR if prior.law_error.any() else 1.01e-4)
-    limits = [(np.log(1e-6), np.log(1e2)), (np.log(1e-4), law_high)] + [(-7.0, 7.0)] * count
+    # Sizes of which no column tells stay what they were.
+    law_limits = [
+        (np.log(1e-4), np.log(LARGEST_LAW_ERROR)) if np.any(prior.law_error == kind) else (np.log(size),) * 2
+        for kind, size in ((NOMINAL, noise.law_error), (ADDED, noise.added_error))
+    ]
+    limits = [(np.log(1e-6), np.log(1e2)), *law_limits, *[(-7.0, 7.0)] * count]
     forces = sorted({1e-5, 1e-3, 1e-2, 1e-1, noise.force})
-    begins = [np.array([np.log(f), np.log(law), *zero]) for f in forces for law in (1e-3, 0.05)]
+    begins = [np.log([f, law, noise.added_error, *np.ones(count)]) for f in forces for law in (1e-3, 0.05)]
+    now = np.log([noise.force, noise.law_error, noise.added_error])
     if near:
-        begins = [np.array([np.log(noise.force), np.log(noise.law_error), *zero])]
+        begins = [np.concatenate([now, zero])]
     plain, values = maximise(evaluate, begins, limits)
     if not colour:
         return _balanced(system, prior, of(values), segments, least)
@@ -188,7 +202,7 @@ def fit_noise(
     limits += [(np.log(0.05), np.log(30.0))] * count
     limits += [(np.log(segments.interval), np.log(longest))] * count
     begins = [
-        np.concatenate([[force], values[1:2], values[2:] - 0.5 * np.log1p(ratio**2),
+        np.concatenate([[force], values[1:3], values[3:] - 0.5 * np.log1p(ratio**2),
                         zero + np.log(ratio), zero + np.log(time)])
         for ratio in (0.5, 2.0, 10.0)
         for time in (4 * segments.interval, longest / 3)
@@ -197,13 +211,13 @@ def fit_noise(
     if near and noise.coloured.any():
         ratio = np.maximum(noise.coloured, 1e-12) / noise.white
         own = np.concatenate([zero, np.log(ratio[first]), np.log(noise.correlation_s[first])])
-        begins = [np.array([np.log(noise.force), np.log(noise.law_error), *own])]
+        begins = [np.concatenate([now, own])]
     coloured, others = maximise(evaluate, begins, limits)
     best = of(others if coloured - plain > _WORTH else values)
     return _balanced(system, prior, best, segments, least)
 
 
-def _evaluation(found: Innovations, prior_sd: Array, law: NDArray[np.bool_]) -> Evaluation:
+def _evaluation(found: Innovations, prior_sd: Array, law_error: NDArray[np.intp]) -> Evaluation:
     """Marginal likelihood of innovations, and what its information is made of."""
     there = found.e != 0
     z = found.Z.reshape(found.e.size, -1) * prior_sd
@@ -215,8 +229,12 @@ def _evaluation(found: Innovations, prior_sd: Array, law: NDArray[np.bool_]) -> 
     value = log_likelihood(found) + 0.5 * b @ values - np.log(np.diag(factor[0])).sum()
     e = (found.e.reshape(-1) - z @ values).reshape(found.e.shape)
     # Of the logarithm of the law errors' size: half the trace of the squared relative covariance.
-    own = gram[np.ix_(law, law)] - gram[law] @ cho_solve(factor, gram[:, law])
-    return Evaluation(float(value), e[there], np.log(found.variance[there]), {1: 2 * float(np.sum(own**2))})
+    information = {}
+    for kind in (NOMINAL, ADDED):
+        law = law_error == kind
+        own = gram[np.ix_(law, law)] - gram[law] @ cho_solve(factor, gram[:, law])
+        information[kind] = 2 * float(np.sum(own**2))
+    return Evaluation(float(value), e[there], np.log(found.variance[there]), information)
 
 
 def _balanced(system: Linear, prior: Prior, noise: Noise, segments: Segments, least: Array) -> Noise:

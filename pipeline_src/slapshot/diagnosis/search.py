@@ -29,11 +29,12 @@ Array = NDArray[np.float64]
 P_VALUE = 0.01
 MOST_EFFECTS = 5
 REFITTED = 6  # candidates that are refitted in a step
-_RACE_NODES, _RACE_ROUNDS = 3000, 4  # of a first refit
+_RACE_NODES, _RACE_ROUNDS = 2000, 4  # of a first refit
 _BEHIND, _BEHIND_NATS = 0.02, 30.0  # behind the leader, where no candidate is refitted to everything
 CLASS_NATS = float(np.log(20.0))  # rivals within a factor of twenty cannot be told apart
 _STRUCTURE_JOINTS = 3
 _SHOT_SEGMENTS = 12  # for a first look at structures
+_SHOT_BEHIND = 20.0  # nats behind the law there, where no structure is followed further
 
 Report = Callable[[str], None]
 
@@ -258,17 +259,20 @@ def _start(examined: Examination, index: int, values: Array) -> Array:
 def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Report) -> Step | None:
     """A model with a state of its own in place of the rival; None where none is better."""
     problem, examined = before.problem, before.examination
-    candidates = [effect for effect in problem.catalogue if effect.hidden_state]
     statistic = {j.name: 0.0 for j in problem.situation.joints}
     for effect, value in zip(examined.effects, before.test.statistics, strict=True):
         if effect.part in statistic:
             statistic[effect.part] = max(statistic[effect.part], float(value))
     parts = sorted(statistic, key=lambda part: -statistic[part])[:_STRUCTURE_JOINTS]
-    own = rival.examination
-    level = _own_evidence(rival.problem, own.fit, own.noise)[0]
-    fits: list[tuple[float, Problem, Fit, Noise, JointEffect]] = []
-    for effect in candidates:
-        if effect.part not in parts and effect.part in statistic:
+    # All are shot at some segments first, the rival too, under the same noise.
+    S = problem.segments.shape[0]
+    some = np.unique(np.linspace(0, S - 1, min(S, _SHOT_SEGMENTS)).astype(int))
+    own = rival.examination.fit
+    quiet = _without_memory(examined.noise)
+    law = _shot(rival.problem, own.hypothesis, own.theta, own.path, quiet, some)
+    tried: list[tuple[Fit, Problem, Noise, JointEffect]] = []
+    for effect in problem.catalogue:
+        if not effect.hidden_state or (effect.part in statistic and effect.part not in parts):
             continue
         report(f"trying {effect.key}")
         try:
@@ -277,23 +281,18 @@ def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Rep
             continue
         there = (*before.hypothesis.effects, effect)
         hypothesis = Hypothesis(moved.rig, same_effects(there, instances(moved.situation)))
-        noise = replace(examined.noise, torque=moved.torque, initial=moved.first_noise.initial)
-        white = np.sqrt(noise.white**2 + noise.coloured**2)
-        still = replace(noise, white=white, coloured=0 * white)
+        noise = replace(quiet, torque=moved.torque, initial=moved.first_noise.initial)
         theta = np.concatenate([examined.fit.theta, [p.start for p in effect.parameters]])
-        S = moved.segments.shape[0]
-        some = np.unique(np.linspace(0, S - 1, min(S, _SHOT_SEGMENTS)).astype(int))
-        few = replace(still, weight=still.weight[some])
-        fit = shoot(
-            moved.fitter.simulator, hypothesis, theta, moved.segments.select(some), moved.path[some], few
-        )
-        if np.isfinite(fit.log_evidence):
-            fits.append((fit.log_evidence, moved, fit, still, effect))
-    fits.sort(key=lambda item: -item[0])
+        fit = _shot(moved, hypothesis, theta, moved.path, noise, some)
+        if fit.log_evidence > law.log_evidence - _SHOT_BEHIND:
+            tried.append((fit, moved, noise, effect))
+    tried.sort(key=lambda item: -item[0].log_evidence)
+    if not tried:
+        return None
+    level = _own_evidence(rival.problem, own, rival.examination.noise)[0]
     best: tuple[float, Problem, Fit, Noise, JointEffect] | None = None
-    for _, moved, part, noise, effect in fits[:2]:
-        simulator, hypothesis = moved.fitter.simulator, part.hypothesis
-        fit = shoot(simulator, hypothesis, part.theta, moved.segments, moved.path, noise, rounds=4)
+    for part, moved, noise, effect in tried[:2]:
+        fit = _shot(moved, part.hypothesis, part.theta, moved.path, noise, np.arange(S), rounds=4)
         evidence, improved, noise = _own_evidence(moved, fit, noise)
         report(f"refitted {effect.key}: {evidence - level:+.1f} nats against the law that gained most")
         if best is None or evidence > best[0]:
@@ -306,6 +305,28 @@ def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Rep
     return Step(
         moved, examined, _test(examined, rng), effect, gain, (Rival(effect, gain, fit), *rival.rivals)
     )
+
+
+def _without_memory(noise: Noise) -> Noise:
+    """The noise, all of it white: so a trial is cheap."""
+    return replace(
+        noise, white=np.sqrt(noise.white**2 + noise.coloured**2), coloured=np.zeros_like(noise.coloured)
+    )
+
+
+def _shot(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    theta: Array,
+    path: Array,
+    noise: Noise,
+    some: NDArray[np.intp],
+    rounds: int = 12,
+) -> Fit:
+    """A fit to some segments by shooting."""
+    few = replace(noise, weight=noise.weight[some])
+    simulator, segments = problem.fitter.simulator, problem.segments.select(some)
+    return shoot(simulator, hypothesis, theta, segments, path[some], few, rounds)
 
 
 def _own_evidence(problem: Problem, fit: Fit, noise: Noise) -> tuple[float, Fit, Noise]:

@@ -1,7 +1,7 @@
 """Fisher scoring: the highest likelihood of a few variances, within limits.
 
 Derivatives are differences. The information is that of Gaussian innovations e with variances s,
-Σ ½ ∂(log s) ∂(log s)ᵀ + ∂ν ∂νᵀ / s, where ν = e √s (Harvey 1989, 3.4.6): steps need no second derivatives, and
+Σ ½ ∂(log s) ∂(log s)ᵀ + ∂ν ∂νᵀ / s, where ν = e √s (Harvey 1989, 3.4.6): steps need no second derivatives and
 know how far to go in every direction, so that a few rounds suffice.
 """
 
