@@ -44,7 +44,7 @@ class Dense:
     Attributes:
         mean, columns, covariance: of y, its change by θ, and its covariance.
         delta, delta_covariance, delta_columns: mean of all δ, (L, N), their covariance with y, change by θ.
-        force_covariance: of all forces, (L, NV), with y.
+        force_covariance, coloured_covariance: of all forces, (L, NV), and coloured noise, (L, NY), with y.
         seen: what is not missing.
     """
 
@@ -54,6 +54,7 @@ class Dense:
     delta: np.ndarray
     delta_covariance: np.ndarray
     force_covariance: np.ndarray
+    coloured_covariance: np.ndarray
     seen: np.ndarray
 
 
@@ -69,25 +70,26 @@ def dense(system: Linear, noise: Covariances, k: int) -> Dense:
         np.tile(noise.coloured * (1 - noise.decay**2), L), noise.white[k].ravel(),
     ])  # fmt: skip
 
-    def run(z: np.ndarray, theta: np.ndarray, known: float) -> tuple[np.ndarray, np.ndarray]:
+    def run(z: np.ndarray, theta: np.ndarray, known: float) -> tuple[np.ndarray, ...]:
         delta, rest = z[:N], z[N:]
         force, rest = rest[:forces].reshape(L, NV), rest[forces:]
         coloured, rest = rest[:NY], rest[NY:]
         drive, white = rest[:drives].reshape(L, NY), rest[drives:].reshape(L, NY)
-        y, path = [], []
+        y, path, colours = [], [], []
         for t in range(L):
             path.append(delta)
+            colours.append(coloured)
             y.append(system.C[k, t] @ delta + system.psi[k, t] @ theta + coloured + white[t])
             delta = system.A[k, t] @ delta + known * system.d[k, t] + system.W[k, t] @ theta
             delta = delta + system.B[k, t] @ force[t]
             coloured = noise.decay * coloured + drive[t]
-        return np.ravel(y), np.ravel(path)
+        return np.ravel(y), np.ravel(path), np.ravel(colours)
 
     none = np.zeros(len(variance))
-    mean, delta = run(none, np.zeros(P), 1.0)
+    mean, delta, _ = run(none, np.zeros(P), 1.0)
     columns = np.stack([run(none, unit, 0.0)[0] for unit in np.eye(P)], axis=1)
     maps = [run(unit, np.zeros(P), 0.0) for unit in np.eye(len(variance))]
-    to_y, to_delta = (np.stack(part, axis=1) for part in zip(*maps, strict=True))
+    to_y, to_delta, to_coloured = (np.stack(part, axis=1) for part in zip(*maps, strict=True))
     seen = np.isfinite(system.r[k].ravel())
     to_force = np.eye(len(variance))[N : N + forces]
     weighted = variance[:, None] * to_y[seen].T
@@ -98,6 +100,7 @@ def dense(system: Linear, noise: Covariances, k: int) -> Dense:
         delta,
         to_delta @ weighted,
         to_force @ weighted,
+        to_coloured @ weighted,
         seen,
     )
 
@@ -130,12 +133,13 @@ def test_innovations_are_those_of_the_dense_gaussian(case):
 
 def test_smoothed_states_and_forces_are_the_conditional_means(case):
     system, noise = case
-    delta, force = smooth(system, noise)
+    delta, force, coloured = smooth(system, noise)
     for k in range(S):
         of = dense(system, noise, k)
         gain = np.linalg.solve(of.covariance, system.r[k].ravel()[of.seen] - of.mean)
         np.testing.assert_allclose(delta[k].ravel(), of.delta + of.delta_covariance @ gain, atol=1e-8)
         np.testing.assert_allclose(force[k].ravel(), of.force_covariance @ gain, atol=1e-8)
+        np.testing.assert_allclose(coloured[k].ravel(), of.coloured_covariance @ gain, atol=1e-8)
 
 
 def test_innovations_are_linear_in_the_columns(case):
@@ -148,7 +152,7 @@ def test_innovations_are_linear_in_the_columns(case):
 
 def test_segments_know_nothing_of_each_other(case):
     system, noise = case
-    whole, (delta, force) = innovations(system, noise), smooth(system, noise)
+    whole, (delta, force, _) = innovations(system, noise), smooth(system, noise)
     for k in range(S):
         alone = np.array([k])
         own = replace(noise, white=noise.white[alone])
@@ -170,7 +174,7 @@ def test_no_columns_and_no_data():
     assert found.count == 0
     assert np.all(found.e == 0)
     assert np.all(found.logdet == 0)
-    delta, force = smooth(blind, noise)
+    delta, force, _ = smooth(blind, noise)
     expected = np.zeros((S, L, N))
     for t in range(L - 1):
         expected[:, t + 1] = np.einsum("sij,sj->si", blind.A[:, t], expected[:, t]) + blind.d[:, t]
@@ -180,7 +184,7 @@ def test_no_columns_and_no_data():
 
 def test_without_process_force_the_smoothed_path_obeys_the_model():
     system, noise = random_system(5), replace(random_noise(6), force=np.zeros(NV))
-    delta, force = smooth(system, noise)
+    delta, force, _ = smooth(system, noise)
     following = np.einsum("stij,stj->sti", system.A, delta) + system.d
     np.testing.assert_allclose(delta[:, 1:], following[:, :-1], atol=1e-8)
     assert np.all(force == 0)
@@ -200,7 +204,7 @@ def test_wide_first_states_and_small_noise_keep_their_digits():
         np.broadcast_to(C, (*shape, 1, 2)), r, np.zeros((*shape, 2, 0)), np.zeros((*shape, 1, 0)),
     )  # fmt: skip
     noise = Covariances(initial, np.zeros(1), np.full((*shape, 1), R), np.zeros(1), np.full(1, 0.5))
-    found, (delta, _) = innovations(system, noise), smooth(system, noise)
+    found, (delta, *_) = innovations(system, noise), smooth(system, noise)
     # A straight line through all samples, by least squares with the prior as two further rows.
     design = np.column_stack([np.ones(steps), interval * np.arange(steps)])
     rows = np.vstack([design / np.sqrt(R), np.diag(initial**-0.5)])

@@ -136,7 +136,7 @@ def test_a_push_is_located(joint: int, begin: float, force: float):
 @pytest.mark.parametrize("interval", [0.01, 0.004])  # at 0.004 s no whole number of windows fills a segment
 def test_a_push_over_the_border_of_segments_is_one(interval: float):
     found, of = scanned(4, (0, 1, 0.3, 0.7, 2.0), interval)
-    (effect,) = pushes(found, of, rig(interval))
+    ((effect, _),) = pushes(found, of, rig(interval))
     (pulse,) = effect.pulses
     assert pulse.episode == 7
     assert abs(pulse.begin - 0.3) <= 0.06
@@ -149,7 +149,7 @@ def test_pushes_to_and_fro_are_two():
     system, back = masses(of, np.random.default_rng(7), (0, 0, 0.3, 0.5, 2.0)), [0, 0, 0.5, 0.7, -2.0]
     other = masses(of, np.random.default_rng(7), tuple(back))
     system.r[1] = other.r[1]  # the second segment is pushed back
-    (effect,) = pushes(scan(system, NONE, noise(of), of, rig(0.01)), of, rig(0.01))
+    ((effect, _),) = pushes(scan(system, NONE, noise(of), of, rig(0.01)), of, rig(0.01))
     first, second = effect.pulses
     assert first.end == pytest.approx(0.5)
     assert second.begin == pytest.approx(0.5)

@@ -140,6 +140,18 @@ def test_one_outlying_segment_makes_no_case():
     assert found[0] == pytest.approx(-stats.f.logsf(1, 1, 19), rel=0.05)
 
 
+def test_segments_that_agree_on_a_value_make_a_case_though_they_tell_unequally_much():
+    of = columns(21, segments=6, alike=0.1)
+    of.z[...] *= np.array([1.0, 3.0, 0.3, 2.0, 0.1, 1.5])[:, None, None]
+    e = null_data(of, np.random.default_rng(22)) + 500 * of.z[..., 0]
+    found = Elimination(of.scores(e))(of.scores(e).b)
+    assert group_statistics(found, GROUPS)[0] > 10
+    # Each segment's information sums to that of all.
+    for group in GROUPS:
+        whole = found.information[np.ix_(group, group)]
+        np.testing.assert_allclose(found.by_segment(group).sum(0), whole, rtol=1e-9, atol=1e-9)
+
+
 def test_a_single_segment_can_speak():
     """Without a spread between segments the noise is taken at its word."""
     for score, k in ((3.0, 1), (0.5, 1)):

@@ -109,11 +109,11 @@ def innovations(system: Linear, noise: Covariances) -> Innovations:
     return Innovations(e, z, logdet, int(np.isfinite(system.r).sum()), variance)
 
 
-def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array]:
-    """Smoothed changes from the path, and smoothed process forces.
+def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array, Array]:
+    """Smoothed changes from the path, process forces and coloured observation noise.
 
     Returns:
-        (S, L, n) and (S, L, nv); the force of the last node, which leads nowhere, is 0.
+        (S, L, n), (S, L, nv) and (S, L, ny); the force of the last node, which leads nowhere, is 0.
     """
     arguments = _arguments(system, noise)
     *_, x, P, K, s, innovation = _forward(True, *arguments)
@@ -121,7 +121,9 @@ def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array]:
     delta, adjoint = _backward(arguments[0], arguments[3], x, P, K, s, innovation)
     force = np.zeros((*system.d.shape[:2], system.B.shape[-1]))
     force[:, :-1] = -noise.force * np.einsum("stij,sti->stj", system.B[:, :-1], adjoint[:, 1:, :n])
-    return delta[..., :n], force
+    coloured = np.zeros(system.r.shape)
+    coloured[..., np.flatnonzero(noise.coloured > 0)] = delta[..., n:]
+    return delta[..., :n], force, coloured
 
 
 def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:

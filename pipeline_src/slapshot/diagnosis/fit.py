@@ -202,7 +202,7 @@ class Fitter:
             target = hypothesis.within(theta + full[:p])
             step = target - theta
             full[:p] = step
-            delta, _ = smooth(system.moved(full).without_columns(), covariances)
+            delta, *_ = smooth(system.moved(full).without_columns(), covariances)
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
             moved = float(np.max(np.abs(step) / spread, initial=0.0))
             theta, path = target, self.simulator.tangent.add(path, delta)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.fit import Fitter, prior_of
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.linear import Look
+from slapshot.diagnosis.linear import Look, residuals
 from slapshot.diagnosis.noise import Noise, fit_noise
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.problem import Problem
@@ -31,7 +31,7 @@ class Predictions:
 
     Attributes:
         error: (W, nodes, ny) recorded less predicted; NaN where nothing was recorded.
-        predicted: (W, nodes, ny).
+        predicted: (W, nodes, ny), with what is known of coloured noise.
         floor: (W, nodes, ny) standard deviation of the error that noise alone would make.
         log_likelihood: (W,) of what was recorded in the windows, given the data before.
     """
@@ -79,9 +79,9 @@ def predict(
     before = replace(windows, y=masked)
     own = replace(noise, weight=np.ones_like(masked))
     fitter = Fitter(problem.fitter.simulator, before, problem.torque)
-    path = _without_parameters(fitter, hypothesis, theta, path, own)
-    system = fitter.linearise(hypothesis, theta, path).system.without_columns()
-    predicted = windows.y - _residual(fitter, hypothesis, theta, path, windows)
+    path, coloured = _without_parameters(fitter, hypothesis, theta, path, own)
+    found = fitter.linearise(hypothesis, theta, path)
+    system, predicted = found.system.without_columns(), found.predicted + coloured
     quiet = replace(own, force=1e-6)
     floor = np.sqrt(innovations(system, quiet.covariances(windows.interval)).variance)
     whole = replace(fitter, segments=windows)
@@ -92,26 +92,22 @@ def predict(
         np.sum(all_of_it.e**2, axis=(1, 2)) + all_of_it.logdet
         - np.sum(first.e**2, axis=(1, 2)) - first.logdet
     )  # fmt: skip
-    error = (windows.y - predicted)[:, half:]
+    error = residuals(problem.rig, windows, predicted)[:, half:]
     return Predictions(error, predicted[:, half:], floor[:, half:], log_likelihoods)
 
 
 def _without_parameters(
     fitter: Fitter, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise
-) -> Array:
-    """Smoothed path with the values held."""
+) -> tuple[Array, Array]:
+    """Smoothed path and coloured noise with the values held."""
     system: Linear | None = None
     for number in range(_ROUNDS):
         # A path nearby has nearly the same derivatives.
         known = system if number > 1 else None
         system = fitter.linearise(hypothesis, theta, path, jacobian=known).system.without_columns()
-        delta, _ = smooth(system, noise.covariances(fitter.segments.interval))
+        delta, _, coloured = smooth(system, noise.covariances(fitter.segments.interval))
         path = fitter.simulator.tangent.add(path, delta)
-    return path
-
-
-def _residual(fitter: Fitter, hypothesis: Hypothesis, theta: Array, path: Array, windows: Segments) -> Array:
-    return replace(fitter, segments=windows).linearise(hypothesis, theta, path).system.r
+    return path, coloured
 
 
 def own_noise(
@@ -123,7 +119,7 @@ def own_noise(
         nothing: tuple[Look, ...] = ()
         prior = prior_of(Hypothesis(problem.rig), nothing)
         noise = fit_noise(system, prior, noise, problem.segments, problem.kinds, near=True)
-        path = _without_parameters(problem.fitter, hypothesis, theta, path, noise)
+        path, _ = _without_parameters(problem.fitter, hypothesis, theta, path, noise)
     return noise, path
 
 

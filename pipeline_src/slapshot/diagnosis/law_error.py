@@ -26,7 +26,8 @@ _SHAPES: tuple[Callable[[Array, Array], Array], ...] = (
     lambda s, load: np.tanh(load),
     lambda s, load: np.exp(-(load**2)),
 )
-LATE_S = 0.01  # by which a law may follow its state late, as friction does after a reversal
+LATE_S = (0.005, 0.01, 0.02)  # by which a law may follow its state late, as friction does after a reversal
+_SLOW = (0.05, 0.2)  # of the usual speed, where a friction may be another than farther from rest
 _FLAT = 1e-6  # of shapes, which are of size 1
 
 
@@ -102,12 +103,22 @@ def own_law_errors(
             size = np.sqrt(np.sum(weight * raw**2) / total)
             if size > 1e-9:
                 columns.append(law * (raw / size).reshape(S, L, 1))
-        late = _late(law, max(1, round(LATE_S / interval)))
-        size = np.sqrt(np.sum(late**2) / total)
-        if size > 1e-9:
-            columns.append(late / size)
+        # Where a friction holds fast it does nothing, and a share of it would be nothing too.
+        speed = state.v[:, joint.v].reshape(S, L)
+        for slow in _SLOW if effect.friction else ():
+            near_rest = np.tanh(speed / joint.step_speed) * np.exp(-((speed / (slow * joint.speed)) ** 2))
+            columns.append(_sized(system.B[..., joint.v] * near_rest[..., None], total))
+        for nodes in sorted({max(1, round(late / interval)) for late in LATE_S}):
+            columns.append(_sized(_late(law, nodes), total))
+    columns = [column for column in columns if np.any(column)]
     W = np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
-    return W, np.full(len(columns), 1 / np.sqrt(len(_SHAPES) + 1))
+    return W, np.full(len(columns), 1 / np.sqrt(len(_SHAPES) + len(_SLOW) + len(LATE_S)))
+
+
+def _sized(column: Array, total: float) -> Array:
+    """A column with the same sum of squares as a law; 0 where there is next to nothing of it."""
+    size = np.sqrt(np.sum(column**2) / total)
+    return column / size if size > 1e-9 else np.zeros_like(column)
 
 
 def _late(law: Array, nodes: int) -> Array:

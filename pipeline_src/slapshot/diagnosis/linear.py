@@ -117,8 +117,10 @@ def linearise(
         return Observed(*flat, order)
 
     base, y, torque = advance(hypothesis, theta, model, x, control)
-    # Differences need the model's integrator no more than derivatives need its last digits.
-    quick = _quick(model)
+    # Differences need the model's integrator no more than derivatives need its last digits; only springs that
+    # are stiff for the time step do.
+    quicker = (lambda m: m) if hypothesis.rig.added_dofs else _quick
+    quick = quicker(model)
     same = quick is model
     near = base if same else advance(hypothesis, theta, quick, x, control)[0]
     if jacobian is None:
@@ -165,7 +167,7 @@ def linearise(
 
     def column(k: int, h: Hypothesis, values: Array, step: float, changed_effect: JointEffect) -> None:
         if overrides(changed_effect, "edit") or overrides(changed_effect, "control"):
-            m = _quick(h.compiled(values, segments.step))
+            m = quicker(h.compiled(values, segments.step))
             u = control
             if overrides(changed_effect, "control"):
                 u = h.control(segments, values).reshape(n, segments.substeps, -1)

@@ -165,8 +165,8 @@ def fit_noise(
     least = np.array([quantisation(segments.y[..., c]) / np.sqrt(12) for c in range(len(kinds))])
     count = len(groups)
 
-    # Values: logarithms of force and of law errors of both kinds; then for each kind of channel of a factor on
-    # white noise, of the ratio of coloured noise to it, and of its time.
+    # Values: logarithms of force and of law errors of both kinds; then for each kind of channel of a factor
+    # on white noise, of the ratio of coloured noise to it, and of its time.
     def of(values: Array) -> Noise:
         white = np.maximum(noise.white * np.exp(values[3 : 3 + count])[member], least)
         found = replace(

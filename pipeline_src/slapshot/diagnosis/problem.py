@@ -73,9 +73,7 @@ class Problem:
         for joint in scales.joints:
             torque[joint.v] = joint.torque
         # What has no actuator and no mass of its own is pushed by nobody.
-        for dof in range(rig.model.nv):
-            if rig.model.joint(int(rig.model.dof_jntid[dof])).name.startswith("slapshot:"):
-                torque[dof] *= 1e-3
+        torque[list(rig.added_dofs)] *= 1e-3
         nuisance = _nuisance(rig, self.segments, scales, moved)
         return Problem(rig, self.channels, self.segments, scales, moved, torque, nuisance, self.threads)
 

@@ -85,6 +85,12 @@ class Rig:
         return int(np.flatnonzero(self.model.sensor_adr <= self.observations[column].address)[-1])
 
     @cached_property
+    def added_dofs(self) -> tuple[int, ...]:
+        """Indices in qvel of joints that an effect with a state of its own has added."""
+        names = [self.model.joint(int(j)).name for j in self.model.dof_jntid]
+        return tuple(dof for dof, name in enumerate(names) if name.startswith(OWN))
+
+    @cached_property
     def quaternions(self) -> tuple[list[int], ...]:
         """Columns of the observations, w first, of every quaternion that is observed whole."""
         model, parts = self.model, dict[tuple[int, ...], dict[int, int]]()

@@ -4,7 +4,7 @@ With whitened residuals e and columns Z = [candidates | nuisance] of each segmen
 are b = Zᵀe and H = ZᵀZ, segment by segment.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,8 @@ from scipy.stats import f as f_distribution
 from slapshot.diagnosis.filter import Innovations
 
 Array = NDArray[np.float64]
+
+_FEWEST = 0.01  # degrees of freedom between segments
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,13 @@ class Eliminated:
     Attributes:
         segment: (S, k) each segment's; their sum is that of generalised least squares.
         information: (k, k) of all.
+        by_segment: what each segment has of the information of some candidates, (S, g, g); None where all
+            have as much.
     """
 
     segment: Array
     information: Array
+    by_segment: Callable[[NDArray[np.intp]], Array] | None = None
 
 
 class Elimination:
@@ -65,6 +70,7 @@ class Elimination:
     def __init__(self, of: Scores) -> None:
         self._candidate, self._nuisance = np.flatnonzero(~of.nuisance), np.flatnonzero(of.nuisance)
         c, m = self._candidate, self._nuisance
+        self._H = of.H
         total = of.H.sum(0)
         self._prior = np.eye(len(m)) + total[np.ix_(m, m)]
         # Share of each nuisance column in each candidate.
@@ -87,7 +93,15 @@ class Elimination:
         prior = (values @ self._share / b.shape[-2])[..., None, :]
         S, k, n = self._cross.shape
         known = (values @ self._cross.reshape(S * k, n).T).reshape(*values.shape[:-1], S, k)
-        return Eliminated(raw - known + prior, self.information)
+        return Eliminated(raw - known + prior, self.information, self.by_segment)
+
+    def by_segment(self, group: NDArray[np.intp]) -> Array:
+        """Each segment's information of some candidates, (S, g, g); the sum is that of all."""
+        columns, m, share = self._candidate[group], self._nuisance, self._share[:, group]
+        own = self._H[:, columns[:, None], columns[None, :]]
+        cross = self._H[:, columns[:, None], m[None, :]] @ share
+        nuisance = self._H[:, m[:, None], m[None, :]] + np.eye(len(m)) / len(self._H)
+        return own - cross - cross.transpose(0, 2, 1) + share.T @ nuisance @ share
 
 
 class Draws:
@@ -115,10 +129,10 @@ class Draws:
 def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> Array:
     """Hotelling's test of each group of columns on the segments' scores, as -log p; (..., groups).
 
-    The sum of a group's scores over their spread between segments, so that noise that is larger or longer
-    than thought is in both: of one column, Student's t. The spread is taken as round in units of the
-    information. A single segment is compared with the information alone. A group that the data say nothing of
-    has 0.
+    The sum of a group's scores over how far segments are from agreeing on its values, so that noise that is
+    larger or longer than thought is in both: of one column, of which all segments tell as much, Student's t.
+    The spread is taken as round in units of the information. A single segment is compared with the
+    information alone. A group that the data say nothing of has 0.
     """
     statistic = []
     segments = found.segment.shape[-2]
@@ -129,14 +143,20 @@ def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> A
         white = vectors[:, keep] / np.sqrt(eigenvalues[keep])
         each = found.segment[..., group] @ white
         k = white.shape[1]
-        total = (each.sum(-2) ** 2).sum(-1)
+        sums = each.sum(-2)
+        total = (sums**2).sum(-1)
         if k == 0:
             statistic.append(np.zeros(total.shape))
         elif segments == 1:
             statistic.append(-chi2.logsf(total, k))
         else:
+            share = np.broadcast_to(np.eye(k) / segments, (segments, k, k))
+            if found.by_segment is not None:
+                share = white.T @ found.by_segment(group) @ white
             # One segment that outweighs all others is both sum and spread, and makes no case by itself.
-            about = (each**2).sum((-2, -1)) - total / segments
-            ratio = total / segments / np.maximum(about, 1e-12 * total) * (segments - 1)
-            statistic.append(-f_distribution.logsf(ratio, k, k * (segments - 1)))
+            alike = float(np.sum(share**2)) / k
+            about = ((each - np.einsum("sij,...j->...si", share, sums)) ** 2).sum((-2, -1))
+            free = max(1 / alike - 1, _FEWEST)
+            ratio = total / np.maximum(about, 1e-12 * total) * (1 - 1 / (1 + free))
+            statistic.append(-f_distribution.logsf(ratio, k, k * free))
     return np.stack(statistic, axis=-1)

@@ -65,7 +65,7 @@ def predicted_motion(outcome: Outcome, arm: str, some: NDArray[np.intp]) -> Moti
     hypothesis, theta = prediction.hypothesis, prediction.theta
     for _ in range(_ROUNDS):
         system = fitter.linearise(hypothesis, theta, path).system.without_columns()
-        delta, _ = smooth(system, covariances)
+        delta, *_ = smooth(system, covariances)
         path = fitter.simulator.tangent.add(path, delta)
     seen = fitter.linearise(hypothesis, theta, path).predicted
     return Motion(problem.rig, path[..., : problem.rig.model.nq], seen)

@@ -56,7 +56,7 @@ def missing(outcome: Outcome, arm: str) -> Missing:
             system = problem.fitter.linearise(hypothesis, theta, path, [STEP_ERROR]).system
             values = np.append(np.zeros(len(theta)), STEP_ERROR.scale)
             system = system.moved(values).without_columns()
-            delta, pushed = smooth(system, covariances)
+            delta, pushed, _ = smooth(system, covariances)
             path = problem.fitter.simulator.tangent.add(path, delta)
         left = system.r - np.einsum("stij,stj->sti", system.C, delta)
         return pushed, left

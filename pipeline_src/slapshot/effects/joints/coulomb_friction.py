@@ -13,6 +13,7 @@ class CoulombFriction(JointEffect):
     source = "Olsson et al. (1998), European Journal of Control 4(3)"
     phrase = "Coulomb friction at {part}"
     empirical = True
+    friction = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["CoulombFriction"]:

@@ -14,6 +14,7 @@ class DirectionFriction(JointEffect):
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
     phrase = "friction at {part} that differs between directions"
     empirical = True
+    friction = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["DirectionFriction"]:

@@ -168,6 +168,7 @@ class JointEffect:
         parameters: with priors for this part.
         many_forms: whether it is looked at in so many forms that together they would explain noise.
         empirical: whether its law is one of experience, which holds to some ten per cent.
+        friction: whether it is one; of that near rest no such law tells well.
         hidden_state: whether it has a state of its own, so that a first-order look cannot model it.
     """
 
@@ -178,6 +179,7 @@ class JointEffect:
     hidden_state: ClassVar[bool] = False
     many_forms: ClassVar[bool] = False
     empirical: ClassVar[bool] = False
+    friction: ClassVar[bool] = False
 
     def __init__(self, part: str, parameters: Sequence[Parameter], variant: str = "") -> None:
         self.part, self.parameters, self.variant = part, tuple(parameters), variant

@@ -13,6 +13,7 @@ class FrictionDrift(JointEffect):
     source = "Bittencourt, Gunnarsson (2012), ASME J. of Dynamic Systems, Measurement, and Control 134(5)"
     phrase = "friction at {part} that drifts over the session"
     empirical = True
+    friction = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["FrictionDrift"]:

@@ -13,6 +13,7 @@ class LoadFriction(JointEffect):
     source = "Hamon, Gautier, Garrec (2010), IROS"
     phrase = "friction at {part} that grows with load"
     empirical = True
+    friction = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["LoadFriction"]:

@@ -14,6 +14,7 @@ class StribeckFriction(JointEffect):
     source = "Stribeck (1902); Armstrong-Helouvry et al. (1994), Automatica 30(7)"
     phrase = "friction at {part} that falls with speed (Stribeck)"
     empirical = True
+    friction = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["StribeckFriction"]:

@@ -13,6 +13,7 @@ class ViscousFriction(JointEffect):
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
     phrase = "viscous friction at {part}"
     empirical = True
+    friction = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["ViscousFriction"]:
