@@ -21,8 +21,8 @@ def page(tmp_path):
     return run
 
 
-def row(value, low, high):
-    return {"value": value, "low": low, "high": high}
+def row(value, low, high, measure="named_first", n=20):
+    return {"measure": measure, "value": value, "low": low, "high": high, "n": n}
 
 
 @pytest.mark.parametrize(
@@ -37,6 +37,8 @@ def row(value, low, high):
         (row(0.08, 0.03, 0.15), (None, 0.02), "**missed**"),
         (row(0.0, 0.0, 0.01), (None, 0.0), "reached"),
         (row(0.01, 0.001, 0.02), (None, 0.0), "**missed**"),
+        (row(12.0, 11.0, 13.0, "cpu_s", 6), (None, 30), "reached"),
+        (row(12.0, 11.0, 13.0, "cpu_s", 5), (None, 30), "undecided"),
     ],
 )
 def test_an_aim_is_reached_or_missed_where_the_whole_interval_says_so(measured, aim, said):
@@ -51,9 +53,9 @@ def test_the_page_tells_aims_and_that_the_lab_is_a_stand_in(scored, page):
     assert "4 cases: 3 null, 1 single." in text
     assert "| false_alarm | null | at most 2 % | 0 % (0 to 56) | 3 | undecided |" in text
     assert "| named_first | single | at least 90 % | 100 % (21 to 100) | 1 | undecided |" in text
-    assert "| held_out_over_floor | single | at most 1.10 | 1.00 (1.00 to 1.00) | 1 | reached |" in text
+    assert "| held_out_over_floor | single | at most 1.10 | 1.00 (1.00 to 1.00) | 1 | undecided |" in text
     assert "| made_worse | all | none | 0 % (0 to 49) | 4 | reached |" in text
-    assert "| cpu_s | all, nothing concealed | at most 30 s | 12 s (12 to 12) | 3 | reached |" in text
+    assert "| cpu_s | all, nothing concealed | at most 30 s | 12 s (12 to 12) | 3 | undecided |" in text
     assert "pair" not in text.partition("## Aims")[2].partition("\n\n")[0]
     assert text.endswith("## What it got wrong\n\nNothing.\n")
 
