@@ -5,11 +5,15 @@ import functools
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from slapshot.effects import modules_of_results
+from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.errors import InputError
+from slapshot.lab.joints import cases as joint_cases
+from slapshot.lab.joints.order import Condition, Order
 from slapshot.plan import CLAIMS, FIGURES, ON_DEMAND, STAGES, make_plan
 from slapshot.proof.cases import Case, write_cases
 from slapshot.store.closure import code_digest, imported_libraries
@@ -108,7 +112,8 @@ VERDICTS = {"verdict/small/s1", "score/small", "verdict/full/f1", "score/full"}
 FROM_SIGNATURES = {"signatures/hockey/pool"} | VERDICTS
 FROM_POOL = {"demonstrations/hockey/pool", "case/small/s1", "case/full/f1"} | FROM_SIGNATURES
 FROM_SCENE = {"scene/hockey"} | FROM_DEMONSTRATIONS | FROM_POOL | DIAGNOSES
-ALL = FROM_SCENE | figures("T1", "T2", "F2") | REGRESSION
+JOINT_PROOF = {"joint_case/j1", "joint_verdict/j1", "joint_case/j2", "joint_verdict/j2", "joint_score"}
+ALL = FROM_SCENE | figures("T1", "T2", "F2") | REGRESSION | JOINT_PROOF
 
 LAB = {
     "hits": 10,
@@ -118,6 +123,11 @@ LAB = {
     "objects": {"red": {}},
     "joints": {"rate_hz": 100},
 }
+
+JOINT_CASES = [
+    joint_cases.Case("j1", "pair", Order("arm", 2**47, (("spring", 2.5), ("payload", 0.8)), episodes=6)),
+    joint_cases.Case("j2", "null, cluttered", Order("kuka", 5, (), Condition("ou20", True, 1e-3))),
+]
 
 _digest_once = functools.cache(code_digest)
 _libraries_once = functools.cache(imported_libraries)
@@ -158,6 +168,8 @@ def config(own, tmp_path) -> dict:
     for key, name in (("small", "s1"), ("published", "f1")):
         cases[key] = str(tmp_path / f"{key}.csv")
         write_cases([Case(name, "plain", 7, (("tilt", 0.8),))], Path(cases[key]))
+    cases["joints"] = str(tmp_path / "joints.csv")
+    joint_cases.write_cases(JOINT_CASES, Path(cases["joints"]))
     return {
         "name": "test",
         "regression": copy.deepcopy(DEFAULT["regression"]),
@@ -324,6 +336,60 @@ def test_a_parameter_changes_what_depends_on_it_and_nothing_else(config, path, v
     assert changed(before, after) == expected
 
 
+def test_the_proof_for_joints_has_one_version_a_case_and_is_made_on_demand(config):
+    plan = make_plan(config)
+    assert plan.on_demand >= JOINT_PROOF
+    for case in JOINT_CASES:
+        recorded, verdict = (
+            plan.recipes[f"joint_case/{case.case}"],
+            plan.recipes[f"joint_verdict/{case.case}"],
+        )
+        assert Order.of_config(Recipe.from_json(recorded.to_json()).config) == case.order
+        assert recorded.upstream == {}
+        assert verdict.upstream == {"case": (recorded.stage, recorded.id)}
+        # What is concealed reaches a diagnosis neither by its settings nor by the name of the condition.
+        assert verdict.config == {"seed": 0}
+    score = plan.recipes["joint_score"]
+    assert score.config == {"cases": {"j1": "pair", "j2": "null, cluttered"}}
+    assert set(score.upstream) == {"case/j1", "verdict/j1", "case/j2", "verdict/j2"}
+
+
+def test_a_case_of_joints_changes_its_own_versions_and_the_score(config):
+    before = ids(config)
+    other = replace(JOINT_CASES[0], order=replace(JOINT_CASES[0].order, seed=6))
+    joint_cases.write_cases([other, JOINT_CASES[1]], Path(config["cases"]["joints"]))
+    assert changed(before, ids(config)) == {"joint_case/j1", "joint_verdict/j1", "joint_score"}
+    other = replace(JOINT_CASES[0], condition="single")
+    joint_cases.write_cases([other, JOINT_CASES[1]], Path(config["cases"]["joints"]))
+    assert changed(before, ids(config)) == {"joint_score"}
+
+
+def test_every_effect_on_joints_belongs_to_the_code_of_a_verdict_on_joints(config, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        "slapshot.store.recipe.code_digest", lambda *modules: asked.append(modules) or "0" * 64
+    )
+    make_plan(config)
+    effects = {effect.__module__ for effect in joint_effects().values()}
+    for stage in ("joint_verdict", "joint_score"):
+        (modules,) = {modules for modules in asked if STAGES[stage] in modules}
+        assert effects <= set(modules)
+
+
+def test_a_plan_needs_no_simulator():
+    """What it reads of the lists of cases is text."""
+    code = "import sys; from slapshot.plan import load_plan; load_plan(); print('mujoco' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
+def test_a_list_of_joints_that_is_not_there_is_named_in_one_line(config):
+    config["cases"]["joints"] = "nowhere.csv"
+    told = r"^cases\.joints: nowhere\.csv: no such file; .* such as config/cases/joints\.csv$"
+    with pytest.raises(InputError, match=told):
+        make_plan(config)
+
+
 def test_the_name_of_a_configuration_changes_nothing(config):
     before = ids(config)
     config["name"] = "other"
@@ -374,7 +440,7 @@ def test_a_second_domain_shares_what_is_equal_and_leaves_the_first_alone(config)
     config["domains"]["second"]["seed"] = 2
     after = ids(config)
     assert changed(before, {label: after[label] for label in before}) == {"claims"}
-    shared = REGRESSION - {"claims"} | FROM_POOL
+    shared = REGRESSION - {"claims"} | FROM_POOL | JOINT_PROOF
     assert set(after) - set(before) == {
         label.replace("hockey", "second") for label in ALL - shared - {"claims"}
     }

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from slapshot.errors import InputError
 from slapshot.publish import MANIFEST, SMALL_PROOF, publish
+from slapshot.publish_version import publish_version
 from slapshot.store.folder import Store
 from slapshot.store.lock import held
 from slapshot.store.recipe import Recipe
@@ -69,6 +70,21 @@ def test_the_small_proof_has_a_folder_of_its_own(store, target):
     publish(store, [put(store, "score", 2, proof_page_md="told anew")], target)
     assert [p.name for p in folder.iterdir()] == ["proof-page.md"]
     assert (folder / "proof-page.md").read_text() == "told anew"
+
+
+def test_a_proof_leaves_the_measures_of_other_labs(store, target):
+    head = "lab,measure,condition,value,low,high,n\n"
+    first, joints = "first,in_class,plain,0.9,0.8,1,53\n", "joints,in_class,single,0.8,0.7,0.9,110\n"
+    recipe = Recipe("joint_score", {"number": 1}, code="0" * 64)
+    with store.new_version(recipe) as out:
+        for name, text in (("proof.csv", head + joints), ("page.md", "told"), ("cases.csv", "case\n")):
+            (out / name).write_text(text)
+    target.mkdir()
+    (target / "proof.csv").write_text(head + first + joints.replace("0.8", "0.5"))
+    folder = store.folder("joint_score", recipe.id)
+    publish_version(folder, target, "proof-joints", beside=["page.md"], measures="proof.csv")
+    assert published(target) == {"proof.csv": head + first + joints, "page.md": "told"}
+    assert {p.name for p in (target / "proof-joints").iterdir()} == {"cases.csv", "versions.json"}
 
 
 def test_publishing_again_changes_no_file(store, target):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from slapshot.command import set_up_logging
 from slapshot.errors import InputError, writing
+from slapshot.proof.case_table import merge_measures
 from slapshot.publish import copy_file
 from slapshot.store.version_file import REPAIR, damaged_files, read_version_file
 
@@ -17,7 +18,9 @@ log = logging.getLogger("slapshot")
 TOLD = (".csv", ".md", ".png", ".pdf")
 
 
-def publish_version(version: Path, target: Path, folder: str, beside: Sequence[str] = ()) -> None:
+def publish_version(
+    version: Path, target: Path, folder: str, beside: Sequence[str] = (), measures: str | None = None
+) -> None:
     """Copy tables, pages and figures of a version to `target`/`folder`, and versions.json.
 
     Args:
@@ -25,6 +28,7 @@ def publish_version(version: Path, target: Path, folder: str, beside: Sequence[s
         target: figures/, or that of a configuration.
         folder: name.
         beside: files that go to `target` itself.
+        measures: table of a proof that goes to `target` itself, where the rows of other labs stay.
 
     Raises:
         InputError: the version is damaged, or `target` cannot be written.
@@ -36,7 +40,9 @@ def publish_version(version: Path, target: Path, folder: str, beside: Sequence[s
         aside = target / folder
         aside.mkdir(parents=True, exist_ok=True)
         for file in sorted(version.iterdir()):
-            if file.suffix in TOLD:
+            if file.name == measures:
+                merge_measures(file, target / file.name)
+            elif file.suffix in TOLD:
                 copy_file(file, (target if file.name in beside else aside) / file.name)
         recipe = read_version_file(version)["recipe"]
         own = {recipe["stage"]: version.name}
@@ -54,12 +60,13 @@ def main() -> None:
     parser.add_argument("--name", required=True, help="of the configuration")
     parser.add_argument("--folder", required=True, help="in figures/, or in that of the configuration")
     parser.add_argument("--beside", action="append", default=[], help="file that goes beside the folder")
+    parser.add_argument("--measures", help="table of a proof that goes there, beside the rows of other labs")
     parser.add_argument("--log", type=Path)
     args = parser.parse_args()
     target = Path("figures") if args.name == "default" else Path("figures") / args.name
     try:
         set_up_logging("publish", args.log)
-        publish_version(args.version, target, args.folder, args.beside)
+        publish_version(args.version, target, args.folder, args.beside, args.measures)
     except (InputError, OSError) as error:
         log.error("%s", error)
         sys.exit(1)

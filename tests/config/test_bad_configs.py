@@ -149,6 +149,7 @@ def test_whatever_the_models_bound_is_refused_beyond(block):
         # Names.
         ("name", "proof", "", "figures/proof is a folder of the default configuration; write another name"),
         ("name", "small-proof", "", "is a folder of the default"),
+        ("name", "proof-joints", "", "is a folder of the default"),
         ("name", "circle-hockey", "", "is a folder of the default"),
         ("name", "fresh", "", "is a folder of the default"),
         ("name", "-rf", "", "'-rf' is not allowed; use letters, digits, _ and -, the first a letter or digi"),
@@ -203,6 +204,7 @@ def test_only_stand_in_rigs_can_be_hit_anew(block):
         (".recordings.own", OWN | {"path": "a\0b"}, ".recordings.own.path", "unprintable character; remove"),
         ("cases.small", "nowhere.csv", "", "nowhere.csv: no such file; name a list of cases"),
         ("cases.published", "config", "", "config: no such file; name a list of cases"),
+        ("cases.joints", "config", "", "config: no such file; name a list of cases"),
         ("cases.pool.count", 30, "", "case .* in config/cases/.*.csv hits each of 2 .* even executed twice"),
         ("cases.lab.repeats", {"commands": 10, "times": 6}, "cases.small", "hits of case .* are too few for"),
     ],

@@ -148,6 +148,7 @@ MAY_IMPORT = {
 # Handlers that go on after anything, and note what it said: whatever an effect of anybody raises, and a
 # figure that cannot be drawn. Nothing of the package that runs there raises InputError but of bad input.
 NOTED = {
+    "slapshot.diagnosis.diagnose",  # why a recording does not suffice: told, and no more
     "slapshot.diagnosis.pucks.report",
     "slapshot.diagnosis.pucks.signatures",
     "slapshot.diagnosis.pucks.trial",

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.command import Run
+from slapshot.diagnosis import stage_verdict
 from slapshot.diagnosis.pucks.stage_verdict import produce
 from slapshot.store.recipe import Recipe
 from workspace import Version, Workspace, downstream, job_counts, snakemake_command
@@ -144,12 +145,42 @@ def test_the_proof_says_its_hours_and_is_published_with_its_versions(workspace, 
     assert "proof: 0 cases to do, about 0.0 hours" in done.stdout
     assert job_counts(done.stdout) == {"score_version": 1, "proof": 1}
     measures = pd.read_csv(aside / "proof.csv")
-    assert list(measures.columns) == ["measure", "condition", "value", "low", "high", "n"]
+    assert list(measures.columns) == ["lab", "measure", "condition", "value", "low", "high", "n"]
+    assert set(measures["lab"]) == {"first"}
     assert "A small proof" not in (aside / "proof.md").read_text()
     versions = json.loads((aside / "proof/versions.json").read_text())
     verdicts = {v.id for label, v in workspace.plan().items() if label.startswith("verdict/small/")}
     assert {name for role, name in versions.items() if role.startswith("verdict/")} == verdicts
     assert len(pd.read_csv(aside / "proof/cases.csv")) == len(verdicts)
+
+
+def test_the_proof_for_joints_is_made_case_by_case_and_published_beside_the_other(workspace, aside, tmp_path):
+    first = "lab,measure,condition,value,low,high,n\nfirst,in_class,plain,0.9,0.8,1,53\n"
+    (aside / "proof.csv").write_text(first)
+    done = workspace.snakemake("proof_joints")
+    assert "proof_joints: 2 cases to do" in done.stdout
+    assert job_counts(done.stdout) == {
+        "joint_case_version": 2,
+        "joint_verdict_version": 2,
+        "joint_score_version": 1,
+        "proof_joints": 1,
+    }
+    assert (aside / "proof.csv").read_text().startswith(first + "joints,")
+    assert "| false_alarm | null |" in (aside / "proof_joints.md").read_text()
+    assert "stand-in" in (aside / "proof_joints.md").read_text()
+    made_from = json.loads((aside / "proof-joints/versions.json").read_text())
+    assert len(pd.read_csv(aside / "proof-joints/cases.csv")) == 2
+    assert job_counts(workspace.snakemake("--dry-run", "proof_joints").stdout) == {"proof_joints": 1}
+
+    # A verdict is the same, but for the time it took, where there is no truth to read.
+    store = workspace.root / "data/store"
+    case, verdict = (store / f"joint_{s}" / made_from[f"{s}/t0000"] for s in ("case", "verdict"))
+    assert (case / "sealed/truth.json").is_file()
+    shutil.copytree(case, tmp_path / case.name, ignore=shutil.ignore_patterns("sealed", "version.json"))
+    stage_verdict.produce(Run({"seed": 0}, {"case": tmp_path / case.name}, tmp_path, 1))
+    said = [json.loads((folder / "verdict.json").read_text()) for folder in (tmp_path, verdict)]
+    assert [one.pop("cpu_s") > 0 for one in said] == [True, True]
+    assert said[0] == said[1]
 
 
 def test_what_is_found_goes_back_into_rollouts_and_models(workspace, aside):

@@ -2,13 +2,17 @@
 
 
 onstart:
-    if "proof" in workflow.dag_settings.targets:
-        from slapshot.proof.hours import hours_left
+    for target, stages in {
+        "proof": ("case", "verdict"),
+        "proof_joints": ("joint_case", "joint_verdict"),
+    }.items():
+        if target in workflow.dag_settings.targets:
+            from slapshot.proof.hours import hours_left
 
-        count, hours = hours_left(store, plan, workflow.cores)
-        print(
-            f"proof: {count} cases to do, about {hours:.1f} hours on {workflow.cores} cores"
-        )
+            count, hours = hours_left(store, plan, stages, workflow.cores)
+            print(
+                f"{target}: {count} cases to do, about {hours:.1f} hours on {workflow.cores} cores"
+            )
 
 
 rule signatures:
@@ -121,4 +125,4 @@ rule proof:
         ),
     shell:
         "python -m slapshot.publish_version --name {params.name:q} --folder proof "
-        "--beside proof.csv --beside proof.md --log {log} {params.folder:q} && {params.retire}"
+        "--measures proof.csv --beside proof.md --log {log} {params.folder:q} && {params.retire}"

@@ -12,7 +12,7 @@ from slapshot.config.values import Box, FilePath, MayMiss, Name, Seed
 from slapshot.validation import Model, ProblemAtError, validated_part
 
 # Folders that the default configuration publishes to, beside its figures.
-_TAKEN, _TAKEN_BEGINNING = ("proof", "small-proof", "fresh"), "circle-"
+_TAKEN, _TAKEN_BEGINNING = ("proof", "proof-joints", "small-proof", "fresh"), "circle-"
 
 
 class Pool(ScriptedHits):
@@ -31,6 +31,7 @@ class Cases(Model):
     domain: Name = Field(description="whose scene the rigs have")
     published: FilePath = Field(description="list of the cases of the full proof (CSV)")
     small: FilePath = Field(description="list of those of the small one")
+    joints: FilePath = Field(description="list of those of the proof for joints")
     seed: Seed = Field(description="of the pool of commands")
     pool: Pool = Field(description="demonstrations that commands are drawn from")
     like: Name = Field(description="recording of the domain whose rigs these are like")

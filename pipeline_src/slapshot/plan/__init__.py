@@ -14,6 +14,7 @@ from slapshot.plan.acting import add_acting
 from slapshot.plan.adaptation import add_method, add_regression, add_uncertainty
 from slapshot.plan.catalogue import CLAIMS, FIGURES, ON_DEMAND, STAGES
 from slapshot.plan.diagnosis import add_diagnoses
+from slapshot.plan.joint_proof import add_joint_proof
 from slapshot.plan.proof import add_proof
 from slapshot.plan.recipes import Plan
 from slapshot.plan.refinement import add_refinement
@@ -69,6 +70,7 @@ def _make_plan(config: Mapping[str, Any]) -> Plan:
         add_diagnoses(plan, name, domain)
         add_retraining(plan, name, domain)
     add_proof(plan, config)
+    add_joint_proof(plan, config)
     add_claims(plan, config)
     add_figures(plan, config)
     return plan

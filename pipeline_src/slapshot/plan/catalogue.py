@@ -34,14 +34,20 @@ STAGES = {
     "case": "slapshot.lab.__main__",
     "verdict": "slapshot.diagnosis.pucks.stage_verdict",
     "score": "slapshot.proof.__main__",
+    "joint_case": "slapshot.lab.joints.stage_case",
+    "joint_verdict": "slapshot.diagnosis.stage_verdict",
+    "joint_score": "slapshot.proof.joints.__main__",
     "findings": "slapshot.diagnosis.pucks.stage_findings",
     "arm_rollouts": "slapshot.retraining.rollouts",
     "held_out": "slapshot.retraining.held_out",
     "arms": "slapshot.retraining.__main__",
 }
 # Made on demand and not part of `figures`: the bytes of a Rerun recording never repeat, and what builds on
-# a diagnosis of a recording takes as long as all the rest.
-ON_DEMAND = ("viewer", "diagnosis", "findings", "arm_rollouts", "held_out", "arms")
+# a diagnosis of a recording, and the proof for joints, take as long as all the rest.
+ON_DEMAND = (
+    *("viewer", "diagnosis", "findings", "arm_rollouts", "held_out", "arms"),
+    *("joint_case", "joint_verdict", "joint_score"),
+)
 # Figure id -> its module.
 FIGURES = {
     "A1": "slapshot.figures.a1_acting",

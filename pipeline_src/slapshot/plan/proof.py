@@ -53,6 +53,25 @@ def add_proof(plan: Plan, config: Mapping[str, Any]) -> None:
         _add_list(plan, name, FULL, read_cases(FRESH), config, lab)
 
 
+def list_file(config: Mapping[str, Any], key: str) -> Path:
+    """File of the list that stands under a key of `cases`.
+
+    Raises:
+        ProblemAtError: there is no such file.
+    """
+    file = Path(config["cases"][key])
+    try:
+        is_file = file.is_file()
+    except OSError:  # too long
+        is_file = False
+    if not is_file:
+        shipped = f"config/cases/{'joints' if key == 'joints' else 'small'}.csv"
+        raise ProblemAtError(
+            ("cases", key), f"{file}: no such file; name a list of cases (CSV), such as {shipped}"
+        )
+    return file
+
+
 def _read(key: str, config: Mapping[str, Any], lab: Mapping[str, Any]) -> list[Case]:
     """Cases of the list that stands under a key of `cases`, for which the pool has commands enough.
 
@@ -60,16 +79,7 @@ def _read(key: str, config: Mapping[str, Any], lab: Mapping[str, Any]) -> list[C
         ProblemAtError: there is no such list, or it asks for hits that there cannot be.
         InputError: what is wrong in the list.
     """
-    file, pool = Path(config["cases"][key]), config["cases"]["pool"]["count"]
-    try:
-        is_file = file.is_file()
-    except OSError:  # too long
-        is_file = False
-    if not is_file:
-        raise ProblemAtError(
-            ("cases", key),
-            f"{file}: no such file; name a list of cases (CSV), such as config/cases/small.csv",
-        )
+    file, pool = list_file(config, key), config["cases"]["pool"]["count"]
     cases = read_cases(file)
     for case in cases:
         settings = case.settings(lab, pool)

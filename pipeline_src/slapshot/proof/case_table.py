@@ -1,6 +1,7 @@
-"""cases.csv: a row for each scored case, written and read so that nothing but rounding is lost.
+"""Tables of the proof, written and read so that nothing but rounding is lost.
 
-Measures, page and figures of the proof are made from this file alone.
+cases.csv has a row for each scored case; measures, page and figures are made from it alone. proof.csv has the
+measures of the proofs of all labs.
 """
 
 from pathlib import Path
@@ -8,7 +9,10 @@ from pathlib import Path
 import pandas as pd
 
 from slapshot.errors import InputError, reading
+from slapshot.whole_file import write_whole
 
+FIRST, JOINTS = "first", "joints"  # labs: the one of pucks came first
+MEASURES = ("lab", "measure", "condition", "value", "low", "high", "n")
 FIT = ("track_rmse_m", "rest_rmse_m", "command_rest_rmse_m", "loglik_per_hit", "chi2_per_freedom")
 SCENES = ("nominal", "refitted", "augmented", "noise_floor")
 _TEXTS = ("case", "condition", "conceals", "cannot_tell", "named", "classes", "phase", "variable")
@@ -42,14 +46,50 @@ def read_cases_table(file: Path) -> pd.DataFrame:
     return table
 
 
-def read_measures(file: Path) -> pd.DataFrame:
-    """proof.csv: measure, condition, value, low, high, n.
+def write_measures(measures: pd.DataFrame, lab: str, file: Path) -> None:
+    """Write proof.csv; rows of other labs that stand in `file` already stay there.
+
+    Args:
+        measures: measure, condition, value, low, high, n.
+        lab: that recorded the cases.
+        file: may exist.
+    """
+    _merge(measures.assign(lab=lab), file)
+
+
+def merge_measures(source: Path, target: Path) -> None:
+    """Take the rows of `source` over into `target`, where rows of other labs stay.
+
+    Raises:
+        InputError: `source` is missing, or one of them lacks a column.
+    """
+    _merge(_measures(source), target)
+
+
+def _merge(own: pd.DataFrame, file: Path) -> None:
+    parts = [own]
+    if file.is_file():
+        before = _measures(file)
+        parts.append(before[~before["lab"].isin(own["lab"])])
+    table = pd.concat([part for part in parts if len(part)])[list(MEASURES)]
+    text = table.sort_values("lab", kind="stable").to_csv(index=False, float_format="%.6g")
+    # Six digits: whole percents that are rounded from them are those of the cases.
+    write_whole(file, text)
+
+
+def read_measures(file: Path, lab: str) -> pd.DataFrame:
+    """Measures of one lab in proof.csv: measure, condition, value, low, high, n.
 
     Raises:
         InputError: it is missing, or lacks a column.
     """
-    table = _read(file, ("measure", "condition"), "name the proof.csv of a proof")
-    lacking = [c for c in ("measure", "condition", "value", "low", "high", "n") if c not in table]
+    table = _measures(file)
+    return table[table["lab"] == lab].drop(columns="lab").reset_index(drop=True)
+
+
+def _measures(file: Path) -> pd.DataFrame:
+    table = _read(file, ("lab", "measure", "condition"), "name the proof.csv of a proof")
+    lacking = [column for column in MEASURES if column not in table]
     if lacking:
         raise InputError(f"{file}: lacks {', '.join(lacking)}; run `snakemake proof` for a whole one")
     return table

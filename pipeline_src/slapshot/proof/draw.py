@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from slapshot.figures.drawing import save
-from slapshot.proof.case_table import read_cases_table
+from slapshot.proof.case_table import FIRST, read_cases_table, write_measures
 from slapshot.proof.figures import draw_all
 from slapshot.proof.measures import measures_of
 from slapshot.proof.page import write_page
@@ -26,8 +26,7 @@ def draw_proof(folder: Path, pages: Path, config: Mapping[str, Any]) -> None:
     """
     cases = read_cases_table(folder / "cases.csv")
     measures = pd.DataFrame(measures_of(cases))
-    # Six digits: whole percents that are rounded from them are those of the cases.
-    measures.to_csv(pages / "proof.csv", index=False, float_format="%.6g")
+    write_measures(measures, FIRST, pages / "proof.csv")
     write_page(pages / "proof.md", cases, measures, config)
     for drawing in draw_all(cases):
         save(drawing, folder)

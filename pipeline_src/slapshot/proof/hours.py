@@ -1,6 +1,6 @@
 """How long the rest of a proof takes, from what its cases took so far."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,15 +11,21 @@ from slapshot.store.folder import Store
 ASSUMED = 60.0  # s a case of one core, where none is done
 
 
-def hours_left(store: Store, plan: Plan, cores: int) -> tuple[int, float]:
-    """Cases of the full proof that are not diagnosed yet, and hours that they take on so many cores."""
-    stages = ("case", "verdict")
+def hours_left(store: Store, plan: Plan, stages: Sequence[str], cores: int) -> tuple[int, float]:
+    """Cases of a proof that are not diagnosed yet, and hours that they take on so many cores.
+
+    Args:
+        store: of the versions.
+        plan: whose cases that are made on demand count.
+        stages: that record and diagnose a case.
+        cores: that work.
+    """
     done = {stage: [store.find(stage, i) for i in plan.ids()[stage]] for stage in stages}
     each = [_mean_seconds(versions) for versions in done.values()]
     left = [
         recipe
-        for label, recipe in plan.of_stage("verdict").items()
-        if label.startswith("verdict/full/") and not store.is_whole("verdict", recipe.id)
+        for label, recipe in plan.of_stage(stages[-1]).items()
+        if label in plan.on_demand and not store.is_whole(recipe.stage, recipe.id)
     ]
     seconds = ASSUMED if None in each else sum(s for s in each if s is not None)
     return len(left), len(left) * seconds / cores / 3600

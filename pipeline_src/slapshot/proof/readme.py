@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from slapshot.errors import InputError, reading, writing
-from slapshot.proof.case_table import read_measures
+from slapshot.proof.case_table import FIRST, read_measures
 from slapshot.proof.page import AIMS, percent, reached
 
 BEGIN = "<!-- From figures/proof.csv by `python -m slapshot.proof.readme`; do not edit. -->"
@@ -78,7 +78,7 @@ def main() -> None:
     try:
         with reading(args.readme, "run this in the top folder of the repository"):
             text = args.readme.read_text()
-        text = with_table(text, table(read_measures(args.measures)))
+        text = with_table(text, table(read_measures(args.measures, FIRST)))
         with writing(args.readme):
             args.readme.write_text(text)
     except InputError as error:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from slapshot.errors import InputError
 from slapshot.lab.joints.__main__ import main, write_case
-from slapshot.lab.joints.case import Order, check_kinds, make_case
+from slapshot.lab.joints.case import check_kinds, make, make_case
 from slapshot.lab.joints.cases import Case, read_cases, write_cases
 from slapshot.lab.joints.lists import LISTS, draw_list
-from slapshot.lab.joints.noise import Condition
+from slapshot.lab.joints.order import Condition, Order
 from slapshot.lab.joints.registry import KINDS
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.signals import read_signals
@@ -172,6 +172,29 @@ def test_rows_that_cannot_be_say_so_in_one_line(tmp_path, line, words):
         read_cases(file)
     assert str(caught.value).startswith(f"{file}:2")
     assert "\n" not in str(caught.value)
+
+
+def test_a_plan_reads_rows_without_building_rigs(tmp_path):
+    """What a rig cannot conceal is then told by who makes the case; what is no row is told at once."""
+    file = tmp_path / "list.csv"
+    write_cases([Case("a", "single", Order("kuka", 1, (("gravity_tilt", 3.0),)))], file)
+    (case,) = read_cases(file, possible=False)
+    with pytest.raises(InputError, match="does not show on rig kuka"):
+        make(case.order)
+    file.write_text(file.read_text().replace("white", "pink"))
+    with pytest.raises(InputError, match="pink"):
+        read_cases(file, possible=False)
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        Order("kuka", 2**47, (("spring", 3.5), ("payload", 0.4)), Condition("ou20", True, 1e-3), 6, 1.5),
+        Order("arm", 4),
+    ],
+)
+def test_an_order_survives_a_recipe(order):
+    assert Order.of_config(json.loads(json.dumps(order.to_config()))) == order
 
 
 def test_the_command_names_what_is_missing(tmp_path, monkeypatch, capsys):

@@ -5,20 +5,18 @@ sealed/truth.json. All but the last are for a diagnosis.
 """
 
 import argparse
-import hashlib
-import json
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from slapshot.errors import InputError, check_writable, writing
-from slapshot.lab.joints.case import SIZES, Order, make
+from slapshot.lab.joints.case import SIZES
 from slapshot.lab.joints.cases import read_cases
-from slapshot.lab.joints.noise import CORRELATION, Condition
+from slapshot.lab.joints.noise import CORRELATION
+from slapshot.lab.joints.order import Condition, Order
 from slapshot.lab.joints.registry import KINDS
-from slapshot.lab.joints.rigs import RIGS, rig_named
-from slapshot.recordings.signals import write_signals
+from slapshot.lab.joints.rigs import RIGS
+from slapshot.lab.joints.stage_case import record
 from slapshot.whole_file import replacing
 
 LIST = Path("config/cases/joints.csv")
@@ -33,18 +31,11 @@ def write_case(order: Order, out: Path) -> dict[str, Any]:
     if out.exists():
         raise InputError(f"{out}: exists already; name another folder or remove it")
     check_writable(out)
-    recording, truth = make(order)
-    text = (json.dumps(truth, indent=1, sort_keys=True) + "\n").encode()
-    recording = replace(recording, sealed_truth_sha256=hashlib.sha256(text).hexdigest())
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         with replacing(out) as aside:
-            (aside / "sealed").mkdir(parents=True)
-            (aside / "sealed" / "truth.json").write_bytes(text)
-            (aside / "model.xml").write_text(rig_named(order.rig).xml)
-            (aside / "rig.yaml").write_text("model: model.xml\n")
-            write_signals(recording, aside / "recording")
-    return truth
+            aside.mkdir()
+            return record(order, aside)
 
 
 def _order(args: argparse.Namespace) -> Order:

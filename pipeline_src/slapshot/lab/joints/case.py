@@ -1,7 +1,6 @@
 """A case: a rig, what it conceals, and a session that is recorded of it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,14 +11,8 @@ from slapshot.lab.joints.clutter import LawError
 from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.execution import Motion
 from slapshot.lab.joints.kind import Array, Concealed
-from slapshot.lab.joints.noise import (
-    CORRELATION,
-    Colour,
-    Condition,
-    draw_chance,
-    quantise,
-    read_clean,
-)
+from slapshot.lab.joints.noise import CORRELATION, draw_chance, quantise, read_clean
+from slapshot.lab.joints.order import Colour, Condition, Order
 from slapshot.lab.joints.registry import kind_named
 from slapshot.lab.joints.rehearsal import Rehearsal, change
 from slapshot.lab.joints.rig import Rig
@@ -35,27 +28,6 @@ NOTE = (
     "physics is concealed in a sealed file whose digest is given. Commands are what actuators were told, "
     "positions what encoders told. Every episode begins at rest at its first command, or nearly so."
 )
-
-
-@dataclass(frozen=True)
-class Order:
-    """What a case is to be.
-
-    Attributes:
-        rig: by name.
-        seed: of everything that is drawn.
-        conceals: kind and size over the noise of each piece of physics; None where the size is drawn.
-        condition: how it is recorded.
-        episodes: of the session.
-        seconds: of an episode.
-    """
-
-    rig: str
-    seed: int
-    conceals: tuple[tuple[str, float | None], ...] = ()
-    condition: Condition = field(default_factory=Condition)
-    episodes: int = 20
-    seconds: float = 3.0
 
 
 def make_case(

@@ -15,9 +15,7 @@ from pydantic import Field
 
 from slapshot.config.values import Name
 from slapshot.errors import InputError, reading
-from slapshot.lab.joints.case import Order, check_kinds
-from slapshot.lab.joints.noise import Colour, Condition
-from slapshot.lab.joints.rigs import rig_named
+from slapshot.lab.joints.order import Colour, Condition, Order
 from slapshot.validation import Model, short, validated
 
 _JOIN = "+"
@@ -72,8 +70,13 @@ class _Row(Model):
         )
 
 
-def read_cases(file: Path) -> list[Case]:
+def read_cases(file: Path, *, possible: bool = True) -> list[Case]:
     """The cases of a list, in its order.
+
+    Args:
+        file: CSV.
+        possible: whether to refuse kinds that a rig cannot conceal, for which its model is built. A plan does
+            without, since it must not need MuJoCo; who makes a case is told then.
 
     Raises:
         InputError: there is no such file, or a row is not allowed; one line for a person.
@@ -93,7 +96,7 @@ def read_cases(file: Path) -> list[Case]:
             raise InputError(f"{file}:1: columns are {short(', '.join(head))}; write {', '.join(_COLUMNS)}")
         for values in filter(None, reader):
             where = f"{file}:{reader.line_num}"
-            case = _case(values, where)
+            case = _case(values, where, possible)
             if case.case in cases:
                 raise InputError(f"{where}: case {case.case} stands twice; give every case a name of its own")
             cases[case.case] = case
@@ -104,7 +107,7 @@ def read_cases(file: Path) -> list[Case]:
     return list(cases.values())
 
 
-def _case(values: list[str], where: str) -> Case:
+def _case(values: list[str], where: str, possible: bool) -> Case:
     if len(values) != len(_COLUMNS):
         raise InputError(f"{where}: has {len(values)} values; write {len(_COLUMNS)}: {', '.join(_COLUMNS)}")
     row: dict[str, Any] = dict(zip(_COLUMNS, values, strict=True))
@@ -115,11 +118,19 @@ def _case(values: list[str], where: str) -> Case:
     row["conceals"] = [{"kind": kind, "size": _number(size)} for kind, _, size in pairs]
     checked = validated(_Row, row, where)
     order = checked.order()
+    if possible:
+        _check(order, where)
+    return Case(checked.case, checked.condition, order)
+
+
+def _check(order: Order, where: str) -> None:
+    from slapshot.lab.joints.case import check_kinds  # these need MuJoCo
+    from slapshot.lab.joints.rigs import rig_named
+
     try:
         check_kinds([kind for kind, _ in order.conceals], rig_named(order.rig))
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    return Case(checked.case, checked.condition, order)
 
 
 def _number(text: str) -> int | float | str:

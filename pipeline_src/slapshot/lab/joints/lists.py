@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from slapshot.errors import InputError, check_writable, writing
-from slapshot.lab.joints.case import SIZES, TOGETHER_NEVER, Order
+from slapshot.lab.joints.case import SIZES, TOGETHER_NEVER
 from slapshot.lab.joints.cases import Case, write_cases
-from slapshot.lab.joints.noise import CORRELATION, Colour, Condition
+from slapshot.lab.joints.noise import CORRELATION
+from slapshot.lab.joints.order import Colour, Condition, Order
 from slapshot.lab.joints.registry import KINDS
 from slapshot.lab.joints.rigs import rig_named
 

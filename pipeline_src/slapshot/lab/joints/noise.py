@@ -2,16 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
 from slapshot.lab.joints.execution import Motion
 from slapshot.lab.joints.kind import Array, Concealed
+from slapshot.lab.joints.order import Colour, Condition
 from slapshot.lab.joints.rig import Rig
 
-Colour = Literal["white", "ou20", "ou100"]
 NOISE_SD = 1e-3  # rad, or m of a site
 CORRELATION: dict[Colour, float] = {"white": 0.0, "ou20": 0.02, "ou100": 0.1}  # s
 JITTER = 0.1  # standard deviation of sampling times, over the period
@@ -19,22 +19,6 @@ OUTLIERS, OUTLIER_SIZE = 0.01, 5.0  # share of samples, and their noise over the
 NOISE_GROWTH = 1.5  # of its standard deviation, from a session's first sample to the last
 DRIFT = 3e-4  # rad, rms of an encoder's slow drift over a session
 _DRIFTS = 4  # sines that it is made of
-
-
-@dataclass(frozen=True)
-class Condition:
-    """How a session is recorded.
-
-    Attributes:
-        noise: its colour; the standard deviation is the same.
-        cluttered: whether times jitter, noise has outliers and grows or shrinks, and encoders drift (and
-            whether the rig's laws are off, see `clutter`).
-        quantised: rad or m, step of the encoders; None for fine ones.
-    """
-
-    noise: Colour = "white"
-    cluttered: bool = False
-    quantised: float | None = None
 
 
 def read_clean(rig: Rig, motion: Motion, concealed: Sequence[Concealed], late: Array | None = None) -> Array:
