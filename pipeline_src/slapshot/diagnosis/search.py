@@ -107,10 +107,8 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
         report: told what is being done.
     """
     rng = np.random.default_rng(seed)
-    base = problem.base(free)
     report("fitting the nominal model")
-    examined = examine(problem, base, base.start, problem.path, problem.first_noise, passes=2)
-    steps = [Step(problem, examined, _test(examined, rng))]
+    steps = [nominal_step(problem, free, rng)]
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MOST_EFFECTS:
         step = _extended(steps[-1], rng, report)
         if step is None:
@@ -124,6 +122,13 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     if final is not steps[-1]:
         steps.append(final)
     return Search(tuple(steps), tuple(free))
+
+
+def nominal_step(problem: Problem, free: Sequence[JointEffect], rng: np.random.Generator) -> Step:
+    """The nominal rig with its free parameters, fitted and tested."""
+    base = problem.base(free)
+    examined = examine(problem, base, base.start, problem.path, problem.first_noise, passes=2)
+    return Step(problem, examined, _test(examined, rng))
 
 
 def _test(examined: Examination, rng: np.random.Generator) -> MismatchTest:
@@ -146,7 +151,7 @@ def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | No
         # One start of a period is enough for each joint.
         family = f"{effect.name}@{effect.part}{effect.variant}"
         if not is_free(effect) and family not in tried and found[i].log_evidence >= min(worth, 3.0):
-            tried[family] = effect, _start(examined, i, found[i].values)
+            tried[family] = effect, first_values(examined, i, found[i].values)
         if len(tried) == REFITTED:
             break
     raced = _raced(step, list(tried.values()))
@@ -236,7 +241,7 @@ def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8) -> Fit
     return fitter.fit(hypothesis, theta, examined.fit.path, examined.noise, rounds, known=examined.system)
 
 
-def _start(examined: Examination, index: int, values: Array) -> Array:
+def first_values(examined: Examination, index: int, values: Array) -> Array:
     """First values of an effect: where its columns point, in as far as they are possible."""
     effect = examined.effects[index]
     start = np.array([parameter.start for parameter in effect.parameters])
@@ -271,30 +276,14 @@ def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Rep
         if effect.part not in parts and effect.part in statistic:
             continue
         report(f"trying {effect.key}")
-        try:
-            moved = problem.restructured(effect, examined.fit.path)
-        except (ValueError, KeyError):  # the model has no room for it
-            continue
-        there = (*before.hypothesis.effects, effect)
-        hypothesis = Hypothesis(moved.rig, same_effects(there, instances(moved.situation)))
-        noise = replace(examined.noise, torque=moved.torque, initial=moved.first_noise.initial)
-        white = np.sqrt(noise.white**2 + noise.coloured**2)
-        still = replace(noise, white=white, coloured=0 * white)
-        theta = np.concatenate([examined.fit.theta, [p.start for p in effect.parameters]])
-        S = moved.segments.shape[0]
-        some = np.unique(np.linspace(0, S - 1, min(S, _SHOT_SEGMENTS)).astype(int))
-        few = replace(still, weight=still.weight[some])
-        fit = shoot(
-            moved.fitter.simulator, hypothesis, theta, moved.segments.select(some), moved.path[some], few
-        )
-        if np.isfinite(fit.log_evidence):
+        glimpse = _glimpse(before, effect)
+        if glimpse is not None and np.isfinite(glimpse[1].log_evidence):
+            moved, fit, still = glimpse
             fits.append((fit.log_evidence, moved, fit, still, effect))
     fits.sort(key=lambda item: -item[0])
     best: tuple[float, Problem, Fit, Noise, JointEffect] | None = None
     for _, moved, part, noise, effect in fits[:2]:
-        simulator, hypothesis = moved.fitter.simulator, part.hypothesis
-        fit = shoot(simulator, hypothesis, part.theta, moved.segments, moved.path, noise, rounds=4)
-        evidence, improved, noise = _own_evidence(moved, fit, noise)
+        evidence, improved, noise = _shot(moved, part, noise)
         report(f"refitted {effect.key}: {evidence - level:+.1f} nats against the law that gained most")
         if best is None or evidence > best[0]:
             best = (evidence, moved, improved, noise, effect)
@@ -306,6 +295,43 @@ def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Rep
     return Step(
         moved, examined, _test(examined, rng), effect, gain, (Rival(effect, gain, fit), *rival.rivals)
     )
+
+
+def structured(before: Step, effect: JointEffect) -> Examination | None:
+    """The model with an effect that has a state of its own, fitted; None where there is no room for it."""
+    glimpse = _glimpse(before, effect)
+    if glimpse is None:
+        return None
+    moved, part, noise = glimpse
+    _, fit, noise = _shot(moved, part, noise)
+    return examine(moved, fit.hypothesis, fit.theta, fit.path, noise)
+
+
+def _glimpse(before: Step, effect: JointEffect) -> tuple[Problem, Fit, Noise] | None:
+    """A restructured problem and its fit to some segments; None where there is no room for the effect."""
+    problem, examined = before.problem, before.examination
+    try:
+        moved = problem.restructured(effect, examined.fit.path)
+    except (ValueError, KeyError):
+        return None
+    there = (*before.hypothesis.effects, effect)
+    hypothesis = Hypothesis(moved.rig, same_effects(there, instances(moved.situation)))
+    noise = replace(examined.noise, torque=moved.torque, initial=moved.first_noise.initial)
+    white = np.sqrt(noise.white**2 + noise.coloured**2)
+    still = replace(noise, white=white, coloured=0 * white)
+    theta = np.concatenate([examined.fit.theta, [p.start for p in effect.parameters]])
+    S = moved.segments.shape[0]
+    some = np.unique(np.linspace(0, S - 1, min(S, _SHOT_SEGMENTS)).astype(int))
+    few = replace(still, weight=still.weight[some])
+    fit = shoot(moved.fitter.simulator, hypothesis, theta, moved.segments.select(some), moved.path[some], few)
+    return moved, fit, still
+
+
+def _shot(moved: Problem, part: Fit, noise: Noise) -> tuple[float, Fit, Noise]:
+    """Evidence, fit and noise of a restructured problem, from a fit to some of its segments."""
+    simulator, hypothesis = moved.fitter.simulator, part.hypothesis
+    fit = shoot(simulator, hypothesis, part.theta, moved.segments, moved.path, noise, rounds=4)
+    return _own_evidence(moved, fit, noise)
 
 
 def _own_evidence(problem: Problem, fit: Fit, noise: Noise) -> tuple[float, Fit, Noise]:
