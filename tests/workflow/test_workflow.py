@@ -409,7 +409,7 @@ def test_a_bad_configuration_is_refused_in_one_line(workspace, text, message):
 def test_an_unknown_key_on_the_command_line(workspace):
     command = (*snakemake_command("figures", config=workspace.config), "--config", "colour=red")
     done = workspace.run(*command)
-    known = "cases, domains, name, proof, regression"
+    known = "calibration, cases, domains, name, proof, regression"
     assert done.returncode != 0
     problem = f"--config: colour: unknown key 'colour'; remove it, or use one of: {known}\n"
     assert done.stdout.count(problem) == 1

@@ -3,7 +3,7 @@
 The law of an effect is the effect's own; integration is MuJoCo's plain step, finer than that of a fit.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -86,7 +86,7 @@ def bench_named(name: str) -> Bench:
 
 
 def _ball() -> Bench:
-    channels = {
+    channels: dict[str, Channel] = {
         axis: Channel(
             clock="camera", role="observation", quantity="position", body="ball", component=axis, unit="m"
         )
@@ -117,14 +117,14 @@ def recorded(
     """
     y = _simulated(bench, drive, effect, values) + noise
     episodes, samples, _ = y.shape
-    signals = {}
+    signals: dict[str, tuple[Channel, Sequence[Array]]] = {}
     controls = [name for name, channel in bench.channels.items() if channel.role == "control"]
     for i, name in enumerate(controls):
         signals[name] = bench.channels[name], list(drive.told[..., i])
     for i, observation in enumerate(bench.rig.observations):
         signals[observation.channel] = bench.channels[observation.channel], list(y[..., i])
-    t = [np.arange(samples) * INTERVAL] * episodes
-    return SignalRecording.from_arrays(t, signals, bench.name, stand_in=True)
+    t = np.asarray(np.arange(samples) * INTERVAL, np.float64)
+    return SignalRecording.from_arrays([t] * episodes, signals, bench.name, stand_in=True)
 
 
 def _simulated(bench: Bench, drive: Drive, effect: JointEffect | None, values: Array) -> Array:

@@ -100,7 +100,7 @@ def drawn(effect: JointEffect, rng: np.random.Generator) -> Array:
     """Values from the priors, within what is possible."""
     values = []
     for parameter in effect.parameters:
-        value = -np.inf
+        value = np.nan
         while not parameter.low <= value <= parameter.high:
             value = parameter.start + parameter.scale * rng.standard_normal()
         values.append(value)

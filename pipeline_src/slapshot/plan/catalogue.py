@@ -38,10 +38,15 @@ STAGES = {
     "arm_rollouts": "slapshot.retraining.rollouts",
     "held_out": "slapshot.retraining.held_out",
     "arms": "slapshot.retraining.__main__",
+    "null_p_values": "slapshot.calibration.stage_null_p_values",
+    "null_table": "slapshot.calibration.stage_null_table",
+    "law_intervals": "slapshot.calibration.stage_law_intervals",
+    "coverage_table": "slapshot.calibration.stage_coverage_table",
 }
 # Made on demand and not part of `figures`: the bytes of a Rerun recording never repeat, and what builds on
-# a diagnosis of a recording takes as long as all the rest.
-ON_DEMAND = ("viewer", "diagnosis", "findings", "arm_rollouts", "held_out", "arms")
+# a diagnosis of a recording takes as long as all the rest; a calibration takes hours.
+_CALIBRATION = ("null_p_values", "null_table", "law_intervals", "coverage_table")
+ON_DEMAND = ("viewer", "diagnosis", "findings", "arm_rollouts", "held_out", "arms", *_CALIBRATION)
 # Figure id -> its module.
 FIGURES = {
     "A1": "slapshot.figures.a1_acting",
