@@ -20,6 +20,8 @@ from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 Array = NDArray[np.float64]
 
 BENCHES = ("pendulum", "arm", "ball")  # the simplest first
+# A pendulum swings in a plane: a tilt sideways changes next to nothing, and nothing tells left from right.
+_NEEDS = {"gravity_tilt": "arm"}
 _PULSE = (2, 0.4, 0.5)  # episode, and shares of its length between which something pushes
 _OF_MANY = 0.25  # of forms of one effect, which one is the truth
 
@@ -36,7 +38,7 @@ class Law:
 def laws(effect: str) -> list[Law]:
     """All variants of an effect of the catalogue."""
     found: dict[str, Law] = {}
-    for name in BENCHES:
+    for name in [_NEEDS[effect]] if effect in _NEEDS else BENCHES:
         bench = bench_named(name)
         drive = bench.draw(6, 1.0, np.random.default_rng(0))
         for one in _instances(_nominal(bench, drive).situation, effect, drive):

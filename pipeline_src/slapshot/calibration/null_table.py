@@ -81,7 +81,7 @@ def draw_nulls(p_values: pd.DataFrame) -> Drawing:
         tables.append(pd.DataFrame({"rig": rig, "p_value": values, "share": below}))
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="p-value", ylabel="share of nulls at most so large")
     axes.set_aspect("equal")
-    axes.legend(loc="lower right")
+    axes.legend(loc="upper left")
     axes.set_title(f"Nulls; {STAND_IN}", loc="left")
     return Drawing(NAME, figure, pd.concat(tables))
 
