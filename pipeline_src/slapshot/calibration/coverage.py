@@ -52,11 +52,12 @@ def intervals(law: Law, seed: int, episodes: int, seconds: float) -> Iterator[di
 
     Args:
         law: the truth.
-        seed: of motion, values and noise.
+        seed: of motion, values and noise, with the law's name.
         episodes: of the recording.
         seconds: length of an episode.
     """
-    rng = np.random.default_rng(seed)
+    # Each law draws for itself: else all would be moved alike and have the same noise.
+    rng = np.random.default_rng([seed, *f"{law.effect} {law.variant}".encode()])
     bench = bench_named(law.bench)
     drive = bench.draw(episodes, seconds, rng)
     nominal = _nominal(bench, drive)

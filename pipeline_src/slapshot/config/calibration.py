@@ -36,7 +36,7 @@ class Nulls(Model):
 class Coverage(Model):
     """Recordings of every effect's own law, of which intervals must hold the true value."""
 
-    seed: Seed = Field(description="of each effect's first recording; each further one has the next")
+    seed: Seed = Field(description="of each law's first recording; each further one has the next")
     recordings: Recordings = Field(description="of each variant of an effect")
     block: Few = Field(description="recordings of one version")
     episodes: Episodes = Field(description="of a recording")
