@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from slapshot.effects import modules_of_results
+from slapshot.effects.joints import joint_effect_modules
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.errors import InputError
 from slapshot.lab.joints import cases as joint_cases
@@ -113,7 +114,12 @@ FROM_SIGNATURES = {"signatures/hockey/pool"} | VERDICTS
 FROM_POOL = {"demonstrations/hockey/pool", "case/small/s1", "case/full/f1"} | FROM_SIGNATURES
 FROM_SCENE = {"scene/hockey"} | FROM_DEMONSTRATIONS | FROM_POOL | DIAGNOSES
 JOINT_PROOF = {"joint_case/j1", "joint_verdict/j1", "joint_case/j2", "joint_verdict/j2", "joint_score"}
-ALL = FROM_SCENE | figures("T1", "T2", "F2") | REGRESSION | JOINT_PROOF
+NULLS = {
+    f"null_p_values/{rig}/{first}" for rig in DEFAULT["calibration"]["nulls"]["rigs"] for first in (0, 2)
+}
+NULLS |= {"null_table"}
+INTERVALS = {"law_intervals/spring/0", "law_intervals/wind/0", "coverage_table"}
+ALL = FROM_SCENE | figures("T1", "T2", "F2") | REGRESSION | JOINT_PROOF | NULLS | INTERVALS
 
 LAB = {
     "hits": 10,
@@ -170,8 +176,12 @@ def config(own, tmp_path) -> dict:
         write_cases([Case(name, "plain", 7, (("tilt", 0.8),))], Path(cases[key]))
     cases["joints"] = str(tmp_path / "joints.csv")
     joint_cases.write_cases(JOINT_CASES, Path(cases["joints"]))
+    calibration = copy.deepcopy(DEFAULT["calibration"])
+    calibration["nulls"] |= {"recordings": 3, "block": 2}
+    calibration["coverage"] |= {"recordings": 2, "effects": ["spring", "wind"]}
     return {
         "name": "test",
+        "calibration": calibration,
         "regression": copy.deepcopy(DEFAULT["regression"]),
         "proof": "published",
         "cases": cases,
@@ -189,9 +199,10 @@ def changed(before: dict[str, str], after: dict[str, str]) -> set[str]:
 
 
 def put(config: dict, path: str, value: object) -> None:
-    """Change a value of the domain, or of the regression or the cases if the path begins so."""
+    """Change a value of the domain, or of another block if the path begins so."""
     *above, last = path.split(".")
-    place = config if above[:1] in (["regression"], ["cases"]) else config["domains"]["hockey"]
+    apart = above[:1] in (["regression"], ["cases"], ["calibration"])
+    place = config if apart else config["domains"]["hockey"]
     for key in above:
         place = place[key]
     place[last] = value
@@ -321,6 +332,11 @@ def test_the_recipes_survive_the_command_line(config):
         ("cases.seed", 9, FROM_POOL),
         ("cases.pool.speed_m_s", [1.0, 2.0], FROM_POOL),
         ("cases.lab.keep", "tracks only", {"score/small", "score/full"}),
+        ("calibration.nulls.seconds", 2.0, NULLS),
+        ("calibration.nulls.rigs.arm.seed", 9, {"null_table"} | {n for n in NULLS if "/arm/" in n}),
+        ("calibration.nulls.recordings", 4, {"null_table"} | {n for n in NULLS if n.endswith("/2")}),
+        ("calibration.coverage.seed", 9, INTERVALS),
+        ("calibration.coverage.effects", ["wind"], {"coverage_table"}),
         ("figures", ["F7"], set()),
         ("claims", ["C4"], {"claims"}),
         ("regression.tasks", 7, REGRESSION),
@@ -440,7 +456,7 @@ def test_a_second_domain_shares_what_is_equal_and_leaves_the_first_alone(config)
     config["domains"]["second"]["seed"] = 2
     after = ids(config)
     assert changed(before, {label: after[label] for label in before}) == {"claims"}
-    shared = REGRESSION - {"claims"} | FROM_POOL | JOINT_PROOF
+    shared = REGRESSION - {"claims"} | FROM_POOL | JOINT_PROOF | NULLS | INTERVALS
     assert set(after) - set(before) == {
         label.replace("hockey", "second") for label in ALL - shared - {"claims"}
     }
@@ -490,6 +506,11 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
         ("regression.figures", ["F7"], r"regression\.figures\.0: 'F7' cannot be made here; use some of: F3"),
         ("regression.claims", ["C4"], r"regression\.claims\.0: 'C4' cannot be made here; use some of: C1"),
         (
+            "calibration.coverage.effects",
+            ["wind", "magic"],
+            r"calibration\.coverage\.effects\.1: no effect 'magic'; use some of: actuator_gain, ",
+        ),
+        (
             "scene.domain",
             "curling",
             r"scene\.domain: no domain 'curling': no module slapshot\.scenes\.curling; use",
@@ -536,6 +557,12 @@ def test_what_shows_recordings_is_refused_without_any(config, key, shown, messag
     with pytest.raises(InputError, match=message) as caught:
         make_plan(config)
     assert "\n" not in str(caught.value)
+
+
+def test_the_whole_catalogue_is_calibrated_if_no_effect_is_named(config):
+    put(config, "calibration.coverage.effects", [])
+    calibrated = {label.split("/")[1] for label in make_plan(config).of_stage("law_intervals")}
+    assert calibrated == {module.rpartition(".")[2] for module in joint_effect_modules()}
 
 
 def test_without_claims_there_is_no_report_of_them(config):

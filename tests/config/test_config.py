@@ -20,7 +20,7 @@ from snakemake.utils import update_config
 ROOT = Path(__file__).parents[2]
 CONFIGS = sorted((ROOT / "config").glob("*.yaml"))
 DEFAULT = read_yaml(ROOT / "config/default.yaml")
-TOP_LEVEL = "cases, domains, name, proof, regression"
+TOP_LEVEL = "calibration, cases, domains, name, proof, regression"
 DOMAIN = "domains.hockey"
 RED = ".recordings.lab.lab.objects.red"
 LAB = DEFAULT["domains"]["hockey"]["recordings"]["lab"]["lab"]

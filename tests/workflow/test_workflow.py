@@ -183,6 +183,20 @@ def test_the_proof_for_joints_is_made_case_by_case_and_published_beside_the_othe
     assert said[0] == said[1]
 
 
+def test_the_calibration_is_published_and_resumes(workspace, aside):
+    done = workspace.snakemake("nulls", "joint_coverage")
+    assert job_counts(done.stdout) == {
+        "null_p_values_version": 4, "null_table_version": 1, "nulls": 1,
+        "law_intervals_version": 1, "coverage_table_version": 1, "joint_coverage": 1,
+    }  # fmt: skip
+    assert pd.read_csv(aside / "joint_nulls.csv")["n"].tolist() == [2, 2, 2, 2, 8]
+    assert pd.read_csv(aside / "coverage.csv")["effect"].tolist() == ["viscous_friction", "all"]
+    assert {f"joint_nulls.{kind}" for kind in ("md", "png", "pdf")} < {p.name for p in aside.iterdir()}
+    assert len(json.loads((aside / "nulls/versions.json").read_text())) == 5
+    again = workspace.snakemake("--dry-run", "nulls", "joint_coverage")
+    assert job_counts(again.stdout) == {"nulls": 1, "joint_coverage": 1}
+
+
 def test_what_is_found_goes_back_into_rollouts_and_models(workspace, aside):
     done = workspace.snakemake("circle")
     jobs = job_counts(done.stdout)
@@ -440,7 +454,7 @@ def test_a_bad_configuration_is_refused_in_one_line(workspace, text, message):
 def test_an_unknown_key_on_the_command_line(workspace):
     command = (*snakemake_command("figures", config=workspace.config), "--config", "colour=red")
     done = workspace.run(*command)
-    known = "cases, domains, name, proof, regression"
+    known = "calibration, cases, domains, name, proof, regression"
     assert done.returncode != 0
     problem = f"--config: colour: unknown key 'colour'; remove it, or use one of: {known}\n"
     assert done.stdout.count(problem) == 1

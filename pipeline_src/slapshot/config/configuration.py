@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from slapshot.config.calibration import Calibration
 from slapshot.config.domain import Domain
 from slapshot.config.lab import Lab, ScriptedHits
 from slapshot.config.layers import merge
@@ -12,7 +13,8 @@ from slapshot.config.values import Box, FilePath, MayMiss, Name, Seed
 from slapshot.validation import Model, ProblemAtError, validated_part
 
 # Folders that the default configuration publishes to, beside its figures.
-_TAKEN, _TAKEN_BEGINNING = ("proof", "proof-joints", "small-proof", "fresh"), "circle-"
+_TAKEN = ("proof", "proof-joints", "small-proof", "fresh", "nulls", "joint-coverage")
+_TAKEN_BEGINNING = "circle-"
 
 
 class Pool(ScriptedHits):
@@ -45,6 +47,7 @@ class Configuration(Model):
     regression: Regression = Field(description="the paper's walkthrough")
     proof: Literal["published", "fresh"] = Field(description="cases of `snakemake proof`")
     cases: Cases = Field(description="concealed cases, on which the diagnosis is proven")
+    calibration: Calibration = Field(description="of p-values and intervals of joints")
     domains: Annotated[dict[Name, Domain], Field(min_length=1, max_length=100)] = Field(
         description="name -> domain"
     )

@@ -35,7 +35,7 @@ from slapshot.diagnosis.verdict import (
     Verdict,
 )
 from slapshot.effects.joints.catalogue import instances
-from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
+from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, State, overrides
 from slapshot.errors import InputError
 from slapshot.recordings.odd_pairs import derived_velocities
 from slapshot.recordings.signal_measures import measure
@@ -367,22 +367,10 @@ def _named(found: Search, effect: JointEffect, last: Step) -> NamedEffect:
     index = next(i for i, e in enumerate(fit.hypothesis.effects) if e.key == effect.key)
     part = fit.hypothesis.slices[index]
     sd = fit.sd
-    parameters = []
-    for k, parameter in zip(range(part.start, part.stop), effect.parameters, strict=True):
-        value, spread = float(fit.theta[k]), _HALF_90 * float(sd[k])
-        low, high = max(value - spread, parameter.low), min(value + spread, parameter.high)
-        bound = value in (parameter.low, parameter.high)
-        flat = sd[k] > 0.7 * parameter.scale
-        parameters.append(
-            NamedParameter(
-                name=parameter.name,
-                value=value,
-                low=min(low, value),
-                high=max(high, value),
-                unit=parameter.unit,
-                state="at a bound" if bound else "flat" if flat else "moved",
-            )
-        )
+    parameters = [
+        named_parameter(parameter, float(fit.theta[k]), float(sd[k]))
+        for k, parameter in zip(range(part.start, part.stop), effect.parameters, strict=True)
+    ]
     step = next((s for s in found.steps if s.added is not None and s.added.key == effect.key), None)
     rivals = {}
     if step is not None:
@@ -398,6 +386,21 @@ def _named(found: Search, effect: JointEffect, last: Step) -> NamedEffect:
         gain_nats=step.gain if step is not None else 0.0,
         rivals=rivals,
         parameters=parameters,
+    )
+
+
+def named_parameter(parameter: Parameter, value: float, sd: float) -> NamedParameter:
+    """A fitted value with its 90 % interval."""
+    low, high = max(value - _HALF_90 * sd, parameter.low), min(value + _HALF_90 * sd, parameter.high)
+    bound = value in (parameter.low, parameter.high)
+    flat = sd > 0.7 * parameter.scale
+    return NamedParameter(
+        name=parameter.name,
+        value=value,
+        low=min(low, value),
+        high=max(high, value),
+        unit=parameter.unit,
+        state="at a bound" if bound else "flat" if flat else "moved",
     )
 
 

@@ -73,7 +73,7 @@ def predict(
         noise: of the hypothesis, fitted elsewhere.
         path: (W, 2 n, nx) where the first states are looked for.
     """
-    half = windows.shape[1] // 2
+    windows, half = problem.in_steps(windows), windows.shape[1] // 2
     masked = windows.y.copy()
     masked[:, half:] = np.nan
     before = replace(windows, y=masked)

@@ -1,7 +1,7 @@
 """What is to be explained: segments of a recording, the nominal rig, and all that might be missing."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,9 +20,10 @@ from slapshot.diagnosis.pulses import Scan, scan
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.situation import situation, torque_scale
-from slapshot.diagnosis.structure import moved_path, moved_situation, restructured
+from slapshot.diagnosis.structure import moved_path, moved_situation, restructured, steps_in
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Situation, State
+from slapshot.effects.joints.split import FASTEST
 from slapshot.recordings.signals import Channel
 
 Array = NDArray[np.float64]
@@ -74,8 +75,17 @@ class Problem:
             torque[joint.v] = joint.torque
         # What has no actuator and no mass of its own is pushed by nobody.
         torque[list(rig.added_dofs)] *= 1e-3
-        nuisance = _nuisance(rig, self.segments, scales, moved)
-        return Problem(rig, self.channels, self.segments, scales, moved, torque, nuisance, self.threads)
+        segments = self.segments.finer(steps_in(self.segments.step, min(effect.fastest, FASTEST)))
+        nuisance = _nuisance(rig, segments, scales, moved)
+        return Problem(rig, self.channels, segments, scales, moved, torque, nuisance, self.threads)
+
+    def with_steps_for(self, effect: JointEffect) -> "Problem":
+        """The same in steps that are as short as an effect's fastest motion needs."""
+        return replace(self, segments=self.segments.finer(steps_in(self.segments.step, effect.fastest)))
+
+    def in_steps(self, segments: Segments) -> Segments:
+        """Other segments in the time steps of this problem."""
+        return segments.finer(self.segments.substeps // segments.substeps)
 
     @cached_property
     def fitter(self) -> Fitter:

@@ -31,12 +31,26 @@ class Scan:
     Attributes:
         ratio: (S, windows, joints) force over its spread.
         nodes: of a window; the last of a segment has what is left over as well.
-        p_value: that the largest is chance.
+        told: (S, windows, joints) whether enough is observed of a window.
+        correlation: (S, k, k) of the forces of a segment's windows, k = windows * joints.
     """
 
     ratio: Array
     nodes: int
-    p_value: float
+    told: NDArray[np.bool_]
+    correlation: Array
+
+    def p_value(self, rng: np.random.Generator, count: int) -> float:
+        """Chance of a force as large without any push, by draws with the windows' correlations."""
+        eigenvalues, vectors = np.linalg.eigh(self.correlation)
+        roots = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))[:, None, :]
+        largest = float(np.abs(self.ratio).max(initial=0.0))
+        exceeding = 0
+        for _ in range(count):
+            drawn = np.einsum("sij,sj->si", roots, rng.standard_normal(roots.shape[:2]))
+            ratio = _spread(drawn.reshape(self.told.shape), self.told)
+            exceeding += int(np.abs(ratio).max(initial=0.0) >= largest)
+        return (1 + exceeding) / (1 + count)
 
 
 def scan(system: Linear, values: Array, noise: Noise, segments: Segments, rig: Situation) -> Scan:
@@ -64,17 +78,20 @@ def scan(system: Linear, values: Array, noise: Noise, segments: Segments, rig: S
     h = np.einsum("stck,stck->sk", found.Z, found.Z)
     # Where next to nothing is observed of a window there is nothing to be judged.
     told = h > 1e-3 * np.median(h[h > 0]) if np.any(h > 0) else h > 0
-    ratio = np.where(told, b / np.sqrt(np.maximum(h, 1e-300)), 0.0)
-    ratio = ratio.reshape(S, count, len(joints))
-    told = told.reshape(S, count, len(joints))
-    for j in range(len(joints)):
+    root = np.sqrt(np.maximum(np.where(told, h, np.inf), 1e-300))
+    shape = (S, count, len(joints))
+    correlation = np.einsum("stck,stcl->skl", found.Z, found.Z) / (root[:, :, None] * root[:, None, :])
+    told = told.reshape(shape)
+    return Scan(_spread((b / root).reshape(shape), told), nodes, told, correlation)
+
+
+def _spread(ratio: Array, told: NDArray[np.bool_]) -> Array:
+    """Forces over the spread of all windows of a joint, where that is larger than it should be."""
+    ratio = ratio.copy()
+    for j in range(ratio.shape[-1]):
         own = ratio[..., j][told[..., j]]
-        spread = 1.4826 * float(np.median(np.abs(own))) if len(own) else 1.0
-        ratio[..., j] /= max(spread, 1.0)
-    tests = max(int(told.sum()), 1)
-    largest = float(np.abs(ratio).max(initial=0.0))
-    p_value = float(-np.expm1(tests * np.log1p(-2 * norm.sf(largest)))) if largest < 30 else 0.0
-    return Scan(ratio, nodes, p_value)
+        ratio[..., j] /= max(1.4826 * float(np.median(np.abs(own))) if len(own) else 1.0, 1.0)
+    return ratio
 
 
 def pushes(found: Scan, segments: Segments, rig: Situation) -> Sequence[tuple[ExternalPulse, float]]:

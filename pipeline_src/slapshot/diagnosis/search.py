@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from slapshot.diagnosis.fit import Fit
 from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.inference.null import MismatchTest, mismatch_test
+from slapshot.diagnosis.inference.null import DRAWS, MismatchTest, mismatch_test
 from slapshot.diagnosis.inference.selection import gains
 from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise, fit_noise
 from slapshot.diagnosis.problem import Examination, Problem, examine
@@ -108,10 +108,8 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
         report: told what is being done.
     """
     rng = np.random.default_rng(seed)
-    base = problem.base(free)
     report("fitting the nominal model")
-    examined = examine(problem, base, base.start, problem.path, problem.first_noise, passes=2)
-    steps = [Step(problem, examined, _test(examined, rng))]
+    steps = [nominal_step(problem, free, rng)]
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MOST_EFFECTS:
         step = _extended(steps[-1], rng, report)
         if step is None:
@@ -127,11 +125,18 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     return Search(tuple(steps), tuple(free))
 
 
+def nominal_step(problem: Problem, free: Sequence[JointEffect], rng: np.random.Generator) -> Step:
+    """The nominal rig with its free parameters, fitted and tested."""
+    base = problem.base(free)
+    examined = examine(problem, base, base.start, problem.path, problem.first_noise, passes=2)
+    return Step(problem, examined, _test(examined, rng))
+
+
 def _test(examined: Examination, rng: np.random.Generator) -> MismatchTest:
     """Of all groups of columns and of pushes; the smaller p-value of two independent ones, made one again."""
     found = mismatch_test(examined.scores, examined.columns, rng)
-    smaller = min(found.p_value, examined.pulses.p_value)
-    return replace(found, p_value=1 - (1 - smaller) ** 2)
+    pushed = examined.pulses.p_value(rng, DRAWS)
+    return replace(found, p_value=1 - (1 - min(found.p_value, pushed)) ** 2, push_p_value=pushed)
 
 
 def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
@@ -147,7 +152,7 @@ def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | No
         # One start of a period is enough for each joint.
         family = f"{effect.name}@{effect.part}{effect.variant}"
         if not is_free(effect) and family not in tried and found[i].log_evidence >= min(worth, 3.0):
-            tried[family] = effect, _start(examined, i, found[i].values)
+            tried[family] = effect, first_values(examined, i, found[i].values)
         if len(tried) == REFITTED:
             break
     raced = _raced(step, list(tried.values()))
@@ -159,7 +164,7 @@ def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | No
             report(f"refitted {effect.key}: {rivals[-1].gain:+.1f} nats")
     leader = max((rival.gain for rival in rivals), default=0.0)
     present = {effect.key for effect in step.hypothesis.effects}
-    if examined.pulses.p_value < P_VALUE:
+    if step.test.push_p_value < P_VALUE:
         for push, promise in pushes(examined.pulses, problem.segments, problem.situation):
             if push.key not in present and promise > _BEHIND * leader:
                 fit = refit(step, push, np.zeros(len(push.parameters)))
@@ -237,7 +242,7 @@ def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8) -> Fit
     return fitter.fit(hypothesis, theta, examined.fit.path, examined.noise, rounds, known=examined.system)
 
 
-def _start(examined: Examination, index: int, values: Array) -> Array:
+def first_values(examined: Examination, index: int, values: Array) -> Array:
     """First values of an effect: where its columns point, in as far as they are possible."""
     effect = examined.effects[index]
     start = np.array([parameter.start for parameter in effect.parameters])
@@ -264,54 +269,88 @@ def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Rep
         if effect.part in statistic:
             statistic[effect.part] = max(statistic[effect.part], float(value))
     parts = sorted(statistic, key=lambda part: -statistic[part])[:_STRUCTURE_JOINTS]
-    # All are shot at some segments first, the rival too, under the same noise.
-    S = problem.segments.shape[0]
-    some = np.unique(np.linspace(0, S - 1, min(S, _SHOT_SEGMENTS)).astype(int))
+    # All are shot at the same segments, the rival too, under the same noise.
     own = rival.examination.fit
-    quiet = _without_memory(examined.noise)
-    law = _shot(rival.problem, own.hypothesis, own.theta, own.path, quiet, some)
-    tried: list[tuple[Fit, Problem, Noise, JointEffect]] = []
+    law = _shot(rival.problem, own.hypothesis, own.theta, own.path, _all_white(examined.noise), _few(problem))
+    tried: list[Trial] = []
     for effect in problem.catalogue:
         if not effect.hidden_state or (effect.part in statistic and effect.part not in parts):
             continue
         report(f"trying {effect.key}")
-        try:
-            moved = problem.restructured(effect, examined.fit.path)
-        except (ValueError, KeyError):  # the model has no room for it
-            continue
-        there = (*before.hypothesis.effects, effect)
-        hypothesis = Hypothesis(moved.rig, same_effects(there, instances(moved.situation)))
-        noise = replace(quiet, torque=moved.torque, initial=moved.first_noise.initial)
-        theta = np.concatenate([examined.fit.theta, [p.start for p in effect.parameters]])
-        fit = _shot(moved, hypothesis, theta, moved.path, noise, some)
-        if fit.log_evidence > law.log_evidence - _SHOT_BEHIND:
-            tried.append((fit, moved, noise, effect))
-    tried.sort(key=lambda item: -item[0].log_evidence)
+        trial = _tried(before, effect)
+        if trial is not None and trial.fit.log_evidence > law.log_evidence - _SHOT_BEHIND:
+            tried.append(trial)
+    tried.sort(key=lambda trial: -trial.fit.log_evidence)
     if not tried:
         return None
     level = _own_evidence(rival.problem, own, rival.examination.noise)[0]
-    best: tuple[float, Problem, Fit, Noise, JointEffect] | None = None
-    for part, moved, noise, effect in tried[:2]:
-        fit = _shot(moved, part.hypothesis, part.theta, moved.path, noise, np.arange(S), rounds=4)
-        evidence, improved, noise = _own_evidence(moved, fit, noise)
-        report(f"refitted {effect.key}: {evidence - level:+.1f} nats against the law that gained most")
+    best: tuple[float, Trial] | None = None
+    for trial in tried[:2]:
+        evidence, whole = _completed(trial)
+        report(f"refitted {trial.effect.key}: {evidence - level:+.1f} nats against the law that gained most")
         if best is None or evidence > best[0]:
-            best = (evidence, moved, improved, noise, effect)
+            best = evidence, whole
     if best is None or best[0] < level + CLASS_NATS:
         return None
-    evidence, moved, fit, noise, effect = best
-    examined = examine(moved, fit.hypothesis, fit.theta, fit.path, noise)
+    evidence, whole = best
+    fit = whole.fit
+    examined = examine(whole.problem, fit.hypothesis, fit.theta, fit.path, whole.noise)
     gain = evidence - level + rival.gain
-    return Step(
-        moved, examined, _test(examined, rng), effect, gain, (Rival(effect, gain, fit), *rival.rivals)
-    )
+    rivals = (Rival(whole.effect, gain, fit), *rival.rivals)
+    return Step(whole.problem, examined, _test(examined, rng), whole.effect, gain, rivals)
 
 
-def _without_memory(noise: Noise) -> Noise:
-    """The noise, all of it white: so a trial is cheap."""
-    return replace(
-        noise, white=np.sqrt(noise.white**2 + noise.coloured**2), coloured=np.zeros_like(noise.coloured)
-    )
+@dataclass(frozen=True)
+class Trial:
+    """A restructured problem, fitted."""
+
+    effect: JointEffect
+    problem: Problem
+    fit: Fit
+    noise: Noise
+
+
+def structured(before: Step, effect: JointEffect) -> Examination | None:
+    """The model with an effect that has a state of its own, fitted; None where there is no room for it."""
+    trial = _tried(before, effect)
+    if trial is None:
+        return None
+    _, whole = _completed(trial)
+    return examine(whole.problem, whole.fit.hypothesis, whole.fit.theta, whole.fit.path, whole.noise)
+
+
+def _tried(before: Step, effect: JointEffect) -> Trial | None:
+    """An effect with a state of its own, fitted to some segments; None where there is no room for it."""
+    problem, examined = before.problem, before.examination
+    try:
+        moved = problem.restructured(effect, examined.fit.path)
+    except (ValueError, KeyError):
+        return None
+    there = (*before.hypothesis.effects, effect)
+    hypothesis = Hypothesis(moved.rig, same_effects(there, instances(moved.situation)))
+    noise = replace(_all_white(examined.noise), torque=moved.torque, initial=moved.first_noise.initial)
+    theta = np.concatenate([examined.fit.theta, [p.start for p in effect.parameters]])
+    return Trial(effect, moved, _shot(moved, hypothesis, theta, moved.path, noise, _few(problem)), noise)
+
+
+def _completed(trial: Trial) -> tuple[float, Trial]:
+    """Evidence under a noise of its own, and the fit to all segments."""
+    problem, part = trial.problem.with_steps_for(trial.effect), trial.fit
+    every = np.arange(problem.segments.shape[0])
+    fit = _shot(problem, part.hypothesis, part.theta, problem.path, trial.noise, every, rounds=4)
+    evidence, fit, noise = _own_evidence(problem, fit, trial.noise)
+    return evidence, replace(trial, problem=problem, fit=fit, noise=noise)
+
+
+def _few(problem: Problem) -> NDArray[np.intp]:
+    S = problem.segments.shape[0]
+    return np.unique(np.linspace(0, S - 1, min(S, _SHOT_SEGMENTS)).astype(int))
+
+
+def _all_white(noise: Noise) -> Noise:
+    """The same, without correlation in time: so a trial is cheap."""
+    white = np.sqrt(noise.white**2 + noise.coloured**2)
+    return replace(noise, white=white, coloured=np.zeros_like(white))
 
 
 def _shot(

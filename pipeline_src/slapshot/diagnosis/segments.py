@@ -124,6 +124,13 @@ class Segments:
         kept = ("y", "shift", "inside", "time", "episode", "first", "order")
         return replace(self, **{name: getattr(self, name)[some] for name in kept})
 
+    def finer(self, steps: int) -> "Segments":
+        """The same with each model step in several."""
+        if steps == 1:
+            return self
+        controls = tuple(np.repeat(u, steps, axis=0) for u in self.controls)
+        return replace(self, substeps=self.substeps * steps, controls=controls)
+
     def control(self, edit: ControlEdit | None = None) -> Array:
         """Controls of every model step, (S, L, substeps, nu).
 

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 _POSITION_STEP, _VELOCITY_STEP = 1e-4, 1e-2
 _PARAMETER_STEP = 0.03  # prior standard deviations
 _DAMPINGS = 8
+_LEAST = 1e-3  # of its start, for what is positive
 
 
 def simulate(
@@ -96,6 +97,7 @@ def shoot(
     e, x = residual(theta, first)
     now, damping = cost(e, theta, first), 1e-3
     converged, moved, evidence = False, np.inf, -np.inf
+    positive = np.array([q.start > 0 and q.low >= 0 for q in hypothesis.parameters], bool)
     precision = np.diag(hypothesis.prior_sd**-2.0)
     for number in range(rounds + 1):
         Z = np.empty((S, e.shape[1], p))
@@ -132,8 +134,12 @@ def shoot(
             solved = np.linalg.solve(damped, np.concatenate([cross, b_own[..., None]], axis=2))
             schur = information + damping * np.diag(np.diag(information))
             schur = schur - np.einsum("sik,sil->kl", cross, solved[..., :p])
-            step = np.linalg.solve(schur, b - np.einsum("sik,si->k", cross, solved[..., p])) if p else b
-            target = hypothesis.within(theta + step)
+            # What is positive by nature, such as a compliance, is moved by factors.
+            grade = np.where(positive, np.maximum(theta, _LEAST * hypothesis.start), 1.0)
+            ahead = b - np.einsum("sik,si->k", cross, solved[..., p])
+            step = np.linalg.solve(schur * np.outer(grade, grade), ahead * grade) if p else b
+            factor = np.exp(np.where(positive, np.clip(step, -1.0, 1.0), 0.0))
+            target = hypothesis.within(np.where(positive, grade * factor, theta + step))
             delta = (solved[..., p] - solved[..., :p] @ (target - theta)) * spread
             states = tangent.add(first, delta)
             tried, trace = residual(target, states)

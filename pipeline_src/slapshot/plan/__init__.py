@@ -12,6 +12,7 @@ from slapshot.config import read_config
 from slapshot.errors import InputError
 from slapshot.plan.acting import add_acting
 from slapshot.plan.adaptation import add_method, add_regression, add_uncertainty
+from slapshot.plan.calibration import add_calibration
 from slapshot.plan.catalogue import CLAIMS, FIGURES, ON_DEMAND, STAGES
 from slapshot.plan.diagnosis import add_diagnoses
 from slapshot.plan.joint_proof import add_joint_proof
@@ -71,6 +72,7 @@ def _make_plan(config: Mapping[str, Any]) -> Plan:
         add_retraining(plan, name, domain)
     add_proof(plan, config)
     add_joint_proof(plan, config)
+    add_calibration(plan, config["calibration"])
     add_claims(plan, config)
     add_figures(plan, config)
     return plan

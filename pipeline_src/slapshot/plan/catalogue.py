@@ -41,12 +41,17 @@ STAGES = {
     "arm_rollouts": "slapshot.retraining.rollouts",
     "held_out": "slapshot.retraining.held_out",
     "arms": "slapshot.retraining.__main__",
+    "null_p_values": "slapshot.calibration.stage_null_p_values",
+    "null_table": "slapshot.calibration.stage_null_table",
+    "law_intervals": "slapshot.calibration.stage_law_intervals",
+    "coverage_table": "slapshot.calibration.stage_coverage_table",
 }
 # Made on demand and not part of `figures`: the bytes of a Rerun recording never repeat, and what builds on
-# a diagnosis of a recording, and the proof for joints, take as long as all the rest.
+# a diagnosis of a recording, the proof for joints and a calibration take hours.
 ON_DEMAND = (
     *("viewer", "diagnosis", "findings", "arm_rollouts", "held_out", "arms"),
     *("joint_case", "joint_verdict", "joint_score"),
+    *("null_p_values", "null_table", "law_intervals", "coverage_table"),
 )
 # Figure id -> its module.
 FIGURES = {

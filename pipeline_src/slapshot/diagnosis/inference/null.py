@@ -25,11 +25,13 @@ class MismatchTest:
         p_value: of the largest statistic of all groups.
         statistics: (groups,) -log p of each group by itself.
         largest: index of the group with the largest.
+        push_p_value: of the largest force in a short window; 1 where none was looked for.
     """
 
     p_value: float
     statistics: Array
     largest: int
+    push_p_value: float = 1.0
 
 
 def mismatch_test(

@@ -52,7 +52,7 @@ def predicted_motion(outcome: Outcome, arm: str, some: NDArray[np.intp]) -> Moti
     step, prediction = outcome.step(arm), outcome.arms[arm]
     problem = step.problem
     halves = predicted_half(outcome.windows.select(some))
-    halves = replace(halves, y=prediction.predictions.predicted[some])
+    halves = problem.in_steps(replace(halves, y=prediction.predictions.predicted[some]))
     fitter = Fitter(problem.fitter.simulator, halves, problem.torque)
     noise = step.examination.noise
     # What was predicted is told without noise, and nothing else pushed.

@@ -8,6 +8,7 @@ import numpy as np
 from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation
 from slapshot.effects.joints.split import deflection, read_at_link, split_joint
 
+_HIT = 1000.0  # rad/s, of the stop: four steps of a time constant
 HARD_S = 0.004  # time constant of the stop: twice the step of a careful simulation
 
 
@@ -41,6 +42,11 @@ class Backlash(JointEffect):
     def reads_link(self) -> bool:
         """Whether the encoder sits behind the gap."""
         return "link" in self.variant
+
+    @property
+    def fastest(self) -> float:
+        """Of a stop that is hit."""
+        return _HIT
 
     @property
     def added_joint(self) -> str:

@@ -38,6 +38,11 @@ class BaseCompliance(JointEffect):
         self._inertia = inertia
 
     @property
+    def fastest(self) -> float:
+        """Of the stiffest mount that is fitted."""
+        return _FAST
+
+    @property
     def added_joint(self) -> str:
         """Tilt about x."""
         return base_joint("x")

@@ -2,14 +2,11 @@
 
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 
+from slapshot.effects.joints import joint_effect_modules
 from slapshot.effects.joints.effect import JointEffect, Situation
 from slapshot.errors import InputError
 from slapshot.own_code import import_own
-
-_OTHERS = {"__init__", "catalogue", "effect", "parts", "split"}
-
 
 _registered: set[str] = set()
 
@@ -17,8 +14,7 @@ _registered: set[str] = set()
 @cache
 def _shipped() -> frozenset[str]:
     """Modules of this folder that define an effect."""
-    names = [file.stem for file in sorted(Path(__file__).parent.glob("*.py")) if file.stem not in _OTHERS]
-    return frozenset(import_module(f"{__package__}.{name}").__name__ for name in names)
+    return frozenset(import_module(name).__name__ for name in joint_effect_modules())
 
 
 def joint_effects() -> dict[str, type[JointEffect]]:

@@ -229,6 +229,11 @@ class JointEffect:
         return ""
 
     @property
+    def fastest(self) -> float:
+        """Rad/s of what `restructure` adds: a simulation must have steps that are short against it."""
+        return 0.0
+
+    @property
     def added_joint(self) -> str | None:
         """Name of the first joint that `restructure` adds."""
         return None

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation
-from slapshot.effects.joints.split import deflection, read_at_link, split_joint, stiffest
+from slapshot.effects.joints.split import FASTEST, deflection, read_at_link, split_joint, stiffest
 
 
 class JointElasticity(JointEffect):
@@ -46,6 +46,11 @@ class JointElasticity(JointEffect):
     def reads_link(self) -> bool:
         """Whether the encoder sits behind the spring."""
         return "link" in self.variant
+
+    @property
+    def fastest(self) -> float:
+        """Of the stiffest spring that is fitted."""
+        return FASTEST
 
     @property
     def added_joint(self) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from slapshot.effects.joints.effect import Joint
 
 # Of the fastest mode that a time step of 1 ms can hold with some margin, in rad/s.
-_FASTEST = 400.0
+FASTEST = 400.0
 
 
 def deflection(joint: str) -> str:
@@ -45,7 +45,7 @@ def stiffest(joint: Joint, armature: float) -> float:
     """Stiffness at which motor and link vibrate as fast as can be simulated, N m/rad or N/m."""
     rotor = armature if armature > 0 else 0.1 * joint.inertia
     link = max(joint.inertia - armature, 1e-3 * joint.inertia)
-    return _FASTEST**2 * rotor * link / (rotor + link)
+    return FASTEST**2 * rotor * link / (rotor + link)
 
 
 def base_joint(axis: str) -> str:

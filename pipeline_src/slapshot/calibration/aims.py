@@ -1,0 +1,61 @@
+"""Aims of a calibration, whether they are reached, and the page that says so."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What a number should be.
+
+    Attributes:
+        of: what is measured.
+        wanted: in words.
+        measured: in words.
+        reached: whether it is so.
+    """
+
+    of: str
+    wanted: str
+    measured: str
+    reached: bool
+
+
+def share(yes: pd.Series) -> tuple[float, float, float]:
+    """Share of what is true, with Wilson's 95 % interval."""
+    if not len(yes):
+        return np.nan, np.nan, np.nan
+    interval = binomtest(int(yes.sum()), len(yes)).proportion_ci(0.95, method="wilson")
+    return float(yes.mean()), interval.low, interval.high
+
+
+def percent(value: float) -> str:
+    """A share in percent, with one decimal."""
+    return f"{100 * value:.1f} %"
+
+
+def write_page(file: Path, introduction: str, aims: Sequence[Aim], table: pd.DataFrame) -> None:
+    """Introduction, a line for each aim, and the table."""
+    lines = [(a.of, a.wanted, a.measured, "yes" if a.reached else "**no**") for a in aims]
+    rows = [[_cell(value) for value in row] for row in table.itertuples(index=False)]
+    parts = [
+        introduction,
+        "## Aims\n",
+        *_markdown(("measure", "aim", "measured", "reached"), lines),
+        "\n## All\n",
+        *_markdown(list(table.columns), rows),
+    ]
+    file.write_text("\n".join(parts) + "\n")
+
+
+def _cell(value: object) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    return ["| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *rows)]
