@@ -124,3 +124,18 @@ def test_too_little_to_hold_any_out_is_refused():
     with pytest.raises(InputError, match="record longer") as caught:
         split(cut(of, bind(MjSpec.from_string(PENDULUM), of.channels)))
     assert "\n" not in str(caught.value)
+
+
+def test_errors_as_large_as_expected_are_no_excess():
+    """And those half as large again are; outliers do not decide."""
+    rng = np.random.default_rng(4)
+    sd = rng.uniform(1, 3, size=(30, 50, 2))
+    error = sd * rng.normal(size=sd.shape)
+    some = Predictions(error, error, sd, sd, np.zeros(30))
+    low, high = some.excess(rng)
+    assert low < 1 < high
+    assert replace(some, error=1.5 * error).excess(rng)[0] > 1.8
+    wild = error.copy()
+    wild[::3, 0] = 1e6
+    wild[:, 1] = np.nan
+    assert replace(some, error=wild).excess(rng)[0] < 1.2

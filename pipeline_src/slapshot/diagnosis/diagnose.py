@@ -43,6 +43,7 @@ from slapshot.recordings.signals import SignalRecording
 
 Array = NDArray[np.float64]
 
+BEYOND = 1.2  # mean square of held-out errors over what is expected, where something must be missing
 HELD_OUT = 5  # every fifth episode or block
 _FEWEST_SEGMENTS = 5
 _HALF_90, _ONE_SIDED_95 = 1.645, 1.645
@@ -230,10 +231,10 @@ def _arms(found: Search, problem: Problem, windows: Segments) -> tuple[Predictio
     first, last = found.nominal, found.final
     base = first.hypothesis
     arms: list[Prediction] = []
-    for step, hypothesis, theta in (
-        (first, base, base.start),
-        (first, base, first.examination.fit.theta),
-        (last, last.hypothesis, last.examination.fit.theta),
+    for step, hypothesis, theta, fitted in (
+        (first, base, base.start, False),
+        (first, base, first.examination.fit.theta, True),
+        (last, last.hypothesis, last.examination.fit.theta, True),
     ):
         if arms and hypothesis is arms[-1].hypothesis and np.array_equal(theta, arms[-1].theta):
             arms.append(arms[-1])
@@ -241,11 +242,9 @@ def _arms(found: Search, problem: Problem, windows: Segments) -> tuple[Predictio
         fit, noise = step.examination.fit, step.examination.noise
         path = held_out.first_path(step.problem, problem, windows)
         noise, _ = held_out.own_noise(step.problem, hypothesis, theta, fit.path, noise)
-        arms.append(
-            Prediction(
-                hypothesis, theta, held_out.predict(step.problem, hypothesis, theta, windows, noise, path)
-            )
-        )
+        precision = fit.precision if fitted else None
+        found_out = held_out.predict(step.problem, hypothesis, theta, windows, noise, path, precision)
+        arms.append(Prediction(hypothesis, theta, found_out))
     return arms[0], arms[1], arms[2]
 
 
@@ -264,7 +263,8 @@ def _verdict(
     rng = np.random.default_rng([seed, 1])
     first, last = found.nominal, found.final
     p = first.test.p_value
-    missing = p < P_VALUE
+    worse = [arm.predictions.excess(rng)[0] > BEYOND for arm in arms[1:]]
+    missing = p < P_VALUE or worse[0]
     named = found.named if missing else ()
     reason = "no test says that anything is missing"
     held_up = True
@@ -274,7 +274,7 @@ def _verdict(
             said = [*said, "what was named does not predict held-out windows better, so no name is given"]
             named = ()
     left = last.test.p_value
-    flagged = missing and (left < P_VALUE or not named)
+    flagged = missing and (left < P_VALUE or worse[1] or not named)
     headline = "nothing_found"
     if missing:
         headline = "found" if named else "found_not_named"
@@ -285,6 +285,8 @@ def _verdict(
             if named
             else "something is missing, and no name holds"
         )
+        if flagged and worse[1]:
+            reason += ": held-out windows differ from predictions by more than noise and errors of laws make"
     kinds = problem_kinds(rig)
     units = {kind: recording.channels[rig.observations[c[0]].channel].unit for kind, c in kinds.items()}
     fits = [_errors(arm.predictions, kinds, units, rng) for arm in arms]

@@ -13,7 +13,7 @@ from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.fit import Fitter, prior_of
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.linear import Look, residuals
-from slapshot.diagnosis.noise import Noise, fit_noise
+from slapshot.diagnosis.noise import CLIP, Noise, fit_noise
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.segments import Segments
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 WINDOW_S = 0.5
 _ROUNDS = 5
+_RESAMPLES = 1000
+_NO_WEIGHT = 1e12  # factor on the variance of what is not to be used
 
 
 @dataclass(frozen=True)
@@ -30,15 +32,18 @@ class Predictions:
     """Predictions of W windows.
 
     Attributes:
-        error: (W, nodes, ny) recorded less predicted; NaN where nothing was recorded.
-        predicted: (W, nodes, ny), with what is known of coloured noise.
+        error: (W, nodes, ny) recorded less predicted, and less what is known of coloured noise from the data
+            before; NaN where nothing was recorded.
+        predicted: (W, nodes, ny).
         floor: (W, nodes, ny) standard deviation of the error that noise alone would make.
+        expected: (W, nodes, ny) the same with errors of the time step, of laws and of fitted values.
         log_likelihood: (W,) of what was recorded in the windows, given the data before.
     """
 
     error: Array
     predicted: Array
     floor: Array
+    expected: Array
     log_likelihood: Array
 
     def rms(self, columns: NDArray[np.intp]) -> float:
@@ -49,6 +54,17 @@ class Predictions:
         """Root mean square error of some channels that noise alone would make."""
         there = np.isfinite(self.error[..., columns])
         return float(np.sqrt(np.mean(self.floor[..., columns][there] ** 2)))
+
+    def excess(self, rng: np.random.Generator) -> tuple[float, float]:
+        """Mean square of errors over what is expected: 99 % bootstrap interval over windows.
+
+        Errors beyond four standard deviations, as of outliers, count as four.
+        """
+        each = np.nanmean(np.minimum((self.error / self.expected) ** 2, CLIP**2), axis=(1, 2))
+        each = each[np.isfinite(each)]
+        picks = rng.integers(0, len(each), (_RESAMPLES, len(each)))
+        low, high = np.quantile(each[picks].mean(axis=1), [0.005, 0.995])
+        return float(low), float(high)
 
     def squares(self, columns: NDArray[np.intp]) -> Array:
         """(W,) mean squared error of each window."""
@@ -62,6 +78,7 @@ def predict(
     windows: Segments,
     noise: Noise,
     path: Array,
+    precision: Array | None = None,
 ) -> Predictions:
     """Predict the second half of every segment from its first.
 
@@ -72,6 +89,7 @@ def predict(
         windows: held-out segments of two window lengths.
         noise: of the hypothesis, fitted elsewhere.
         path: (W, 2 n, nx) where the first states are looked for.
+        precision: (p, p) of the values; None where they are given.
     """
     windows, half = problem.in_steps(windows), windows.shape[1] // 2
     masked = windows.y.copy()
@@ -81,7 +99,7 @@ def predict(
     fitter = Fitter(problem.fitter.simulator, before, problem.torque)
     path, coloured = _without_parameters(fitter, hypothesis, theta, path, own)
     found = fitter.linearise(hypothesis, theta, path)
-    system, predicted = found.system.without_columns(), found.predicted + coloured
+    system, predicted = found.system.without_columns(), found.predicted
     quiet = replace(own, force=1e-6)
     floor = np.sqrt(innovations(system, quiet.covariances(windows.interval)).variance)
     whole = replace(fitter, segments=windows)
@@ -92,8 +110,21 @@ def predict(
         np.sum(all_of_it.e**2, axis=(1, 2)) + all_of_it.logdet
         - np.sum(first.e**2, axis=(1, 2)) - first.logdet
     )  # fmt: skip
-    error = residuals(problem.rig, windows, predicted)[:, half:]
-    return Predictions(error, predicted[:, half:], floor[:, half:], log_likelihoods)
+    error = residuals(problem.rig, windows, predicted + coloured)[:, half:]
+    # All columns' responses to what is known at the windows' beginning: what comes then is given no weight.
+    blind = quiet.weight.copy()
+    blind[:, half:] = _NO_WEIGHT
+    wide = Fitter(fitter.simulator, windows, problem.torque, problem.nuisance, problem.situation)
+    columns, prior = wide.system(hypothesis, theta, path, jacobian=system)
+    seen = innovations(columns, replace(quiet, weight=blind).covariances(windows.interval))
+    response = (seen.Z * np.sqrt(seen.variance)[..., None])[:, half:]
+    p = len(theta)
+    spread = np.sum((response[..., p:] * prior.at(noise)[p:]) ** 2, axis=-1)
+    if precision is not None and p:
+        own_part = response[..., :p]
+        spread = spread + np.einsum("wtck,kl,wtcl->wtc", own_part, np.linalg.inv(precision), own_part)
+    expected = np.sqrt(floor[:, half:] ** 2 + spread)
+    return Predictions(error, predicted[:, half:], floor[:, half:], expected, log_likelihoods)
 
 
 def _without_parameters(

@@ -286,6 +286,8 @@ def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Rep
     level = _own_evidence(rival.problem, own, rival.examination.noise)[0]
     best: tuple[float, Trial] | None = None
     for trial in tried[:2]:
+        if trial.fit.log_evidence < tried[0].fit.log_evidence - _SHOT_BEHIND:
+            continue
         evidence, whole = _completed(trial)
         report(f"refitted {trial.effect.key}: {evidence - level:+.1f} nats against the law that gained most")
         if best is None or evidence > best[0]:

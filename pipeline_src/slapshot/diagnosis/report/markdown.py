@@ -111,6 +111,12 @@ def _mismatch(verdict: Verdict) -> str:
             f"p = {mismatch.p_value:.2g} of recordings like this one; p < {P_VALUE:g} counts as missing. "
             f"What stands out most by itself, {strongest}, may well be chance."
         )
+    if mismatch.p_value >= P_VALUE:
+        return (
+            "**Yes**, since held-out windows are predicted worse than noise and errors of known laws would "
+            f"make. No effect of the catalogue stands out (p = {mismatch.p_value:.2g}; p < {P_VALUE:g} would "
+            f"count); most by itself does {strongest}."
+        )
     return (
         f"**Yes.** Were the nominal model complete, as much would stand out in a share of "
         f"p = {mismatch.p_value:.2g} of recordings like this one (p < {P_VALUE:g} counts). What stands out "
@@ -177,6 +183,8 @@ def _left(verdict: Verdict) -> str:
     text = f"Something is missing {beside}that no name explains"
     if unknown.p_value < P_VALUE:
         text += f" (p = {unknown.p_value:.2g})"
+    elif verdict.effects:
+        text += " and that only held-out windows show"
     return f"{text}: {escaped(unknown.description)}." if unknown.description else f"{text}."
 
 

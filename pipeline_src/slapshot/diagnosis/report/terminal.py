@@ -14,6 +14,7 @@ from slapshot.diagnosis.report.wording import (
     rivals_text,
     several,
 )
+from slapshot.diagnosis.search import P_VALUE
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.figures.drawing import STAND_IN
 from slapshot.text import printable
@@ -40,6 +41,8 @@ def terminal_text(verdict: Verdict) -> str:
     assert mismatch is not None
     assert unknown is not None
     yes = "yes" if mismatch.found else "no"
+    if mismatch.found and mismatch.p_value >= P_VALUE:
+        yes = "yes, by held-out errors"
     lines.append(
         _line("mismatch", f"{yes}, p = {mismatch.p_value:.2g}; stands out most: {mismatch.strongest}")
     )
