@@ -539,7 +539,7 @@ def test_intervals_have_the_digits_that_they_deserve():
 def test_keys_become_phrases():
     assert phrase_of("coulomb_friction@swing") == "Coulomb friction at swing"
     assert phrase_of("backlash@a b (read at the link)") == "backlash of joint a b (read at the link)"
-    assert phrase_of("encoder_delay") == "delay of the readings"
+    assert phrase_of("base_compliance") == "compliance of the base"
     assert phrase_of("my_effect@swing") == "my effect@swing"
 
 

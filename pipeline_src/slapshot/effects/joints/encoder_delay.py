@@ -1,27 +1,46 @@
 """Readings that are older than their time stamps."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from slapshot.effects.joints.effect import Array, JointEffect, Observed, Parameter, Situation
+
+ALL_SENSORS = "all sensors"
 
 
 class EncoderDelay(JointEffect):
     name = "encoder_delay"
     physics = "Readings are filtered or sent late: what is stamped now was measured before."
     source = "Furgale, Rehder, Siegwart (2013), IROS"
-    phrase = "delay of the readings"
+    phrase = "delay of the readings of {part}"
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["EncoderDelay"]:
-        """One of all readings, where there are controls to hold them against; prior: 10 ms."""
-        if rig.model.nu:
-            yield cls("", [Parameter("delay", "s", 0.01, low=-0.1, high=0.1, probe=1e-3)])
+        """One a joint that is observed and one of all, where controls tell the time; prior: 10 ms."""
+        if not rig.model.nu:
+            return
+        parameter = Parameter("delay", "s", 0.01, low=-0.1, high=0.1, probe=1e-3)
+        every = {sensed.column for sensed in rig.sensed}
+        for joint in rig.joints:
+            own = {sensed.column for sensed in rig.sensed if sensed.joint == joint.name}
+            if own:
+                yield cls(joint.name, sorted(own), parameter)
+            if own == every:
+                return
+        yield cls(ALL_SENSORS, sorted(every), parameter)
+
+    def __init__(self, part: str, columns: Sequence[int], parameter: Parameter) -> None:
+        super().__init__(part, (parameter,))
+        self._columns = list(columns)
 
     def observe(self, seen: Observed, values: Array) -> Array:
         """Reading of an earlier time, to second order: for delays that are short against the motion."""
-        return -values[0] * seen.rate + values[0] ** 2 / 2 * seen.bend
+        added, own = np.zeros_like(seen.y), self._columns
+        added[:, own] = -values[0] * seen.rate[:, own] + values[0] ** 2 / 2 * seen.bend[:, own]
+        return added
 
     def note(self, values: Array) -> str:
         """By how much."""
         sign = "-" if values[0] >= 0 else "+"
-        return f"The reading for time t is what the simulation has at t {sign} {abs(values[0]):.4g} s."
+        return f"The reading of {self.part} for time t is what the simulation has at t {sign} {abs(values[0]):.4g} s."
