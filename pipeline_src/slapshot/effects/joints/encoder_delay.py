@@ -43,4 +43,4 @@ class EncoderDelay(JointEffect):
     def note(self, values: Array) -> str:
         """By how much."""
         sign = "-" if values[0] >= 0 else "+"
-        return f"The reading of {self.part} for time t is what the simulation has at t {sign} {abs(values[0]):.4g} s."
+        return f"Readings of {self.part} for time t are what the simulation has at t {sign} {abs(values[0]):.4g} s."
