@@ -42,5 +42,5 @@ class EncoderDelay(JointEffect):
 
     def note(self, values: Array) -> str:
         """By how much."""
-        sign = "-" if values[0] >= 0 else "+"
-        return f"Readings of {self.part} for time t are what the simulation has at t {sign} {abs(values[0]):.4g} s."
+        at = f"t {'-' if values[0] >= 0 else '+'} {abs(values[0]):.4g} s"
+        return f"Readings of {self.part} for time t are what the simulation has at {at}."
