@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.law_error import law_errors
+from slapshot.diagnosis.law_error import Law, law_errors
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.segments import cut
@@ -12,7 +12,7 @@ from slapshot.effects.joints.effect import Situation, State
 
 from .mechanisms import PENDULUM, joint, recording, told
 
-SHAPES = 7
+WHOLE = 0.2  # size of a change of the whole law
 
 
 def moving(text: str, torque: float | None = None) -> tuple[Situation, State]:
@@ -29,28 +29,52 @@ def moving(text: str, torque: float | None = None) -> tuple[Situation, State]:
     return situation(rig, segments, x), State(flat[:, :1], flat[:, 1:], acting, time, 0 * time)
 
 
-def pushes(of: Situation, state: State) -> np.ndarray:
-    """(looks, n) what each error does to the joint at a share of 1."""
-    looks = law_errors(of, state)
-    return np.array([look.effect.force(state, np.ones(1))[:, 0] for look in looks]).reshape(len(looks), -1)
+def laws_of(of: Situation, state: State) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Each law, (n,), what its errors do at a share of 1, (looks, n), and their sizes; the whole law is last."""
+    found, errors, sizes = [], [], []
+    for look in law_errors(of, state):
+        errors.append(look.effect.force(state, np.ones(1))[:, 0])
+        sizes.append(look.scale)
+        if look.scale == WHOLE:
+            found.append(
+                (errors[-1], np.array(errors[:-1]).reshape(-1, len(errors[-1])), np.array(sizes[:-1]))
+            )
+            errors, sizes = [], []
+    assert not errors
+    return found
 
 
-def test_each_error_has_the_size_of_its_law_and_leaves_the_whole_alone():
+@pytest.mark.parametrize("fine", [False, True])
+def test_each_error_has_the_size_of_its_law_and_leaves_the_whole_alone(fine):
     of, state = moving(PENDULUM)
-    found = pushes(of, state)
-    laws = [state.torque[:, 0], -0.05 * state.v[:, 0]]
-    assert len(found) == SHAPES * len(laws)
-    for law, errors in zip(laws, np.split(found, 2), strict=True):
-        np.testing.assert_allclose(np.mean(errors**2, axis=1), np.mean(law**2), rtol=1e-9)
-        np.testing.assert_allclose(errors @ law / (law @ law), 0, atol=1e-12)
+    rod = of.joints[0]
+    law = Law(rod, lambda state: state.torque[:, rod.v], state, fine)
+    *errors, whole = law.errors(state).T
+    value = state.torque[:, 0]
+    np.testing.assert_array_equal(whole, value)
+    np.testing.assert_allclose(np.mean(np.square(errors), axis=1), np.mean(value**2), rtol=1e-9)
+    np.testing.assert_allclose(np.array(errors) @ value / (value @ value), 0, atol=1e-9)
+    # They are told apart, and together have unit size.
+    products = np.array(errors) @ np.array(errors).T / (value @ value)
+    np.testing.assert_allclose(products, np.eye(len(errors)), atol=1e-9)
+    assert np.sum(law.share[:-1] ** 2) == pytest.approx(1)
 
 
-def test_together_they_have_the_common_size():
+def test_smooth_functions_of_speed_and_load_are_sums_of_the_shapes():
+    """A wave of 10 % over the usual range: what is left of it is a few per cent of it."""
     of, state = moving(PENDULUM)
-    looks = law_errors(of, state)
-    # Shares of six shapes, each with a sixth of the variance.
-    assert sum(look.scale**2 for look in looks[:SHAPES]) == pytest.approx(1)
-    for look in looks:
+    rod = of.joints[0]
+    law = Law(rod, lambda state: state.torque[:, rod.v], state, True)
+    load = state.torque[:, 0] / np.sqrt(np.mean(state.torque[:, 0] ** 2))
+    wave = state.torque[:, 0] * np.cos(1.2 * state.v[:, 0] / rod.speed + load)
+    columns = law.errors(state)
+    left = wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]
+    assert np.sqrt(np.mean(left**2) / np.mean(wave**2)) < 0.1
+
+
+def test_looks_at_law_errors_are_small_steps():
+    of, state = moving(PENDULUM)
+    for look in law_errors(of, state):
         assert look.effect.name == "law_error"
         assert look.values == (look.probe,)
 
@@ -65,22 +89,19 @@ def test_together_they_have_the_common_size():
 )
 def test_only_laws_that_the_model_has_can_err(text, laws):
     of, state = moving(text)
-    assert len(law_errors(of, state)) == SHAPES * laws
+    assert len(laws_of(of, state)) == laws
 
 
 def test_a_motor_that_does_nothing_does_not_err():
     of, state = moving(PENDULUM, 0.0)
-    found = pushes(of, state)
-    # Of damping there are the five shapes of speed; those of load do not vary.
-    assert len(found) == 5
-    assert np.all(np.mean(found**2, axis=1) > 0)
+    ((law, errors, _),) = laws_of(of, state)
+    np.testing.assert_allclose(law, -0.05 * state.v[:, 0])
+    assert np.all(np.mean(errors**2, axis=1) > 0)
 
 
 def test_what_does_not_vary_is_no_error_of_its_own():
     """A constant load: as a factor it would be a change of the whole law, blown up from rounding."""
     of, state = moving(PENDULUM, 0.7)
-    law = -0.05 * state.v[:, 0]
-    found = pushes(of, state)
-    assert len(found) == 10
-    for errors in found[5:]:
-        assert abs(errors @ law / (law @ law)) < 1e-9
+    for law, errors, sizes in laws_of(of, state):
+        assert np.sum(sizes**2) == pytest.approx(1)
+        np.testing.assert_allclose(errors @ law / (law @ law), 0, atol=1e-9)

@@ -17,18 +17,77 @@ from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situat
 
 Array = NDArray[np.float64]
 
-_SHAPES: tuple[Callable[[Array, Array], Array], ...] = (
-    lambda s, load: np.exp(-((s / 0.05) ** 2)),
-    lambda s, load: np.exp(-((s / 0.2) ** 2)),
-    lambda s, load: np.exp(-(s**2)),
-    lambda s, load: np.tanh(s),
-    lambda s, load: np.tanh(s) * np.abs(np.tanh(s)),
-    lambda s, load: np.tanh(load),
-    lambda s, load: np.exp(-(load**2)),
-)
+# Smooth functions of speed and load are sums of bumps, in usual speeds and rms loads; one more is narrow.
+_CENTRES, _WIDTH, _NARROW = np.linspace(-3.0, 3.0, 11), 0.6, 0.2
+# Least share of the variance that a component has, and most components of a law.
+_COARSE, _FINE = (0.02, 8), (0.003, 40)
+_WHOLE = 0.2  # size of a change of the whole law, over that of the errors in shape
 LATE_S = (0.005, 0.01, 0.02)  # by which a law may follow its state late, as friction does after a reversal
 _SLOW = (0.05, 0.2)  # of the usual speed, where a friction may be another than farther from rest
+_PART = 0.4  # size of an error near rest or in time, over that of the errors in shape
 _FLAT = 1e-6  # of shapes, which are of size 1
+
+
+class Shapes:
+    """Principal components of the smooth functions of speed and load, along a motion and where a law acts.
+
+    They have no part in common with a change of the whole law, which is an effect.
+
+    Args:
+        speed: (n,) in usual speeds.
+        load: (n,) in rms loads.
+        weight: (n,) squared law.
+        fine: whether all of them are wanted, or the few that matter most.
+
+    Attributes:
+        share: (k,) standard deviation of each component of a function of unit size.
+    """
+
+    def __init__(self, speed: Array, load: Array, weight: Array, fine: bool = False) -> None:
+        raw = _bumps(speed, load)
+        total = max(float(weight.sum()), 1e-300)
+        self._mean = weight @ raw / total
+        centred = raw - self._mean
+        variance, vectors = np.linalg.eigh((centred * weight[:, None]).T @ centred / total)
+        whole = float(np.maximum(variance, 0).sum())
+        least, most = _FINE if fine else _COARSE
+        kept = np.flatnonzero((variance > least * whole) & (variance > _FLAT**2))[::-1][:most]
+        self.share = np.sqrt(variance[kept] / variance[kept].sum()) if len(kept) else np.zeros(0)
+        self._vectors = vectors[:, kept] / np.sqrt(variance[kept])
+
+    def __call__(self, speed: Array, load: Array) -> Array:
+        """(n, k), of unit size where the law acts."""
+        return (_bumps(speed, load) - self._mean) @ self._vectors
+
+
+def _bumps(speed: Array, load: Array) -> Array:
+    along = [np.exp(-(((x[:, None] - _CENTRES) / _WIDTH) ** 2)) for x in (speed, load)]
+    both = (along[0][:, :, None] * along[1][:, None, :]).reshape(len(speed), -1)
+    return np.concatenate([both, np.exp(-((speed / _NARROW) ** 2))[:, None]], axis=1)
+
+
+class Law:
+    """A law of a joint of the nominal model, with the shapes of its errors."""
+
+    def __init__(self, joint: Joint, value: Callable[[State], Array], state: State, fine: bool) -> None:
+        self.joint, self.value = joint, value
+        self._torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
+        self._shapes = Shapes(*self._usual(state), value(state) ** 2, fine)
+        # What is wrong in shape is a little wrong as a whole.
+        self.share = np.append(self._shapes.share, _WHOLE)
+        self._last: tuple[State, Array] | None = None
+
+    def _usual(self, state: State) -> tuple[Array, Array]:
+        v = self.joint.v
+        return state.v[:, v] / self.joint.speed, state.torque[:, v] / self._torque
+
+    def errors(self, state: State) -> Array:
+        """The law times each shape, and the law, (n, k); remembered, since shapes are asked for one by one."""
+        if self._last is None or self._last[0] is not state:
+            shapes = self._shapes(*self._usual(state))
+            whole = np.concatenate([shapes, np.ones((len(shapes), 1))], axis=1)
+            self._last = state, self.value(state)[:, None] * whole
+        return self._last[1]
 
 
 class LawError(JointEffect):
@@ -39,37 +98,22 @@ class LawError(JointEffect):
     source = "Kennedy, O'Hagan (2001), Journal of the Royal Statistical Society B 63(3)"
     phrase = "error of a law at {part}"
 
-    def __init__(
-        self, joint: Joint, law: Callable[[State], Array], shape: int, torque: float, state: State
-    ) -> None:
-        super().__init__(joint.name, (Parameter("share", "1", 1.0, probe=0.01),))
-        self._joint, self._law, self._shape, self._torque = joint, law, _SHAPES[shape], torque
-        weight = law(state) ** 2
-        raw = self._raw(state)
-        # Free of a change of the whole law, which is an effect, and of unit size.
-        self._mean = float(np.sum(weight * raw) / max(np.sum(weight), 1e-300))
-        spread = np.sum(weight * (raw - self._mean) ** 2) / max(np.sum(weight), 1e-300)
-        self._size = float(np.sqrt(spread))
-
-    @property
-    def varies(self) -> bool:
-        """Whether the shape differs along the motion at all; a constant is a change of the whole law."""
-        return self._size > _FLAT
-
-    def _raw(self, state: State) -> Array:
-        j = self._joint
-        return self._shape(state.v[:, j.v] / j.speed, state.torque[:, j.v] / self._torque)
+    def __init__(self, law: Law, shape: int) -> None:
+        super().__init__(law.joint.name, (Parameter("share", "1", 1.0, probe=0.01),))
+        self._law, self._shape = law, shape
 
     def force(self, state: State, values: Array) -> Array:
         """The law times the shape."""
-        change = (self._raw(state) - self._mean) / self._size
-        return on_joint(self._joint, values[0] * self._law(state) * change, state.v.shape[1])
+        change = values[0] * self._law.errors(state)[:, self._shape]
+        return on_joint(self._law.joint, change, state.v.shape[1])
 
 
 def own_law_errors(
     system: Linear, hypothesis: Hypothesis, theta: Array, rig: Situation, state: State, interval: float
 ) -> tuple[Array, Array]:
-    """Columns of the errors of the laws that a hypothesis adds: what they do, times the same shapes.
+    """Columns of the errors of the laws that a hypothesis adds: what they do, times the same shapes, or late.
+
+    A friction may also be another near rest.
 
     Args:
         system: with the hypothesis' own columns first.
@@ -97,12 +141,10 @@ def own_law_errors(
         if total <= 0:
             continue
         torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
-        for shape in _SHAPES:
-            raw = shape(state.v[:, joint.v] / joint.speed, state.torque[:, joint.v] / torque)
-            raw = raw - np.sum(weight * raw) / total
-            size = np.sqrt(np.sum(weight * raw**2) / total)
-            if size > 1e-9:
-                columns.append(law * (raw / size).reshape(S, L, 1))
+        usual = state.v[:, joint.v] / joint.speed, state.torque[:, joint.v] / torque
+        shapes = Shapes(*usual, weight)
+        errors = shapes(*usual).reshape(S, L, 1, -1)
+        columns += [law * errors[..., k] * share for k, share in enumerate(shapes.share)]
         # Where a friction holds fast it does nothing, and a share of it would be nothing too.
         speed = state.v[:, joint.v].reshape(S, L)
         for slow in _SLOW if effect.friction else ():
@@ -112,13 +154,13 @@ def own_law_errors(
             columns.append(_sized(_late(law, nodes), total))
     columns = [column for column in columns if np.any(column)]
     W = np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
-    return W, np.full(len(columns), 1 / np.sqrt(len(_SHAPES) + len(_SLOW) + len(LATE_S)))
+    return W, np.ones(len(columns))
 
 
 def _sized(column: Array, total: float) -> Array:
-    """A column with the same sum of squares as a law; 0 where there is next to nothing of it."""
+    """A column of a part of a law's size; 0 where there is next to nothing of it."""
     size = np.sqrt(np.sum(column**2) / total)
-    return column / size if size > 1e-9 else np.zeros_like(column)
+    return _PART * column / size if size > 1e-9 else np.zeros_like(column)
 
 
 def _late(law: Array, nodes: int) -> Array:
@@ -127,19 +169,23 @@ def _late(law: Array, nodes: int) -> Array:
     return later - law
 
 
-def law_errors(rig: Situation, state: State) -> list[Look]:
-    """Columns of all law errors, each in shares of the rms error of its law."""
+def law_errors(rig: Situation, state: State, fine: bool = False) -> list[Look]:
+    """Columns of all law errors, each in shares of the rms error of its law.
+
+    Args:
+        rig: scales.
+        state: along the motion.
+        fine: whether laws err enough for all shapes to matter.
+    """
     looks = []
     for joint in rig.joints:
-        for law in _laws(rig, joint):
-            if np.sqrt(np.mean(law(state) ** 2)) < 1e-6 * joint.torque:
+        for value in _laws(rig, joint):
+            if np.sqrt(np.mean(value(state) ** 2)) < 1e-6 * joint.torque:
                 continue
-            torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
-            for shape in range(len(_SHAPES)):
-                effect = LawError(joint, law, shape, torque, state)
-                if not effect.varies:
-                    continue
-                looks.append(Look(effect, (0.01,), 0.01, 1 / np.sqrt(len(_SHAPES))))
+            law = Law(joint, value, state, fine)
+            looks += [
+                Look(LawError(law, k), (0.01,), 0.01, float(share)) for k, share in enumerate(law.share)
+            ]
     return looks
 
 

@@ -140,7 +140,6 @@ def fit_noise(
     kinds: Sequence[str],
     *,
     near: bool = False,
-    colour: bool = True,
 ) -> Noise:
     """Noise of the highest likelihood, all columns being integrated out.
 
@@ -153,7 +152,6 @@ def fit_noise(
         segments: data.
         kinds: quantity of each channel; those of one kind share ratio and correlation time of coloured noise.
         near: whether the noise was fitted before to a system much like this one, so that one start suffices.
-        colour: whether coloured noise is looked for.
     """
     S, L = segments.shape
     noise = replace(noise, weight=np.ones_like(noise.weight))
@@ -196,8 +194,6 @@ def fit_noise(
     if near:
         begins = [np.concatenate([now, zero])]
     plain, values = maximise(evaluate, begins, limits)
-    if not colour:
-        return _balanced(system, prior, of(values), segments, least)
     longest = max(2 * segments.interval, L * segments.interval / 2)
     limits += [(np.log(0.05), np.log(30.0))] * count
     limits += [(np.log(segments.interval), np.log(longest))] * count

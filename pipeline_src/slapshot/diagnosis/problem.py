@@ -44,6 +44,7 @@ class Problem:
         path: where fits begin.
         nuisance: columns that every hypothesis has.
         threads: for simulation.
+        fine: whether errors of laws are large enough for all their shapes to matter.
     """
 
     rig: Rig
@@ -54,6 +55,7 @@ class Problem:
     torque: Array
     nuisance: tuple[Look, ...]
     threads: int = 1
+    fine: bool = False
 
     @classmethod
     def of(cls, rig: Rig, channels: dict[str, Channel], segments: Segments, threads: int = 1) -> "Problem":
@@ -76,8 +78,13 @@ class Problem:
         # What has no actuator and no mass of its own is pushed by nobody.
         torque[list(rig.added_dofs)] *= 1e-3
         segments = self.segments.finer(steps_in(self.segments.step, min(effect.fastest, FASTEST)))
-        nuisance = _nuisance(rig, segments, scales, moved)
-        return Problem(rig, self.channels, segments, scales, moved, torque, nuisance, self.threads)
+        nuisance = _nuisance(rig, segments, scales, moved, self.fine)
+        return Problem(rig, self.channels, segments, scales, moved, torque, nuisance, self.threads, self.fine)
+
+    def refined(self) -> "Problem":
+        """The same with all shapes of errors of laws."""
+        nuisance = _nuisance(self.rig, self.segments, self.situation, self.path, True)
+        return replace(self, nuisance=nuisance, fine=True)
 
     def with_steps_for(self, effect: JointEffect) -> "Problem":
         """The same in steps that are as short as an effect's fastest motion needs."""
@@ -118,14 +125,16 @@ class Problem:
         return Hypothesis(self.rig, tuple(free))
 
 
-def _nuisance(rig: Rig, segments: Segments, scales: Situation, path: Array) -> tuple[Look, ...]:
+def _nuisance(
+    rig: Rig, segments: Segments, scales: Situation, path: Array, fine: bool = False
+) -> tuple[Look, ...]:
     nq, nv = rig.model.nq, rig.model.nv
     x = path[segments.inside]
     u = segments.control()[..., 0, :][segments.inside]
     order = np.repeat(segments.order[:, None], segments.shape[1], 1)[segments.inside]
     torque = actuator_torque(rig.model, x, u, rig.load)
     state = State(x[:, :nq], x[:, nq : nq + nv], torque, segments.time[segments.inside], order)
-    return (STEP_ERROR, *law_errors(scales, state))
+    return (STEP_ERROR, *law_errors(scales, state, fine))
 
 
 @dataclass(frozen=True)
@@ -173,8 +182,7 @@ def examine(
     fixed = own + len(problem.nuisance)
     for number in range(passes):
         # Passes before the last serve the path alone.
-        last = number == passes - 1
-        looks = looks_at(effects) if last else []
+        looks = looks_at(effects) if number == passes - 1 else []
         system, prior = fitter.system(hypothesis, theta, path, looks)
         candidate = np.zeros(len(prior.sd), bool)
         candidate[fixed : fixed + len(looks)] = True
@@ -185,7 +193,7 @@ def examine(
         explains[fixed : fixed + len(looks)] = ~np.array(many, bool)
         few = Prior(prior.sd[explains], prior.law_error[explains])
         part = _with(system, explains)
-        noise = fit_noise(part, few, noise, problem.segments, problem.kinds, near=passes == 1, colour=last)
+        noise = fit_noise(part, few, noise, problem.segments, problem.kinds, near=passes == 1)
         fit = fitter.fit(hypothesis, theta, path, noise, rounds=3, known=system)
         theta, path = fit.theta, fit.path
     # About the path before the last fit, which is as good a point: scores eliminate what the fit moved.

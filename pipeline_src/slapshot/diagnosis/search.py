@@ -28,12 +28,13 @@ Array = NDArray[np.float64]
 
 P_VALUE = 0.01
 MOST_EFFECTS = 5
+_LARGE_LAW_ERROR = 0.01  # where all shapes of errors of laws are looked at
 REFITTED = 6  # candidates that are refitted in a step
 _RACE_NODES, _RACE_ROUNDS = 2000, 4  # of a first refit
 _BEHIND, _BEHIND_NATS = 0.02, 30.0  # behind the leader, where no candidate is refitted to everything
 CLASS_NATS = float(np.log(20.0))  # rivals within a factor of twenty cannot be told apart
 _STRUCTURE_JOINTS = 3
-_SHOT_SEGMENTS = 12  # for a first look at structures
+_TRIAL_ROUNDS, _SHOT_SEGMENTS = 6, 12  # for a first look at structures
 _SHOT_BEHIND = 20.0  # nats behind the law there, where no structure is followed further
 
 Report = Callable[[str], None]
@@ -129,6 +130,10 @@ def nominal_step(problem: Problem, free: Sequence[JointEffect], rng: np.random.G
     """The nominal rig with its free parameters, fitted and tested."""
     base = problem.base(free)
     examined = examine(problem, base, base.start, problem.path, problem.first_noise, passes=2)
+    if examined.noise.law_error > _LARGE_LAW_ERROR:
+        problem = problem.refined()
+        fit = examined.fit
+        examined = examine(problem, base, fit.theta, fit.path, examined.noise)
     return Step(problem, examined, _test(examined, rng))
 
 
@@ -362,7 +367,7 @@ def _shot(
     path: Array,
     noise: Noise,
     some: NDArray[np.intp],
-    rounds: int = 12,
+    rounds: int = _TRIAL_ROUNDS,
 ) -> Fit:
     """A fit to some segments by shooting."""
     few = replace(noise, weight=noise.weight[some])
