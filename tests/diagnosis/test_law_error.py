@@ -30,7 +30,7 @@ def moving(text: str, torque: float | None = None) -> tuple[Situation, State]:
 
 
 def laws_of(of: Situation, state: State) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Each law, (n,), what its errors do at a share of 1, (looks, n), and their sizes; the whole law is last."""
+    """Each law, (n,), what errors of it do at a share of 1, (looks, n), and their sizes; the law is last."""
     found, errors, sizes = [], [], []
     for look in law_errors(of, state):
         errors.append(look.effect.force(state, np.ones(1))[:, 0])

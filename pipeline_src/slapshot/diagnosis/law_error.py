@@ -82,7 +82,7 @@ class Law:
         return state.v[:, v] / self.joint.speed, state.torque[:, v] / self._torque
 
     def errors(self, state: State) -> Array:
-        """The law times each shape, and the law, (n, k); remembered, since shapes are asked for one by one."""
+        """The law times each shape, and the law, (n, k); remembered, as shapes are asked for one by one."""
         if self._last is None or self._last[0] is not state:
             shapes = self._shapes(*self._usual(state))
             whole = np.concatenate([shapes, np.ones((len(shapes), 1))], axis=1)
