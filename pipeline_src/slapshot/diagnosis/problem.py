@@ -194,7 +194,7 @@ def examine(
         few = Prior(prior.sd[explains], prior.law_error[explains])
         part = _with(system, explains)
         noise = fit_noise(part, few, noise, problem.segments, problem.kinds, near=passes == 1)
-        fit = fitter.fit(hypothesis, theta, path, noise, rounds=3, known=system)
+        fit = fitter.fit(hypothesis, theta, path, noise, rounds=8, known=system)
         theta, path = fit.theta, fit.path
     # About the path before the last fit, which is as good a point: scores eliminate what the fit moved.
     found = innovations(system, noise.covariances(problem.segments.interval))
