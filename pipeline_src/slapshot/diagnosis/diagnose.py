@@ -204,7 +204,7 @@ def _unfit(found: Search) -> str | None:
             "the nominal model diverges from the recorded motion; check units and signs of the controls, and "
             "whether the model is that of this robot"
         )
-    if not fit.converged and len(fit.theta):
+    if not fit.settled:
         return (
             "the fit of the nominal model's free parameters does not converge (they still moved by "
             f"{fit.moved:.2g} standard deviations); free fewer, or record motions that tell them apart"

@@ -26,6 +26,7 @@ _DROP = 0.05  # share of its evidence that a step may lose: each is judged by a 
 _SMALLEST = 1e-3  # share of a step that is still tried
 _DIGITS = 1e-6
 STILL = 0.01  # posterior standard deviations that parameters may still move
+SETTLED = 0.1  # the same, where rounds have run out
 LAW = "law_error"
 
 
@@ -57,6 +58,11 @@ class Fit:
     precision: Array
     converged: bool
     moved: float
+
+    @property
+    def settled(self) -> bool:
+        """Whether the values are found: they may still move by a little of what they are uncertain by."""
+        return self.converged or not len(self.theta) or self.moved < SETTLED
 
     @property
     def sd(self) -> Array:

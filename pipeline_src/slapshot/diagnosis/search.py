@@ -111,6 +111,8 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     rng = np.random.default_rng(seed)
     report("fitting the nominal model")
     steps = [nominal_step(problem, free, rng)]
+    if not steps[0].examination.fit.settled:
+        return Search(tuple(steps), tuple(free))
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MOST_EFFECTS:
         step = _extended(steps[-1], rng, report)
         if step is None:
