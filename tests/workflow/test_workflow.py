@@ -173,7 +173,7 @@ def test_the_proof_for_joints_is_made_case_by_case_and_published_beside_the_othe
     assert len(pd.read_csv(aside / "proof-joints/cases.csv")) == 2
     assert job_counts(workspace.snakemake("--dry-run", "proof_joints").stdout) == {"proof_joints": 1}
 
-    # A verdict is the same, but for the time it took and for rounding by other threads, without a truth to read.
+    # A verdict is the same without a truth to read, but for its time and for rounding by other threads.
     store = workspace.root / "data/store"
     case, verdict = (store / f"joint_{s}" / made_from[f"{s}/t0000"] for s in ("case", "verdict"))
     assert (case / "sealed/truth.json").is_file()
