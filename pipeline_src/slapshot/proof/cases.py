@@ -1,11 +1,5 @@
-"""Lists of concealed cases: what a rig conceals, how it is recorded, and under which seed.
+"""Concealed cases of pucks: what a rig conceals, how it is recorded, and under which seed."""
 
-A list is a CSV file. Only the lab reads what a row conceals: a case is called by its number alone, and rows
-stand in random order, so that nothing that a diagnosis is given says which condition it belongs to.
-"""
-
-import csv
-import io
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
@@ -14,13 +8,10 @@ from typing import Annotated, Any
 
 from pydantic import Field, field_validator
 
+from slapshot.case_list import JOIN, concealed_of, concealed_text, number, read_list, write_list
 from slapshot.config.lab import ConcealedKind, Keep
 from slapshot.config.values import Name, Share
-from slapshot.errors import InputError, reading
-from slapshot.validation import Model, short, validated
-
-_JOIN = "+"
-_LONGEST = 10_000_000  # bytes of a list, far beyond any use
+from slapshot.validation import Model, validated
 
 
 @dataclass(frozen=True)
@@ -85,7 +76,7 @@ class _Row(Model):
     condition: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ,.%_-]{0,63}$")]
     seed: Annotated[int, Field(ge=0)]
     conceals: list[_Concealed] = Field(
-        description=f"such as tilt:0.8{_JOIN}curl:1.2, each kind once; or nothing"
+        description=f"such as tilt:0.8{JOIN}curl:1.2, each kind once; or nothing"
     )
     hits: Annotated[int, Field(ge=1, le=100_000)]
     keep: Keep
@@ -97,7 +88,7 @@ class _Row(Model):
     def _each_once(cls, conceals: list[_Concealed]) -> list[_Concealed]:
         kinds = [one.kind for one in conceals]
         if len(set(kinds)) < len(kinds):
-            raise ValueError(f"{_JOIN.join(kinds)} names a kind twice; name it once")
+            raise ValueError(f"{JOIN.join(kinds)} names a kind twice; name it once")
         return conceals
 
 
@@ -107,62 +98,19 @@ def read_cases(file: Path) -> list[Case]:
     Raises:
         InputError: there is no such file, or a row is not allowed; one line for a person.
     """
-    with reading(file, "name a list of cases (CSV), such as config/cases/small.csv", _LONGEST):
-        data = file.read_bytes()
-    reader = csv.reader(io.StringIO(_text(data, file), newline=""), strict=True)
-    cases: dict[str, Case] = {}
-    try:
-        head = next(reader, [])
-        if tuple(head) != _COLUMNS:
-            raise InputError(f"{file}:1: columns are {short(', '.join(head))}; write {', '.join(_COLUMNS)}")
-        for values in filter(None, reader):
-            where = f"{file}:{reader.line_num}"
-            case = _case(values, where)
-            if case.case in cases:
-                raise InputError(f"{where}: case {case.case} stands twice; give every case a name of its own")
-            cases[case.case] = case
-    except csv.Error as error:
-        raise InputError(f"{file}:{reader.line_num}: not valid CSV ({error}); mend that line") from None
-    if not cases:
-        raise InputError(f"{file}: holds no case; add a row")
-    return list(cases.values())
+    return read_list(file, _COLUMNS, _case, "config/cases/small.csv")
 
 
-def _text(data: bytes, file: Path) -> str:
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InputError(f"{file}:{line}: not a text in UTF-8; save it as one") from None
-
-
-def _case(values: list[str], where: str) -> Case:
-    if len(values) != len(_COLUMNS):
-        raise InputError(f"{where}: has {len(values)} values; write {len(_COLUMNS)}: {', '.join(_COLUMNS)}")
-    row: dict[str, Any] = dict(zip(_COLUMNS, values, strict=True))
-    row |= {key: _number(row[key]) for key in ("seed", "hits", "mistracks", "noise_time")}
-    pairs = [part.partition(":") for part in row["conceals"].split(_JOIN) if part]
-    row["conceals"] = [{"kind": kind, "displacement": _number(size)} for kind, _, size in pairs]
+def _case(values: dict[str, str], where: str) -> Case:
+    row: dict[str, Any] = dict(values)
+    row |= {key: number(values[key]) for key in ("seed", "hits", "mistracks", "noise_time")}
+    row["conceals"] = concealed_of(values["conceals"], "displacement")
     checked = validated(_Row, row, where)
     conceals = tuple((one.kind, one.displacement) for one in checked.conceals)
     return Case(**{key: getattr(checked, key) for key in _COLUMNS} | {"conceals": conceals})
 
 
-def _number(text: str) -> int | float | str:
-    """What a text says as a number, as far as it does."""
-    for read in (int, float):
-        try:
-            return read(text)
-        except ValueError:
-            continue
-    return text
-
-
 def write_cases(cases: Iterable[Case], file: Path) -> None:
     """Write a list."""
-    with file.open("w", newline="", encoding="utf-8") as out:
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(_COLUMNS)
-        for case in cases:
-            conceals = _JOIN.join(f"{kind}:{size:g}" for kind, size in case.conceals)
-            writer.writerow((asdict(case) | {"conceals": conceals}).values())
+    rows = ((asdict(case) | {"conceals": concealed_text(case.conceals)}).values() for case in cases)
+    write_list(rows, _COLUMNS, file)

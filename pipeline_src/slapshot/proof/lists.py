@@ -1,10 +1,8 @@
 """`python -m slapshot.proof.lists FILE`: draw a list of cases under new seeds of the operating system."""
 
-import argparse
-import sys
 from pathlib import Path
 
-from slapshot.errors import InputError, writing
+from slapshot.case_list import draw_command, write_new
 from slapshot.proof.cases import write_cases
 from slapshot.proof.conditions import LISTS, draw_list
 
@@ -15,27 +13,8 @@ def draw_file(which: str, file: Path) -> None:
     Raises:
         InputError: the file exists, or cannot be written.
     """
-    if file.exists():
-        raise InputError(f"{file}: exists already; seeds are drawn once, so name another file or remove it")
-    with writing(file):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        aside = file.with_name(f".{file.name}")
-        write_cases(draw_list(LISTS[which], which[0]), aside)
-        aside.rename(file)
-
-
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(prog="python -m slapshot.proof.lists")
-    parser.add_argument("file", type=Path)
-    parser.add_argument("--list", choices=LISTS, default="full")
-    args = parser.parse_args()
-    try:
-        draw_file(args.list, args.file)
-    except InputError as error:
-        print(error, file=sys.stderr)
-        sys.exit(1)
+    write_new(file, lambda aside: write_cases(draw_list(LISTS[which], which[0]), aside))
 
 
 if __name__ == "__main__":
-    main()
+    draw_command("slapshot.proof.lists", LISTS, draw_file)

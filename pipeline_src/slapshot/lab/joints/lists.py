@@ -1,15 +1,13 @@
 """`python -m slapshot.lab.joints.lists FILE`: draw a list of cases, seeds from the operating system."""
 
-import argparse
 import secrets
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from slapshot.errors import InputError, check_writable, writing
+from slapshot.case_list import draw_command, write_new
 from slapshot.lab.joints.case import SIZES, TOGETHER_NEVER
 from slapshot.lab.joints.cases import Case, write_cases
 from slapshot.lab.joints.noise import CORRELATION
@@ -103,28 +101,9 @@ def draw_file(which: str, file: Path) -> None:
     Raises:
         InputError: the file exists, or cannot be written.
     """
-    if file.exists():
-        raise InputError(f"{file}: exists already; seeds are drawn once, so name another file or remove it")
-    check_writable(file)
-    with writing(file):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        aside = file.with_name(f".{file.name}")
-        write_cases(draw_list(LISTS[which], "j" if which == "full" else "k"), aside)
-        aside.rename(file)
-
-
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(prog="python -m slapshot.lab.joints.lists")
-    parser.add_argument("file", type=Path)
-    parser.add_argument("--list", choices=LISTS, default="full")
-    args = parser.parse_args()
-    try:
-        draw_file(args.list, args.file)
-    except InputError as error:
-        print(error, file=sys.stderr)
-        sys.exit(1)
+    prefix = "j" if which == "full" else "k"
+    write_new(file, lambda aside: write_cases(draw_list(LISTS[which], prefix), aside))
 
 
 if __name__ == "__main__":
-    main()
+    draw_command("slapshot.lab.joints.lists", LISTS, draw_file)
