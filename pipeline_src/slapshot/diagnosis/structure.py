@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from slapshot.diagnosis.rig import OWN, Rig, bind
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import JointEffect, Situation
-from slapshot.effects.joints.split import deflection
+from slapshot.effects.joints.split import SplitJoint, deflection
 from slapshot.recordings.signals import Channel
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ def restructured(rig: Rig, effect: JointEffect, channels: dict[str, Channel]) ->
     # Of first order, others need steps ten times as short for what is added, which is light and stiff.
     spec.option.integrator = int(mujoco.mjtIntegrator.mjINT_RK4)
     second = deflection(effect.part)
-    reads_link = getattr(effect, "reads_link", False)
+    reads_link = isinstance(effect, SplitJoint) and effect.reads_link
     if reads_link:
         types = {"position": mujoco.mjtSensor.mjSENS_JOINTPOS, "velocity": mujoco.mjtSensor.mjSENS_JOINTVEL}
         for quantity, kind in types.items():
@@ -81,7 +81,7 @@ def moved_path(old: Rig, new: Rig, effect: JointEffect, segments: Segments, path
         out[..., to_q : to_q + width_q] = path[..., q : q + width_q]
         out[..., b.nq + to_v : b.nq + to_v + width_v] = path[..., a.nq + v : a.nq + v + width_v]
     out[..., b.nq + b.nv :] = path[..., a.nq + a.nv :]
-    if hasattr(effect, "static_deflection"):
+    if isinstance(effect, SplitJoint):
         joint = a.joint(effect.part)
         load = _load(a, segments, path)[..., int(joint.dofadr[0])]
         bend = effect.static_deflection(load)
@@ -89,7 +89,7 @@ def moved_path(old: Rig, new: Rig, effect: JointEffect, segments: Segments, path
         own, motor = b.joint(deflection(effect.part)), b.joint(effect.part)
         out[..., int(own.qposadr[0])] = bend
         out[..., b.nq + int(own.dofadr[0])] = rate
-        if getattr(effect, "reads_link", False):
+        if effect.reads_link:
             out[..., int(motor.qposadr[0])] -= bend
             out[..., b.nq + int(motor.dofadr[0])] -= rate
     return out

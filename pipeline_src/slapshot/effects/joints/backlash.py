@@ -5,19 +5,18 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation
-from slapshot.effects.joints.split import deflection, read_at_link, split_joint
+from slapshot.effects.joints.effect import Array, Parameter, Situation
+from slapshot.effects.joints.split import AT_LINK, AT_MOTOR, SplitJoint, deflection
 
 _HIT = 1000.0  # rad/s, of the stop: four steps of a time constant
 HARD_S = 0.004  # time constant of the stop: twice the step of a careful simulation
 
 
-class Backlash(JointEffect):
+class Backlash(SplitJoint):
     name = "backlash"
     physics = "Teeth have play: the link is free within a gap and is driven at its ends."
     source = "Nordin, Gutman (2002), Automatica 38(10)"
     phrase = "backlash of joint {part}"
-    hidden_state = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["Backlash"]:
@@ -26,7 +25,7 @@ class Backlash(JointEffect):
             if not joint.actuators:
                 continue
             damping = 0.05 * joint.torque / joint.speed
-            for variant in ("read at the motor", "read at the link"):
+            for variant in (AT_MOTOR, AT_LINK):
                 yield cls(
                     joint,
                     variant,
@@ -34,28 +33,14 @@ class Backlash(JointEffect):
                     Parameter("damping", f"{joint.unit} s/{joint.angle_unit}", damping, damping, 0.0),
                 )
 
-    def __init__(self, joint: Joint, variant: str, *parameters: Parameter) -> None:
-        super().__init__(joint.name, parameters, variant)
-        self._joint = joint
-
-    @property
-    def reads_link(self) -> bool:
-        """Whether the encoder sits behind the gap."""
-        return "link" in self.variant
-
     @property
     def fastest(self) -> float:
         """Of a stop that is hit."""
         return _HIT
 
-    @property
-    def added_joint(self) -> str:
-        """By how much the link stands ahead of the motor."""
-        return deflection(self.part)
-
     def restructure(self, spec: mujoco.MjSpec) -> mujoco.MjSpec:
         """Split the joint; limits stop the second one, since stiff springs could not be simulated."""
-        split_joint(spec, self.part, 0.1 * self._joint.inertia)
+        spec = super().restructure(spec)
         second = spec.joint(deflection(self.part))
         second.limited, second.range, second.solref_limit = True, [-0.01, 0.01], [HARD_S, 1.0]
         return spec
@@ -70,7 +55,3 @@ class Backlash(JointEffect):
         """Where the link stands behind the motor under a load (N m or N) that it takes to move it."""
         usual = max(0.1 * float(np.std(load)), 1e-12)
         return -self.parameters[0].start * np.tanh(load / usual)
-
-    def note(self, values: Array) -> str:
-        """What the encoder reads, where that is not the joint that the model had."""
-        return read_at_link(self.part) if self.reads_link else ""

@@ -5,18 +5,17 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation
-from slapshot.effects.joints.split import FASTEST, deflection, read_at_link, split_joint, stiffest
+from slapshot.effects.joints.effect import Array, Parameter, Situation
+from slapshot.effects.joints.split import AT_LINK, AT_MOTOR, FASTEST, SplitJoint, deflection, stiffest
 
 
-class JointElasticity(JointEffect):
+class JointElasticity(SplitJoint):
     name = "joint_elasticity"
     physics = (
         "Gear, belt or shaft twist under load: motor and link have an angle each, with a spring between."
     )
     source = "Spong (1987), Journal of Dynamic Systems, Measurement, and Control 109(4)"
     phrase = "elasticity of joint {part}"
-    hidden_state = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["JointElasticity"]:
@@ -35,32 +34,13 @@ class JointElasticity(JointEffect):
                     Parameter("compliance", unit, compliance, compliance, least, 100 * compliance),
                     Parameter("damping", f"{joint.unit} s/{joint.angle_unit}", damping, damping, 0.0),
                 )
-                for variant in ("read at the motor", "read at the link")
+                for variant in (AT_MOTOR, AT_LINK)
             )
-
-    def __init__(self, joint: Joint, variant: str, *parameters: Parameter) -> None:
-        super().__init__(joint.name, parameters, variant)
-        self._joint = joint
-
-    @property
-    def reads_link(self) -> bool:
-        """Whether the encoder sits behind the spring."""
-        return "link" in self.variant
 
     @property
     def fastest(self) -> float:
         """Of the stiffest spring that is fitted."""
         return FASTEST
-
-    @property
-    def added_joint(self) -> str:
-        """By how much the link stands ahead of the motor."""
-        return deflection(self.part)
-
-    def restructure(self, spec: mujoco.MjSpec) -> mujoco.MjSpec:
-        """Split the joint."""
-        split_joint(spec, self.part, 0.1 * self._joint.inertia)
-        return spec
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Spring and damper between motor and link."""
@@ -71,7 +51,3 @@ class JointElasticity(JointEffect):
     def static_deflection(self, load: Array) -> Array:
         """Where the link stands behind the motor under a load (N m or N) that it takes to move it."""
         return -self.parameters[0].start * load
-
-    def note(self, values: Array) -> str:
-        """What the encoder reads, where that is not the joint that the model had."""
-        return read_at_link(self.part) if self.reads_link else ""

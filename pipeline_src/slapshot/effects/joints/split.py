@@ -9,10 +9,11 @@ import xml.etree.ElementTree as ElementTree
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Joint
+from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter
 
 # Of the fastest mode that a time step of 1 ms can hold with some margin, in rad/s.
 FASTEST = 400.0
+AT_MOTOR, AT_LINK = "read at the motor", "read at the link"
 
 
 def deflection(joint: str) -> str:
@@ -20,9 +21,40 @@ def deflection(joint: str) -> str:
     return f"slapshot:deflection:{joint}"
 
 
-def read_at_link(joint: str) -> str:
-    """What the encoder of a split joint reads, where it sits at the link, in a model that is written."""
-    return f"The encoder of joint {joint} reads the sum of joints {joint} and deflection:{joint}."
+class SplitJoint(JointEffect):
+    """An effect of a joint that is split in two, whose encoder sits at either of them."""
+
+    hidden_state = True
+
+    def __init__(self, joint: Joint, variant: str, *parameters: Parameter) -> None:
+        super().__init__(joint.name, parameters, variant)
+        self._joint = joint
+
+    @property
+    def reads_link(self) -> bool:
+        """Whether the encoder sits behind what gives way."""
+        return self.variant == AT_LINK
+
+    @property
+    def added_joint(self) -> str:
+        """By how much the link stands ahead of the motor."""
+        return deflection(self.part)
+
+    def restructure(self, spec: mujoco.MjSpec) -> mujoco.MjSpec:
+        """Split the joint."""
+        split_joint(spec, self.part, 0.1 * self._joint.inertia)
+        return spec
+
+    def static_deflection(self, load: Array) -> Array:
+        """Where the link stands behind the motor under a load (N m or N) that it takes to move it."""
+        raise NotImplementedError
+
+    def note(self, values: Array) -> str:
+        """What the encoder reads, where that is not the joint that the model had."""
+        if not self.reads_link:
+            return ""
+        both = f"joints {self.part} and deflection:{self.part}"
+        return f"The encoder of joint {self.part} reads the sum of {both}."
 
 
 def split_joint(spec: mujoco.MjSpec, joint: str, rotor: float) -> None:
