@@ -137,8 +137,9 @@ def linearise(
         for j in range(nv):
             force = np.zeros((n, nv))
             force[:, j] = _FORCE_STEP * scale[j]
-            moved, _, _ = advance(hypothesis, theta, quick, x, control, force)
-            B[:, :, j] = tangent.subtract(moved, near) / (_FORCE_STEP * scale[j])
+            # By the model's own integrator: the size of a law is read off this.
+            moved, _, _ = advance(hypothesis, theta, model, x, control, force)
+            B[:, :, j] = tangent.subtract(moved, base) / (_FORCE_STEP * scale[j])
     else:
         A, B, C = (
             getattr(jacobian, name).reshape(n, -1, k) for name, k in (("A", dim), ("B", nv), ("C", dim))
