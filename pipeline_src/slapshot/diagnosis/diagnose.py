@@ -16,6 +16,7 @@ from slapshot.diagnosis import held_out
 from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.held_out import Predictions
 from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.inference.scores import Elimination
 from slapshot.diagnosis.inference.selection import gains
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import Rig
@@ -292,7 +293,9 @@ def _verdict(
     fits = [_errors(arm.predictions, kinds, units, rng) for arm in arms]
     if not named and missing:
         fits[2] = fits[1]
-    strongest = first.examination.effects[first.test.largest]
+    examined = first.examination
+    alone = gains(examined.scores, examined.columns)
+    strongest = examined.effects[max(range(len(alone)), key=lambda i: alone[i].log_evidence)]
     return Verdict(
         headline=headline,  # type: ignore[arg-type]
         reason=reason,
@@ -477,8 +480,6 @@ def _noise(recording: SignalRecording, rig: Rig, step: Step) -> dict[str, Channe
 def _limits(step: Step) -> list[Limit]:
     """What each effect could still be, by itself, at 95 %."""
     examined = step.examination
-    from slapshot.diagnosis.inference.scores import Elimination
-
     eliminated = Elimination(examined.scores)(examined.scores.b)
     total, information = eliminated.segment.sum(0), eliminated.information
     limits = []
