@@ -13,9 +13,10 @@ from slapshot.figures.drawing import Drawing
 NAME = "J1-predictions"
 CAPTION = (
     "Held-out windows of 0.5 s, predicted from the data before them and the recorded controls: above the "
-    "motion, below recorded less predicted. Columns are windows from the nominal model's lower quartile of "
-    "errors to its largest. Shaded: 90 % of errors that noise alone would make of the best "
-    "model. Of many channels those are shown whose errors are largest for their noise."
+    "motion, below recorded less predicted, less what the data before say of coloured noise. Columns are "
+    "windows from the nominal model's lower quartile of errors to its largest; above each stands the nominal "
+    "model's rms error. Shaded: 90 % of errors that noise alone would make of the best model. Of many "
+    "channels those are shown whose errors are largest for their noise."
 )
 _QUANTILES = (0.25, 0.5, 0.75, 1.0)  # of windows, by the nominal model's error
 _MOST = 4  # channels
@@ -36,16 +37,16 @@ def draw(outcome: Outcome) -> Drawing:
         above, below = grid[2 * row], grid[2 * row + 1]
         table = _table(outcome, channel, chosen[channel])
         unit = table["unit"].iloc[0]
-        errors = table["recorded"] - table["predicted"]
-        readable, factor = scaled(plain(unit), float(np.nanmax(np.abs(errors))))
-        limit = 1.08 * factor * float(np.nanmax(np.abs(errors)))
+        largest = float(np.nanmax(np.abs(table["error"])))
+        readable, factor = scaled(plain(unit), largest)
+        limit = 1.08 * factor * largest
         for k, (window, error) in enumerate(chosen[channel].items()):
             own = table[table["window"] == window]
             _draw_motion(above[k], own)
             _draw_error(below[k], own, factor)
             below[k].set_ylim(-limit, limit)
             size = f"{factor * error:.3g} {readable}".rstrip()
-            said = f"episode {own['episode'].iloc[0]}, nominal error {size} rms"
+            said = f"episode {own['episode'].iloc[0]}, {size}"
             above[k].set_title(said, loc="left", fontsize=8)
             above[k].tick_params(labelbottom=False)
             above[k].sharex(below[k])
@@ -106,6 +107,7 @@ def _table(outcome: Outcome, channel: int, windows: dict[int, float]) -> pd.Data
                         "recorded": outcome.recorded[window, :, channel],
                         "model": arm,
                         "predicted": outcome.predictions(arm).predicted[window, :, channel],
+                        "error": outcome.predictions(arm).error[window, :, channel],
                         "noise_sd": floor[window, :, channel],
                     }
                 )
@@ -129,5 +131,4 @@ def _draw_error(axes: Axes, table: pd.DataFrame, factor: float) -> None:
     axes.fill_between(first["t"], -band, band, color=NOISE, lw=1.2, label="noise alone (90 %)")
     axes.axhline(0, color="black", lw=0.6)
     for arm, rows in table.groupby("model", sort=False):
-        error = factor * (rows["recorded"] - rows["predicted"])
-        axes.plot(rows["t"], error, _STYLES[str(arm)], color=MODEL_COLOURS[str(arm)], lw=1.4)
+        axes.plot(rows["t"], factor * rows["error"], _STYLES[str(arm)], color=MODEL_COLOURS[str(arm)], lw=1.4)
