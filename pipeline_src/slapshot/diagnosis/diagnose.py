@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from slapshot.diagnosis import held_out
 from slapshot.diagnosis.free_forms import is_free
@@ -103,6 +104,19 @@ def diagnose(
     Returns:
         A verdict of any kind; where the data do not suffice, it says so.
     """
+    # Matrices are small: linear algebra on many threads takes twice the work and saves no time.
+    with threadpool_limits(1):
+        return _diagnosis(recording, rig, seed, threads, findings, report)
+
+
+def _diagnosis(
+    recording: SignalRecording,
+    rig: Rig,
+    seed: int,
+    threads: int,
+    findings: Sequence[str],
+    report: Callable[[str], None],
+) -> Diagnosis:
     began = time.process_time()
     # Trials of models that blow up are part of a search: they are dropped, and nobody needs to read of each.
     mujoco.set_mju_user_warning(lambda text: None)

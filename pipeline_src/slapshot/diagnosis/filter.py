@@ -14,7 +14,7 @@ The smoother is that of Bryson and Frazier (1963; Bierman 1973), which needs no 
 either: without process noise that would be singular.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -35,6 +35,8 @@ class Linear:
         r: (S, L, ny) recorded less observed on the path; NaN where nothing was recorded.
         W: (S, L, n, p) change of the transition by each parameter.
         psi: (S, L, ny, p) change of the observation by each parameter.
+        spread: (S, L, n, n) what changes in every step come to by the end of an interval.
+        halved: (S, L, n) change of the transition by steps of half the length; None where nobody asked.
     """
 
     A: Array
@@ -44,24 +46,25 @@ class Linear:
     r: Array
     W: Array
     psi: Array
+    spread: Array | None = None
+    halved: Array | None = None
 
     def select(self, segments: NDArray[np.intp] | NDArray[np.bool_]) -> "Linear":
         """The same of some segments."""
-        return Linear(*(getattr(self, name)[segments] for name in self.__dataclass_fields__))
+        there = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return Linear(**{name: array[segments] for name, array in there.items() if array is not None})
 
     def moved(self, theta: Array) -> "Linear":
         """The same with the parameters changed by theta, to first order."""
-        return Linear(
-            self.A, self.B, self.d + self.W @ theta, self.C, self.r - self.psi @ theta, self.W, self.psi
-        )
+        return replace(self, d=self.d + self.W @ theta, r=self.r - self.psi @ theta)
 
     def without_columns(self) -> "Linear":
         """The same with p = 0."""
-        return Linear(self.A, self.B, self.d, self.C, self.r, self.W[..., :0], self.psi[..., :0])
+        return self.with_columns(self.W[..., :0], self.psi[..., :0])
 
     def with_columns(self, W: Array, psi: Array) -> "Linear":
         """The same with other columns."""
-        return Linear(self.A, self.B, self.d, self.C, self.r, W, psi)
+        return replace(self, W=W, psi=psi)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,8 @@ from slapshot.effects.joints.effect import Situation, State
 
 Array = NDArray[np.float64]
 
-_FRESH = 2  # rounds with derivatives of their own
+# Posterior standard deviations that values may move until derivatives are taken anew.
+_NEARLY, _FAR = 0.3, 3.0
 _DROP = 0.05  # share of its evidence that a step may lose: each is judged by a linearisation of its own
 _SMALLEST = 1e-3  # share of a step that is still tried
 _DIGITS = 1e-6
@@ -161,13 +162,14 @@ class Fitter:
         before: tuple[float, Array, Array] | None = None
         step: Array = np.zeros(p)
         delta, share = np.zeros((*path.shape[:2], self.simulator.tangent.dim)), 1.0
-        system = known
+        system, since = known, np.inf if known is None else 0.0
         precision = np.diag(hypothesis.prior_sd**-2.0)
         for number in range(rounds + 1):
-            # A path nearby has nearly the same derivatives: they are taken anew at first and at the end.
-            fresh = number < _FRESH or converged or (number == rounds and rounds >= _FRESH + 1)
-            reused = known if number == 0 else None if fresh else system
+            # Derivatives hardly change along the way: they are taken anew where values have moved since.
+            fresh = system is None or since > (_NEARLY if converged or number == rounds else _FAR)
+            reused = None if fresh else system
             system, prior = self.system(hypothesis, theta, path, jacobian=reused)
+            since = 0.0 if fresh else since
             sd = prior.at(noise)
             seen = innovations(system, covariances)
             z = seen.Z.reshape(seen.e.size, -1) * sd
@@ -212,5 +214,6 @@ class Fitter:
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
             moved = float(np.max(np.abs(step) / spread, initial=0.0))
             theta, path = target, self.simulator.tangent.add(path, delta)
+            since += moved
             converged = moved < STILL and number >= 1
         return Fit(hypothesis, theta, path, evidence, precision, converged, moved)

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 WINDOW_S = 0.5
 _ROUNDS = 5
+_STILL = 1e-3  # of the noise, by which a path may still move
 _RESAMPLES = 1000
 _NO_WEIGHT = 1e12  # factor on the variance of what is not to be used
 
@@ -128,16 +129,24 @@ def predict(
 
 
 def _without_parameters(
-    fitter: Fitter, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise
+    fitter: Fitter,
+    hypothesis: Hypothesis,
+    theta: Array,
+    path: Array,
+    noise: Noise,
+    known: Linear | None = None,
 ) -> tuple[Array, Array]:
-    """Smoothed path and coloured noise with the values held."""
-    system: Linear | None = None
+    """Smoothed path and coloured noise with the values held; `known` is a system about a path nearby."""
+    system = known
     for number in range(_ROUNDS):
         # A path nearby has nearly the same derivatives.
-        known = system if number > 1 else None
-        system = fitter.linearise(hypothesis, theta, path, jacobian=known).system.without_columns()
+        jacobian = system if known is not None or number > 1 else None
+        system = fitter.linearise(hypothesis, theta, path, jacobian=jacobian).system.without_columns()
         delta, _, coloured = smooth(system, noise.covariances(fitter.segments.interval))
         path = fitter.simulator.tangent.add(path, delta)
+        moved = np.einsum("stcn,stn->stc", system.C, delta) / noise.white
+        if np.sqrt(np.mean(moved**2)) < _STILL:
+            break
     return path, coloured
 
 
@@ -150,7 +159,7 @@ def own_noise(
         nothing: tuple[Look, ...] = ()
         prior = prior_of(Hypothesis(problem.rig), nothing)
         noise = fit_noise(system, prior, noise, problem.segments, problem.kinds, near=True)
-        path, _ = _without_parameters(problem.fitter, hypothesis, theta, path, noise)
+        path, _ = _without_parameters(problem.fitter, hypothesis, theta, path, noise, system)
     return noise, path
 
 

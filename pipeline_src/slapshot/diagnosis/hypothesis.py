@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 _CONTROL = mujoco.mjtState.mjSTATE_CTRL.value | mujoco.mjtState.mjSTATE_QFRC_APPLIED.value
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_JOINTPOS, _JOINTVEL = int(mujoco.mjtSensor.mjSENS_JOINTPOS), int(mujoco.mjtSensor.mjSENS_JOINTVEL)
 _GAINS = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
 _BIASES = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
 
@@ -174,6 +175,15 @@ class Simulator:
         first = sensed[:, 0]
         torque = np.where(self._loads >= 0, first[:, np.maximum(self._loads, 0)], 0.0)
         return state[:, -1, 1 : 1 + x.shape[1]].copy(), first @ self.rig.reading.T, torque
+
+    def read(self, delta: Array) -> Array:
+        """What a change of state, (2 nv + na,), does to observations of joints' positions and velocities."""
+        model, sensed = self.rig.model, np.zeros(self.rig.model.nsensordata)
+        for sensor in range(model.nsensor):
+            at = {_JOINTPOS: 0, _JOINTVEL: model.nv}.get(int(model.sensor_type[sensor]))
+            if at is not None:
+                sensed[model.sensor_adr[sensor]] = delta[at + model.jnt_dofadr[model.sensor_objid[sensor]]]
+        return np.asarray(self.rig.reading @ sensed)
 
     def trajectory(self, model: mujoco.MjModel, x: Array, u: Array) -> tuple[Array, Array]:
         """Whole trajectories without force laws.

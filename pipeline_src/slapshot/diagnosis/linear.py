@@ -1,10 +1,10 @@
 """One linear system about a path: transitions, observations, and one input column for every parameter.
 
-Derivatives are differences of whole intervals of simulation, many nodes at once. A force law that no state of
-its own belongs to is a product with the effect B of a held force, and needs no simulation.
+Where the model goes is simulated, many nodes at once; derivatives are those of one step in the middle of each
+interval. A force law that no state of its own belongs to is a product with the effect B of a held force, and
+needs no simulation.
 """
 
-import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,6 +13,7 @@ import numpy as np
 from mujoco import MjModel
 from numpy.typing import NDArray
 
+from slapshot.diagnosis.derivatives import Middle
 from slapshot.diagnosis.filter import Linear
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.rig import Rig
@@ -21,8 +22,8 @@ from slapshot.effects.joints.effect import JointEffect, Observed, State, overrid
 
 Array = NDArray[np.float64]
 
-_POSITION_STEP, _VELOCITY_STEP = 1e-6, 1e-5
-_FORCE_STEP = 1e-2  # share of the rms torque
+_STEP = 1e-6  # of differences of observations
+_OF_THE_STATE = (int(mujoco.mjtSensor.mjSENS_JOINTPOS), int(mujoco.mjtSensor.mjSENS_JOINTVEL))
 
 
 @dataclass(frozen=True)
@@ -117,33 +118,31 @@ def linearise(
         return Observed(*flat, order)
 
     base, y, torque = advance(hypothesis, theta, model, x, control)
-    # Differences need the model's integrator no more than derivatives need its last digits; only springs that
-    # are stiff for the time step do.
-    quicker = (lambda m: m) if hypothesis.rig.added_dofs else _quick
-    quick = quicker(model)
-    same = quick is model
-    near = base if same else advance(hypothesis, theta, quick, x, control)[0]
-    if jacobian is None:
+    middle = Middle(simulator, hypothesis, theta, model, x, base, control, time, order)
+    plain = _reads_joints(hypothesis.rig)
+
+    def observed_at(h: Hypothesis, values: Array, m: MjModel, states: Array) -> Array:
+        """Observations at some states, without what effects add."""
+        return advance(h, values, m, states, control[:, :1])[1]
+
+    if jacobian is None or jacobian.spread is None:
         scale = np.ones(nv) if torque_scale is None else np.maximum(torque_scale, 1e-9)
-        A, C = np.empty((n, dim, dim)), np.empty((n, ny, dim))
+        A, spread = middle.transition()
+        B = middle.force(spread, scale)
+        C = np.empty((n, ny, dim))
         for i in range(dim):
-            step = _POSITION_STEP if i < nv else _VELOCITY_STEP
             delta = np.zeros(dim)
-            delta[i] = step
-            moved, changed, _ = advance(hypothesis, theta, quick, tangent.add(x, delta), control)
-            A[:, :, i] = tangent.subtract(moved, near) / step
-            C[:, :, i] = (changed - y) / step
-        B = np.empty((n, dim, nv))
-        for j in range(nv):
-            force = np.zeros((n, nv))
-            force[:, j] = _FORCE_STEP * scale[j]
-            # By the model's own integrator: the size of a law is read off this.
-            moved, _, _ = advance(hypothesis, theta, model, x, control, force)
-            B[:, :, j] = tangent.subtract(moved, base) / (_FORCE_STEP * scale[j])
+            delta[i] = _STEP
+            if plain:
+                C[:, :, i] = simulator.read(delta) / _STEP
+            else:
+                C[:, :, i] = (observed_at(hypothesis, theta, model, tangent.add(x, delta)) - y) / _STEP
     else:
-        A, B, C = (
-            getattr(jacobian, name).reshape(n, -1, k) for name, k in (("A", dim), ("B", nv), ("C", dim))
+        A, B, C, spread = (
+            array.reshape(n, -1, k)
+            for array, k in ((jacobian.A, dim), (jacobian.B, nv), (jacobian.C, dim), (jacobian.spread, dim))
         )
+    halved = None if jacobian is None or jacobian.halved is None else jacobian.halved.reshape(n, dim)
 
     observed = seen(y)
     added = hypothesis.observe(observed, theta)
@@ -162,24 +161,26 @@ def linearise(
     def law_column(k: int, effect: JointEffect, moved: Array, here: Array, step: float) -> None:
         laws = effect.force(state, moved), effect.force(state, here)
         if laws[0] is not None and laws[1] is not None:
-            law = (laws[0] - laws[1]).reshape(S, L, nv)
-            held = _over_interval(law, segments.substeps).reshape(n, nv)
-            W[:, :, k] = np.einsum("nij,nj->ni", B, held) / step
+            law = laws[0] - laws[1]
+            for v in np.flatnonzero(law.any(axis=0)):  # of most laws one joint
+                held = _over_interval(law[:, v].reshape(S, L), segments.substeps).reshape(n, 1)
+                W[:, :, k] += B[:, :, v] * (held / step)
 
     def column(k: int, h: Hypothesis, values: Array, step: float, changed_effect: JointEffect) -> None:
-        if overrides(changed_effect, "edit") or overrides(changed_effect, "control"):
-            m = quicker(h.compiled(values, segments.step))
-            u = control
-            if overrides(changed_effect, "control"):
-                u = h.control(segments, values).reshape(n, segments.substeps, -1)
-            moved, other, _ = advance(h, values, m, x, u)
-            W[:, :, k] = tangent.subtract(moved, near) / step
-            difference = other - y
-            if np.abs(difference).max(initial=0.0) > 0:
-                psi[:, :, k] = difference / step
-        elif overrides(changed_effect, "force"):
-            moved, _, _ = advance(h, values, quick, x, control)
-            W[:, :, k] = tangent.subtract(moved, near) / step
+        edits, controls = (overrides(changed_effect, what) for what in ("edit", "control"))
+        m, u = model, control
+        if controls:
+            u = h.control(segments, values).reshape(n, segments.substeps, -1)
+        if edits or overrides(changed_effect, "force"):
+            m = h.compiled(values, segments.step)
+            W[:, :, k] = middle.changed(h, values, m, spread) / step
+        if controls and k < p:
+            # Exact, since values are read off these.
+            W[:, :, k] = tangent.subtract(advance(h, values, m, x, u)[0], base) / step
+        elif controls:
+            W[:, :, k] += middle.driven(u - control, A, spread) / step
+        if (edits or controls) and not plain:
+            psi[:, :, k] = (advance(h, values, m, x, u[:, :1])[1] - y) / step
         if overrides(changed_effect, "observe"):
             psi[:, :, k] += (h.observe(observed, values) - added) / step
 
@@ -197,9 +198,11 @@ def linearise(
                 column(k, hypothesis, values, step, effect)
     for k, look in enumerate(looks, start=p):
         if look.effect is None:
-            finer = hypothesis.compiled(theta, segments.step / 2)
-            moved, _, _ = advance(hypothesis, theta, finer, x, np.repeat(control, 2, axis=1))
-            W[:, :, k] = tangent.subtract(moved, base)
+            if halved is None:
+                finer = hypothesis.compiled(theta, segments.step / 2)
+                moved, _, _ = advance(hypothesis, theta, finer, x, np.repeat(control, 2, axis=1))
+                halved = tangent.subtract(moved, base)
+            W[:, :, k] = halved
         elif is_law(look.effect):
             start = np.array([parameter.start for parameter in look.effect.parameters])
             law_column(k, look.effect, np.array(look.values), start, look.probe)
@@ -212,6 +215,7 @@ def linearise(
     system = Linear(
         A.reshape(*shapes, dim, dim), B.reshape(*shapes, dim, nv), defect, C.reshape(*shapes, ny, dim),
         residual, W.reshape(*shapes, dim, -1), psi.reshape(*shapes, ny, -1),
+        spread.reshape(*shapes, dim, dim), None if halved is None else halved.reshape(*shapes, dim),
     )  # fmt: skip
     return Linearised(system, torque.reshape(*shapes, nv), predicted.reshape(*shapes, ny))
 
@@ -233,17 +237,15 @@ def residuals(rig: Rig, segments: Segments, predicted: Array) -> Array:
     return y - predicted
 
 
-def _quick(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The model with an integrator of one evaluation a step, where its own takes four."""
-    if model.opt.integrator != int(mujoco.mjtIntegrator.mjINT_RK4):
-        return model
-    model = copy.copy(model)
-    model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
-    return model
+def _reads_joints(rig: Rig) -> bool:
+    """Whether all that is observed are positions and velocities of joints, which are the state itself."""
+    read = np.flatnonzero(rig.reading.any(0))
+    sensors = [int(np.flatnonzero(rig.model.sensor_adr <= address)[-1]) for address in read]
+    return all(rig.model.sensor_type[sensor] in _OF_THE_STATE for sensor in sensors)
 
 
 def _over_interval(values: Array, steps: int) -> Array:
-    """Mean of a law over an interval, from its values at the nodes, (S, L, nv).
+    """Mean of a law over an interval, from its values at the nodes, (S, L).
 
     A law is held over each step at its value from the step's beginning.
     """

@@ -23,7 +23,8 @@ LARGEST_LAW_ERROR = 0.15  # rms share of a law
 TYPICAL_LAW_ERROR = 0.05  # of empirical laws, before any of them is known
 CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
 _WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
-_SEARCH_NODES = 3000
+_SEARCH_SEGMENTS = 8
+_SEARCH_OBSERVATIONS = 9000  # which tell noise to a per cent
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,8 @@ def fit_noise(
     """
     S, L = segments.shape
     noise = replace(noise, weight=np.ones_like(noise.weight))
-    some = np.unique(np.linspace(0, S - 1, max(8, min(S, _SEARCH_NODES // L))).astype(int))
+    enough = _SEARCH_OBSERVATIONS // (L * len(kinds))
+    some = np.unique(np.linspace(0, S - 1, max(_SEARCH_SEGMENTS, min(S, enough))).astype(int))
     part = system.select(some)
     groups = sorted(set(kinds))
     member = np.array([groups.index(kind) for kind in kinds])

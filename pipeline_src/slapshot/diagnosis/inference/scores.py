@@ -17,6 +17,7 @@ from slapshot.diagnosis.filter import Innovations
 Array = NDArray[np.float64]
 
 _FEWEST = 0.01  # degrees of freedom between segments
+_ROUND = 1e-8  # share of a variance by which columns that repeat others may differ
 
 
 @dataclass(frozen=True)
@@ -75,10 +76,13 @@ class Elimination:
         self._prior = np.eye(len(m)) + total[np.ix_(m, m)]
         # Share of each nuisance column in each candidate.
         self._share = np.linalg.solve(self._prior, total[np.ix_(m, c)])
-        self._cross = of.H[:, c[:, None], m[None, :]] - np.einsum(
-            "mk,smn->skn", self._share, of.H[:, m[:, None], m[None, :]]
-        )
+        # Each segment's H of all columns with the nuisance; of that itself with its part of the prior.
+        self._of_nuisance = np.ascontiguousarray(of.H[:, :, m])
+        among = self._of_nuisance[:, m]
+        self._cross = self._of_nuisance[:, c] - self._share.T @ among
+        self._of_share = (among + np.eye(len(m)) / len(of.H)) @ self._share
         self.information = total[np.ix_(c, c)] - total[np.ix_(c, m)] @ self._share
+        self._found: dict[bytes, Array] = {}
 
     def __call__(self, b: Array) -> Eliminated:
         """Efficient scores.
@@ -96,12 +100,19 @@ class Elimination:
         return Eliminated(raw - known + prior, self.information, self.by_segment)
 
     def by_segment(self, group: NDArray[np.intp]) -> Array:
-        """Each segment's information of some candidates, (S, g, g); the sum is that of all."""
-        columns, m, share = self._candidate[group], self._nuisance, self._share[:, group]
+        """Each segment's information of some candidates, (S, g, g); the sum is that of all.
+
+        Remembered: the data and every draw ask for the same.
+        """
+        if group.tobytes() not in self._found:
+            self._found[group.tobytes()] = self._by_segment(group)
+        return self._found[group.tobytes()]
+
+    def _by_segment(self, group: NDArray[np.intp]) -> Array:
+        columns, share = self._candidate[group], self._share[:, group]
         own = self._H[:, columns[:, None], columns[None, :]]
-        cross = self._H[:, columns[:, None], m[None, :]] @ share
-        nuisance = self._H[:, m[:, None], m[None, :]] + np.eye(len(m)) / len(self._H)
-        return own - cross - cross.transpose(0, 2, 1) + share.T @ nuisance @ share
+        cross = self._of_nuisance[:, columns] @ share
+        return own - cross - cross.transpose(0, 2, 1) + share.T @ self._of_share[:, :, group]
 
 
 class Draws:
@@ -114,8 +125,9 @@ class Draws:
 
     def __init__(self, of: Scores, rng: np.random.Generator) -> None:
         self._H, self._nuisance, self._rng = of.H, np.flatnonzero(of.nuisance), rng
-        eigenvalues, vectors = np.linalg.eigh(of.H)
-        self._roots = vectors * np.sqrt(np.maximum(eigenvalues, 0))[:, None, :]
+        size = np.sqrt(np.maximum(np.einsum("spp->sp", of.H), 1e-300))
+        alike = of.H / (size[:, :, None] * size[:, None, :]) + _ROUND * np.eye(of.H.shape[-1])
+        self._roots = size[:, :, None] * np.linalg.cholesky(alike)
 
     def __call__(self, count: int) -> Array:
         """Further draws, (count, S, p)."""
