@@ -32,7 +32,7 @@ def moving(text: str, torque: float | None = None) -> tuple[Situation, State]:
 def laws_of(of: Situation, state: State) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Each law, (n,), what errors of it do at a share of 1, (looks, n), and their sizes; the law is last."""
     found, errors, sizes = [], [], []
-    for look in law_errors(of, state):
+    for look in (look for law in law_errors(of, state) for look in law):
         errors.append(look.effect.force(state, np.ones(1))[:, 0])
         sizes.append(look.scale)
         if look.scale == WHOLE:
@@ -74,7 +74,7 @@ def test_smooth_functions_of_speed_and_load_are_sums_of_the_shapes():
 
 def test_looks_at_law_errors_are_small_steps():
     of, state = moving(PENDULUM)
-    for look in law_errors(of, state):
+    for look in (look for law in law_errors(of, state) for look in law):
         assert look.effect.name == "law_error"
         assert look.values == (look.probe,)
 

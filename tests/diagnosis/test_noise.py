@@ -150,6 +150,26 @@ def test_process_force_is_recovered(force):
     assert errors[0] < 0.2
 
 
+def test_jitter_of_the_sample_times_is_recovered():
+    """Samples are taken a little early or late: their noise grows with the speed of what is observed."""
+    of, jitter = made(17), 0.3 * INTERVAL
+    rng = np.random.default_rng(18)
+    fastest = 3.0 * of.noise.white / jitter
+    rate = np.sin(rng.uniform(0, 2 * np.pi, of.system.r.shape)) * fastest
+    # Both channels have one clock.
+    y = of.system.r + jitter * rate * rng.standard_normal((*rate.shape[:2], 1))
+    of = Made(
+        replace(of.system, r=y), replace(of.segments, y=y), replace(of.noise, jitter_s=jitter, rate=rate)
+    )
+    begin = first_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))
+    found = fit_noise(of.system, no_columns(), begin.elsewhere(rate), of.segments, KINDS)
+    errors = standard_errors(of, ("jitter_s", "white0", "white1"))
+    assert np.all(off([found.jitter_s, *found.white], [jitter, *of.noise.white], errors) < 4)
+    assert errors[0] < 0.1
+    # Without a rate there is no jitter to be seen.
+    assert np.all(fitted(made(1)).variance == fitted(made(1)).white ** 2 * fitted(made(1)).weight)
+
+
 def test_coloured_noise_is_recovered():
     of = made(3, S=24, L=100, coloured=(4e-3, 8e-2), correlation_s=0.06)
     found = fitted(of)
@@ -180,7 +200,7 @@ def test_force_is_told_for_one_length_of_time():
     np.testing.assert_allclose(fast.force, 4 * slow.force)
     np.testing.assert_allclose(slow.decay, np.exp(-HELD_S / 0.08))
     some = np.array([1, 3])
-    assert of.noise.covariances(INTERVAL, some).white.shape == (2, 60, 2)
+    assert of.noise.select(some).covariances(INTERVAL).white.shape == (2, 60, 2)
 
 
 def test_errors_of_laws_are_recovered():

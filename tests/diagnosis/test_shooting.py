@@ -109,7 +109,7 @@ def test_on_a_linear_system_it_is_the_filter(coloured: float, kinds: tuple[type[
         initial=np.array([0.5**2, 20.0**2]),
     )  # fmt: skip
     hypothesis = Hypothesis(of.rig, tuple(next(iter(kind.instances(of.situation))) for kind in kinds))
-    fitter = replace(of.fitter, nuisance=(), rig=None)
+    fitter = replace(of.fitter, nuisance=(), rig=None, law_errors=None)
     one = fitter.fit(hypothesis, hypothesis.start, of.path, noise)
     two = shoot(fitter.simulator, hypothesis, hypothesis.start, of.segments, of.path, noise)
     assert one.converged

@@ -7,6 +7,7 @@ to 4, with J the derivative of the right-hand side, for which one evaluation is 
 """
 
 import copy
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -58,7 +59,10 @@ class Middle:
         self._u = u.mean(axis=1, keepdims=True)
         self._hypothesis, self._theta = hypothesis, theta
         self._model = _explicit(model) if self._smooth else model
-        self._end = self._step(hypothesis, theta, self._model, self._x, self._u)
+
+    @cached_property
+    def _end(self) -> Array:
+        return self._step(self._hypothesis, self._theta, self._model, self._x, self._u)
 
     def _step(
         self,

@@ -3,10 +3,11 @@
 In every segment the change δ_t from the path obeys
 
     δ_{t+1} = A_t δ_t + d_t + W_t θ + B_t f_t,      f_t ~ N(0, diag(q))
-    r_t     = C_t δ_t + Ψ_t θ + n_t + v_t,          v_t ~ N(0, diag(R_t))
+    r_t     = C_t δ_t + Ψ_t θ + n_t + T_t ε_t + v_t,  v_t ~ N(0, diag(R_t)),  ε_t ~ N(0, I)
     n_{t+1} = diag(φ) n_t + noise,                  n_t ~ N(0, diag(ω²))
 
-with coloured observation noise n (Ornstein-Uhlenbeck) as further states. Innovations are linear in θ, so
+with coloured observation noise n (Ornstein-Uhlenbeck) and noise ε that channels of one clock share as further
+states. Innovations are linear in θ, so
 that one pass gives whitened innovations e and whitened columns Z with e - Z θ ~ N(0, I), and the log
 determinant of their covariance. Observations enter one at a time (R is diagonal): nothing is inverted.
 
@@ -77,6 +78,7 @@ class Covariances:
         white: (S, L, ny) variances R of white observation noise.
         coloured: (ny,) variances ω² of coloured observation noise; 0 for none.
         decay: (ny,) φ, its correlation over one interval.
+        shared: (S, L, ny, k) T, of noise of unit size that channels share; None for none.
     """
 
     initial: Array
@@ -84,6 +86,7 @@ class Covariances:
     white: Array
     coloured: Array
     decay: Array
+    shared: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -125,29 +128,33 @@ def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array, Array]:
     force = np.zeros((*system.d.shape[:2], system.B.shape[-1]))
     force[:, :-1] = -noise.force * np.einsum("stij,sti->stj", system.B[:, :-1], adjoint[:, 1:, :n])
     coloured = np.zeros(system.r.shape)
-    coloured[..., np.flatnonzero(noise.coloured > 0)] = delta[..., n:]
+    channels = np.flatnonzero(noise.coloured > 0)
+    coloured[..., channels] = delta[..., n : n + len(channels)]
     return delta[..., :n], force, coloured
 
 
 def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
-    """Arrays of the extended state (δ, n); coloured channels alone add states."""
+    """Arrays of the extended state (δ, n, ε); of n, coloured channels alone add states."""
     segments, nodes, n = system.d.shape
     channels = np.flatnonzero(noise.coloured > 0)
-    m = len(channels)
-    A = np.zeros((segments, nodes, n + m, n + m))
+    shared = noise.shared if noise.shared is not None else np.zeros((segments, nodes, system.r.shape[2], 0))
+    m, k, nv = len(channels), shared.shape[-1], system.B.shape[-1]
+    A = np.zeros((segments, nodes, n + m + k, n + m + k))
     A[..., :n, :n] = system.A
     A[..., range(n, n + m), range(n, n + m)] = noise.decay[channels]
-    B = np.zeros((segments, nodes, n + m, system.B.shape[-1] + m))
-    B[..., :n, : system.B.shape[-1]] = system.B
-    B[..., range(n, n + m), range(system.B.shape[-1], system.B.shape[-1] + m)] = 1
-    q = np.concatenate([noise.force, (noise.coloured * (1 - noise.decay**2))[channels]])
-    C = np.zeros((segments, nodes, system.C.shape[2], n + m))
+    B = np.zeros((segments, nodes, n + m + k, nv + m + k))
+    B[..., :n, :nv] = system.B
+    B[..., range(n, n + m + k), range(nv, nv + m + k)] = 1
+    own = (noise.coloured * (1 - noise.decay**2))[channels]
+    q = np.concatenate([noise.force, own, np.ones(k)])
+    C = np.zeros((segments, nodes, system.C.shape[2], n + m + k))
     C[..., :n] = system.C
     C[..., channels, range(n, n + m)] = 1
-    d = np.zeros((segments, nodes, n + m))
+    C[..., n + m :] = shared
+    d = np.zeros((segments, nodes, n + m + k))
     d[..., :n] = system.d
     W = np.ascontiguousarray(system.W)
-    initial = np.concatenate([noise.initial, noise.coloured[channels]])
+    initial = np.concatenate([noise.initial, noise.coloured[channels], np.ones(k)])
     psi = np.ascontiguousarray(system.psi)
     return A, B, d, C, np.ascontiguousarray(system.r), W, psi, noise.white, initial, q
 
@@ -156,7 +163,7 @@ def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
 def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-untyped-def]
     S, L, n = d.shape
     ny, p, nf = r.shape[2], W.shape[3], B.shape[3]
-    moved = W.shape[2]  # states of coloured noise, which come last, no column moves
+    moved = W.shape[2]  # states of noise, which come last, no column moves
     e, z, logdet = np.zeros((S, L, ny)), np.zeros((S, L, ny, p)), np.zeros(S)
     variance = np.zeros((S, L, ny))
     kept = L if keep else 0

@@ -6,7 +6,7 @@ parameter moves by more than a hundredth of its posterior standard deviation; on
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +28,12 @@ _SMALLEST = 1e-3  # share of a step that is still tried
 _DIGITS = 1e-6
 STILL = 0.01  # posterior standard deviations that parameters may still move
 SETTLED = 0.1  # the same, where rounds have run out
-LAW = "law_error"
 
 
 def prior_of(hypothesis: Hypothesis, looks: Sequence[Look]) -> Prior:
     """Priors of the columns that linearising gives."""
-    law = [0] * len(hypothesis.parameters)
-    law += [NOMINAL * (look.effect is not None and look.effect.name == LAW) for look in looks]
-    return Prior(np.concatenate([hypothesis.prior_sd, [look.scale for look in looks]]), np.array(law, int))
+    sd = np.concatenate([hypothesis.prior_sd, [look.scale for look in looks]])
+    return Prior(sd, np.zeros(len(sd), int))
 
 
 @dataclass(frozen=True)
@@ -80,6 +78,7 @@ class Fitter:
         segments: data.
         torque: (nv,) scale of forces.
         nuisance: columns that are integrated out of every hypothesis.
+        law_errors: (S, L, n, k) further ones, of errors of the nominal model's laws; None for none.
         rig: scales, for errors of the laws that a hypothesis adds; None leaves them out.
     """
 
@@ -88,6 +87,12 @@ class Fitter:
     torque: Array
     nuisance: tuple[Look, ...] = ()
     rig: Situation | None = None
+    law_errors: Array | None = None
+
+    def select(self, segments: NDArray[np.intp]) -> "Fitter":
+        """The same for some segments."""
+        laws = None if self.law_errors is None else self.law_errors[segments]
+        return replace(self, segments=self.segments.select(segments), law_errors=laws)
 
     def system(
         self,
@@ -99,12 +104,14 @@ class Fitter:
     ) -> tuple[Linear, Prior]:
         """The linear system of a hypothesis with all nuisance, and the priors of its columns.
 
-        Columns are those of the hypothesis' parameters, the nuisance, the looks, and errors of the laws that
-        the hypothesis adds.
+        Columns are those of the hypothesis' parameters, the nuisance, the looks, and errors of the nominal
+        model's laws and of those that the hypothesis adds.
         """
         everything = (*self.nuisance, *looks)
         found = self.linearise(hypothesis, theta, path, everything, jacobian)
         system, prior = found.system, prior_of(hypothesis, everything)
+        if self.law_errors is not None:
+            system, prior = _wider(system, prior, self.law_errors, NOMINAL)
         if self.rig is None:
             return system, prior
         nq, nv = self.simulator.tangent.nq, self.simulator.tangent.nv
@@ -112,15 +119,8 @@ class Fitter:
         order = np.repeat(self.segments.order, self.segments.shape[1])
         torque = found.torque.reshape(len(x), nv)
         state = State(x[:, :nq], x[:, nq : nq + nv], torque, self.segments.time.reshape(-1), order)
-        W, sd = own_law_errors(system, hypothesis, theta, self.rig, state, self.segments.interval)
-        if not len(sd):
-            return system, prior
-        psi = np.zeros((*system.psi.shape[:3], len(sd)))
-        wider = system.with_columns(
-            np.concatenate([system.W, W], axis=-1), np.concatenate([system.psi, psi], axis=-1)
-        )
-        law = np.concatenate([prior.law_error, np.full(len(sd), ADDED)])
-        return wider, Prior(np.concatenate([prior.sd, sd]), law)
+        W = own_law_errors(system, hypothesis, theta, self.rig, state, self.segments.interval)
+        return _wider(system, prior, W, ADDED)
 
     def linearise(
         self,
@@ -217,3 +217,16 @@ class Fitter:
             since += moved
             converged = moved < STILL and number >= 1
         return Fit(hypothesis, theta, path, evidence, precision, converged, moved)
+
+
+def _wider(system: Linear, prior: Prior, W: Array, law: int) -> tuple[Linear, Prior]:
+    """A system with columns more that change no observation, errors of laws of unit size."""
+    k = W.shape[-1]
+    if not k:
+        return system, prior
+    psi = np.zeros((*system.psi.shape[:3], k))
+    wider = system.with_columns(
+        np.concatenate([system.W, W], axis=-1), np.concatenate([system.psi, psi], axis=-1)
+    )
+    kinds = np.concatenate([prior.law_error, np.full(k, law)])
+    return wider, Prior(np.concatenate([prior.sd, np.ones(k)]), kinds)

@@ -15,7 +15,7 @@ from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.linear import Look, residuals
 from slapshot.diagnosis.noise import CLIP, Noise, fit_noise
 from slapshot.diagnosis.path import recorded_path
-from slapshot.diagnosis.problem import Problem
+from slapshot.diagnosis.problem import NUISANCE, Problem
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.structure import moved_path
 
@@ -96,7 +96,7 @@ def predict(
     masked = windows.y.copy()
     masked[:, half:] = np.nan
     before = replace(windows, y=masked)
-    own = replace(noise, weight=np.ones_like(masked))
+    own = noise.elsewhere(problem.rates(windows, path))
     fitter = Fitter(problem.fitter.simulator, before, problem.torque)
     path, coloured = _without_parameters(fitter, hypothesis, theta, path, own)
     found = fitter.linearise(hypothesis, theta, path)
@@ -115,7 +115,8 @@ def predict(
     # All columns' responses to what is known at the windows' beginning: what comes then is given no weight.
     blind = quiet.weight.copy()
     blind[:, half:] = _NO_WEIGHT
-    wide = Fitter(fitter.simulator, windows, problem.torque, problem.nuisance, problem.situation)
+    laws = problem.law_columns.on(fitter.simulator, hypothesis, theta, windows, path)
+    wide = Fitter(fitter.simulator, windows, problem.torque, NUISANCE, problem.situation, laws)
     columns, prior = wide.system(hypothesis, theta, path, jacobian=system)
     seen = innovations(columns, replace(quiet, weight=blind).covariances(windows.interval))
     response = (seen.Z * np.sqrt(seen.variance)[..., None])[:, half:]

@@ -18,9 +18,10 @@ from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situat
 Array = NDArray[np.float64]
 
 # Smooth functions of speed and load are sums of bumps, in usual speeds and rms loads; one more is narrow.
-_CENTRES, _WIDTH, _NARROW = np.linspace(-3.0, 3.0, 11), 0.6, 0.2
-# Least share of the variance that a component has, and most components of a law.
-_COARSE, _FINE = (0.02, 8), (0.003, 40)
+_CENTRES, _WIDTH, _NARROW = np.linspace(-6.0, 6.0, 21), 0.6, 0.2
+# Least share of the variance that a component has, and most components of a law. Coarse ones show whether
+# laws err; where they do, a hundredth of their variance, left out, passes for something missing.
+_COARSE, _FINE = (0.02, 8), (1e-5, 120)
 _WHOLE = 0.2  # size of a change of the whole law, over that of the errors in shape
 LATE_S = (0.005, 0.01, 0.02)  # by which a law may follow its state late, as friction does after a reversal
 _SLOW = (0.05, 0.2)  # of the usual speed, where a friction may be another than farther from rest
@@ -110,7 +111,7 @@ class LawError(JointEffect):
 
 def own_law_errors(
     system: Linear, hypothesis: Hypothesis, theta: Array, rig: Situation, state: State, interval: float
-) -> tuple[Array, Array]:
+) -> Array:
     """Columns of the errors of the laws that a hypothesis adds: what they do, times the same shapes, or late.
 
     A friction may also be another near rest.
@@ -124,7 +125,7 @@ def own_law_errors(
         interval: s from node to node.
 
     Returns:
-        (S, L, n, k) and standard deviations (k,), in shares of the common size.
+        (S, L, n, k), in shares of the common size.
     """
     S, L, n, _ = system.W.shape
     columns = []
@@ -153,8 +154,7 @@ def own_law_errors(
         for nodes in sorted({max(1, round(late / interval)) for late in LATE_S}):
             columns.append(_sized(_late(law, nodes), total))
     columns = [column for column in columns if np.any(column)]
-    W = np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
-    return W, np.ones(len(columns))
+    return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
 
 
 def _sized(column: Array, total: float) -> Array:
@@ -169,8 +169,8 @@ def _late(law: Array, nodes: int) -> Array:
     return later - law
 
 
-def law_errors(rig: Situation, state: State, fine: bool = False) -> list[Look]:
-    """Columns of all law errors, each in shares of the rms error of its law.
+def law_errors(rig: Situation, state: State, fine: bool = False) -> list[list[Look]]:
+    """Looks at the errors of each law, in shares of its rms error.
 
     Args:
         rig: scales.
@@ -183,9 +183,9 @@ def law_errors(rig: Situation, state: State, fine: bool = False) -> list[Look]:
             if np.sqrt(np.mean(value(state) ** 2)) < 1e-6 * joint.torque:
                 continue
             law = Law(joint, value, state, fine)
-            looks += [
-                Look(LawError(law, k), (0.01,), 0.01, float(share)) for k, share in enumerate(law.share)
-            ]
+            looks.append(
+                [Look(LawError(law, k), (0.01,), 0.01, float(share)) for k, share in enumerate(law.share)]
+            )
     return looks
 
 

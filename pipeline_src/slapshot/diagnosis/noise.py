@@ -22,6 +22,7 @@ HELD_S = 0.01  # process force is told as the standard deviation of a force held
 LARGEST_LAW_ERROR = 0.15  # rms share of a law
 TYPICAL_LAW_ERROR = 0.05  # of empirical laws, before any of them is known
 CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
+_LEAST_JITTER, _USUAL_JITTER = 1e-4, 0.02  # of the interval
 _WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
 _SEARCH_SEGMENTS = 8
 _SEARCH_OBSERVATIONS = 9000  # which tell noise to a per cent
@@ -41,6 +42,9 @@ class Noise:
         law_error: size of the errors of the nominal model's laws, as a share.
         added_error: the same of laws that a hypothesis adds.
         weight: (S, L, ny) factor on the white variance; more than 1 for outliers.
+        jitter_s: standard deviation of the times at which samples are really taken.
+        rate: (S, L, ny) derivative by time of what is observed, by which jitter becomes noise; None for none.
+        clock: (ny,) index of the clock of each channel; those of one share their jitter.
     """
 
     white: Array
@@ -52,16 +56,43 @@ class Noise:
     weight: Array
     law_error: float = 1e-4
     added_error: float = TYPICAL_LAW_ERROR
+    jitter_s: float = 0.0
+    rate: Array | None = None
+    clock: NDArray[np.intp] | None = None
 
-    def covariances(self, interval: float, segments: NDArray[np.intp] | None = None) -> Covariances:
+    @property
+    def variance(self) -> Array:
+        """(S, L, ny) of what is white: noise of the channel, and of the time."""
+        own = self.weight * self.white**2
+        return own if self._shared is None else own + np.sum(self._shared**2, axis=-1)
+
+    @property
+    def _shared(self) -> Array | None:
+        """(S, L, ny, clocks) what a clock's jitter of unit size does to each channel."""
+        if self.rate is None or not self.jitter_s:
+            return None
+        clock = np.zeros(self.rate.shape[-1], int) if self.clock is None else self.clock
+        of = (clock[:, None] == np.unique(clock)).astype(float)
+        return self.jitter_s * self.rate[..., None] * of
+
+    def select(self, segments: NDArray[np.intp]) -> "Noise":
+        """That of some segments."""
+        rate = None if self.rate is None else self.rate[segments]
+        return replace(self, weight=self.weight[segments], rate=rate)
+
+    def elsewhere(self, rate: Array) -> "Noise":
+        """The same for other segments, of which rates are known, without outliers."""
+        return replace(self, weight=np.ones_like(rate), rate=rate)
+
+    def covariances(self, interval: float) -> Covariances:
         """What the filter takes."""
-        weight = self.weight if segments is None else self.weight[segments]
         return Covariances(
             self.initial,
             (self.force * self.torque) ** 2 * (HELD_S / interval),
-            weight * self.white**2,
+            self.weight * self.white**2,
             self.coloured**2,
             np.exp(-interval / self.correlation_s),
+            self._shared,
         )
 
 
@@ -158,29 +189,30 @@ def fit_noise(
     noise = replace(noise, weight=np.ones_like(noise.weight))
     enough = _SEARCH_OBSERVATIONS // (L * len(kinds))
     some = np.unique(np.linspace(0, S - 1, max(_SEARCH_SEGMENTS, min(S, enough))).astype(int))
-    part = system.select(some)
+    part, searched = system.select(some), noise.select(some)
     groups = sorted(set(kinds))
     member = np.array([groups.index(kind) for kind in kinds])
     first = np.array([kinds.index(group) for group in groups])
     least = np.array([quantisation(segments.y[..., c]) / np.sqrt(12) for c in range(len(kinds))])
     count = len(groups)
 
-    # Values: logarithms of force and of law errors of both kinds; then for each kind of channel of a factor
-    # on white noise, of the ratio of coloured noise to it, and of its time.
-    def of(values: Array) -> Noise:
-        white = np.maximum(noise.white * np.exp(values[3 : 3 + count])[member], least)
+    # Values: logarithms of force, of law errors of both kinds and of jitter; then for each kind of channel of
+    # a factor on white noise, of the ratio of coloured noise to it, and of its time.
+    def of(values: Array, noise: Noise = noise) -> Noise:
+        white = np.maximum(noise.white * np.exp(values[4 : 4 + count])[member], least)
         found = replace(
             noise, force=float(np.exp(values[0])), law_error=float(np.exp(values[1])),
-            added_error=float(np.exp(values[2])), white=white, coloured=0 * white,
+            added_error=float(np.exp(values[2])), jitter_s=float(np.exp(values[3])), white=white,
+            coloured=0 * white,
         )  # fmt: skip
-        if len(values) == 3 + count:
+        if len(values) == 4 + count:
             return found
-        ratio, time = np.exp(values[3 + count :]).reshape(2, count)
+        ratio, time = np.exp(values[4 + count :]).reshape(2, count)
         return replace(found, coloured=white * ratio[member], correlation_s=time[member])
 
     def evaluate(values: Array) -> Evaluation:
-        candidate = of(values)
-        found = innovations(part, candidate.covariances(segments.interval, some))
+        candidate = of(values, searched)
+        found = innovations(part, candidate.covariances(segments.interval))
         return _evaluation(found, prior.at(candidate), prior.law_error)
 
     zero = np.zeros(count)
@@ -189,10 +221,14 @@ def fit_noise(
         (np.log(1e-4), np.log(LARGEST_LAW_ERROR)) if np.any(prior.law_error == kind) else (np.log(size),) * 2
         for kind, size in ((NOMINAL, noise.law_error), (ADDED, noise.added_error))
     ]
-    limits = [(np.log(1e-6), np.log(1e2)), *law_limits, *[(-7.0, 7.0)] * count]
+    least_jitter, usual = _LEAST_JITTER * segments.interval, _USUAL_JITTER * segments.interval
+    jitters = (np.log(least_jitter), np.log(segments.interval / 2))
+    limits = [(np.log(1e-6), np.log(1e2)), *law_limits, jitters, *[(-7.0, 7.0)] * count]
     forces = sorted({1e-5, 1e-3, 1e-2, 1e-1, noise.force})
-    begins = [np.log([f, law, noise.added_error, *np.ones(count)]) for f in forces for law in (1e-3, 0.05)]
-    now = np.log([noise.force, noise.law_error, noise.added_error])
+    begins = [
+        np.log([f, law, noise.added_error, usual, *np.ones(count)]) for f in forces for law in (1e-3, 0.05)
+    ]
+    now = np.log([noise.force, noise.law_error, noise.added_error, max(noise.jitter_s, least_jitter)])
     if near:
         begins = [np.concatenate([now, zero])]
     plain, values = maximise(evaluate, begins, limits)
@@ -200,7 +236,7 @@ def fit_noise(
     limits += [(np.log(0.05), np.log(30.0))] * count
     limits += [(np.log(segments.interval), np.log(longest))] * count
     begins = [
-        np.concatenate([[force], values[1:3], values[3:] - 0.5 * np.log1p(ratio**2),
+        np.concatenate([[force], values[1:4], values[4:] - 0.5 * np.log1p(ratio**2),
                         zero + np.log(ratio), zero + np.log(time)])
         for ratio in (0.5, 2.0, 10.0)
         for time in (4 * segments.interval, longest / 3)

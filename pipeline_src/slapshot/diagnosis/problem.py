@@ -12,6 +12,7 @@ from slapshot.diagnosis.fit import Fit, Fitter
 from slapshot.diagnosis.free_forms import free_forms, is_free
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
 from slapshot.diagnosis.inference.scores import Scores, scores
+from slapshot.diagnosis.law_columns import LawColumns, law_columns
 from slapshot.diagnosis.law_error import law_errors
 from slapshot.diagnosis.linear import STEP_ERROR, Look, looks_at
 from slapshot.diagnosis.noise import Noise, Prior, first_noise, fit_noise
@@ -28,6 +29,7 @@ from slapshot.recordings.signals import Channel
 
 Array = NDArray[np.float64]
 
+NUISANCE = (STEP_ERROR,)  # of every hypothesis, beside errors of laws
 POSITION_SPREAD = 0.05  # rad or m, by which a first state may lie off the path
 _TIGHTEN = 3  # rms speeds
 
@@ -42,7 +44,7 @@ class Problem:
         segments: data.
         situation: scales of the motion.
         path: where fits begin.
-        nuisance: columns that every hypothesis has.
+        laws: looks at the shapes of errors of each law of the nominal model.
         threads: for simulation.
         fine: whether errors of laws are large enough for all their shapes to matter.
     """
@@ -53,7 +55,7 @@ class Problem:
     situation: Situation
     path: Array
     torque: Array
-    nuisance: tuple[Look, ...]
+    laws: tuple[Sequence[Look], ...]
     threads: int = 1
     fine: bool = False
 
@@ -63,9 +65,8 @@ class Problem:
         path = recorded_path(rig, segments)
         scales = situation(rig, segments, path)
         torque = torque_scale(rig, segments, path)
-        return cls(
-            rig, channels, segments, scales, path, torque, _nuisance(rig, segments, scales, path), threads
-        )
+        laws = _laws(rig, segments, scales, path)
+        return cls(rig, channels, segments, scales, path, torque, laws, threads)
 
     def restructured(self, effect: JointEffect, path: Array) -> "Problem":
         """The same with an effect that changes the model's structure; its path is brought over."""
@@ -78,13 +79,13 @@ class Problem:
         # What has no actuator and no mass of its own is pushed by nobody.
         torque[list(rig.added_dofs)] *= 1e-3
         segments = self.segments.finer(steps_in(self.segments.step, min(effect.fastest, FASTEST)))
-        nuisance = _nuisance(rig, segments, scales, moved, self.fine)
-        return Problem(rig, self.channels, segments, scales, moved, torque, nuisance, self.threads, self.fine)
+        laws = _laws(rig, segments, scales, moved, self.fine)
+        return Problem(rig, self.channels, segments, scales, moved, torque, laws, self.threads, self.fine)
 
-    def refined(self) -> "Problem":
-        """The same with all shapes of errors of laws."""
-        nuisance = _nuisance(self.rig, self.segments, self.situation, self.path, True)
-        return replace(self, nuisance=nuisance, fine=True)
+    def refined(self, path: Array) -> "Problem":
+        """The same with all shapes of errors of laws, along a path that was fitted."""
+        laws = _laws(self.rig, self.segments, self.situation, path, True)
+        return replace(self, laws=laws, path=path, fine=True)
 
     def with_steps_for(self, effect: JointEffect) -> "Problem":
         """The same in steps that are as short as an effect's fastest motion needs."""
@@ -95,10 +96,20 @@ class Problem:
         return segments.finer(self.segments.substeps // segments.substeps)
 
     @cached_property
+    def simulator(self) -> Simulator:
+        """Of the rig."""
+        return Simulator(self.rig, self.threads)
+
+    @cached_property
+    def law_columns(self) -> LawColumns:
+        """Errors of the nominal model's laws, in as many shapes as the data tell apart."""
+        return law_columns(self.simulator, self.segments, self.path, self.torque, self.laws, self.first_noise)
+
+    @cached_property
     def fitter(self) -> Fitter:
         """Of these segments."""
-        simulator = Simulator(self.rig, self.threads)
-        return Fitter(simulator, self.segments, self.torque, self.nuisance, self.situation)
+        laws = self.law_columns.W
+        return Fitter(self.simulator, self.segments, self.torque, NUISANCE, self.situation, laws)
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
@@ -117,24 +128,35 @@ class Problem:
         speed = np.full(nv, max([j.speed for j in self.situation.joints] + [self.situation.speed, 1e-3]))
         for joint in self.situation.joints:
             speed[joint.v] = joint.speed
-        dim = self.fitter.simulator.tangent.dim
-        return first_noise(self.segments, self.torque, dim, np.full(nv, POSITION_SPREAD), _TIGHTEN * speed)
+        dim = self.simulator.tangent.dim
+        first = first_noise(self.segments, self.torque, dim, np.full(nv, POSITION_SPREAD), _TIGHTEN * speed)
+        clocks = [self.channels[observation.channel].clock for observation in self.rig.observations]
+        first = replace(first, clock=np.unique(clocks, return_inverse=True)[1])
+        return first.elsewhere(self.rates(self.segments, self.path))
+
+    def rates(self, segments: Segments, path: Array) -> Array:
+        """(S, L, ny) derivatives by time of what is observed along a path."""
+        (S, L), u = segments.shape, segments.control()[:, :, :1]
+        _, y, _ = self.simulator.run(
+            self.rig.model, path.reshape(S * L, -1), u.reshape(S * L, 1, u.shape[-1])
+        )
+        return segments.rate(y.reshape(S, L, -1))
 
     def base(self, free: Sequence[JointEffect]) -> Hypothesis:
         """The nominal rig with its free parameters."""
         return Hypothesis(self.rig, tuple(free))
 
 
-def _nuisance(
+def _laws(
     rig: Rig, segments: Segments, scales: Situation, path: Array, fine: bool = False
-) -> tuple[Look, ...]:
+) -> tuple[Sequence[Look], ...]:
     nq, nv = rig.model.nq, rig.model.nv
     x = path[segments.inside]
     u = segments.control()[..., 0, :][segments.inside]
     order = np.repeat(segments.order[:, None], segments.shape[1], 1)[segments.inside]
     torque = actuator_torque(rig.model, x, u, rig.load)
     state = State(x[:, :nq], x[:, nq : nq + nv], torque, segments.time[segments.inside], order)
-    return (STEP_ERROR, *law_errors(scales, state, fine))
+    return tuple(law_errors(scales, state, fine))
 
 
 @dataclass(frozen=True)
@@ -179,7 +201,7 @@ def examine(
     present = {effect.key for effect in hypothesis.effects}
     effects = tuple(e for e in problem.catalogue if e.starts and e.key not in present)
     own = len(hypothesis.parameters)
-    fixed = own + len(problem.nuisance)
+    fixed = own + len(NUISANCE)
     for number in range(passes):
         # Passes before the last serve the path alone.
         looks = looks_at(effects) if number == passes - 1 else []

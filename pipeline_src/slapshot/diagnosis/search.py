@@ -133,8 +133,8 @@ def nominal_step(problem: Problem, free: Sequence[JointEffect], rng: np.random.G
     base = problem.base(free)
     examined = examine(problem, base, base.start, problem.path, problem.first_noise, passes=2)
     if examined.noise.law_error > _LARGE_LAW_ERROR:
-        problem = problem.refined()
         fit = examined.fit
+        problem = problem.refined(fit.path)
         examined = examine(problem, base, fit.theta, fit.path, examined.noise)
     return Step(problem, examined, _test(examined, rng))
 
@@ -192,8 +192,8 @@ def _raced(
     examined, problem = step.examination, step.problem
     S, L = problem.segments.shape
     some = np.unique(np.linspace(0, S - 1, min(S, max(4, _RACE_NODES // L))).astype(int))
-    fitter = replace(problem.fitter, segments=problem.segments.select(some))
-    noise = replace(examined.noise, weight=examined.noise.weight[some])
+    fitter = problem.fitter.select(some)
+    noise = examined.noise.select(some)
     system, path = examined.system.select(some), examined.fit.path[some]
     base, theta = examined.fit.hypothesis, examined.fit.theta
     none = fitter.fit(base, theta, path, noise, rounds=0, known=system).log_evidence
@@ -222,7 +222,7 @@ def _simplest(step: Step, rivals: Sequence[Rival]) -> Rival:
 def _change(step: Step, rival: Rival) -> Array:
     """What a rival changes of the velocities after an interval, along the path, over the torques' effects."""
     problem, path = step.problem, step.examination.fit.path
-    segments, simulator = problem.segments, problem.fitter.simulator
+    segments, simulator = problem.segments, problem.simulator
     n, nq = path.shape[0] * path.shape[1], simulator.tangent.nq
     x, time = path.reshape(n, -1), segments.time.reshape(n)
     order = np.repeat(segments.order, segments.shape[1])
@@ -372,8 +372,8 @@ def _shot(
     rounds: int = _TRIAL_ROUNDS,
 ) -> Fit:
     """A fit to some segments by shooting."""
-    few = replace(noise, weight=noise.weight[some])
-    simulator, segments = problem.fitter.simulator, problem.segments.select(some)
+    few = noise.select(some)
+    simulator, segments = problem.simulator, problem.segments.select(some)
     return shoot(simulator, hypothesis, theta, segments, path[some], few, rounds)
 
 

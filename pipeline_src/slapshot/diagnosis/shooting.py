@@ -164,12 +164,12 @@ def _whitening(segments: Segments, noise: Noise) -> tuple[Callable[[Array], Arra
     ny = segments.y.shape[2]
     lags = np.abs(np.arange(L)[:, None] - np.arange(L))
     roots = np.empty((S, ny, L, L))
-    logdet = 0.0
+    logdet, variance = 0.0, noise.variance
     for c in range(ny):
         correlation = np.exp(-lags * segments.interval / noise.correlation_s[c])
         coloured = noise.coloured[c] ** 2 * correlation
         there = np.isfinite(segments.y[..., c])
-        white = noise.white[c] ** 2 * noise.weight[..., c]
+        white = variance[..., c]
         for s in range(S):
             gap = np.flatnonzero(~there[s])
             covariance = coloured + np.diag(white[s])

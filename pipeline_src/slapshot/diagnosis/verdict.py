@@ -97,12 +97,13 @@ class Fits(Model):
 
 
 class ChannelNoise(Model):
-    """Noise of a channel."""
+    """Noise of a channel; `jitter_s` is the standard deviation of the times at which it is really sampled."""
 
     white: float
     coloured: float
     correlation_s: float
     unit: str
+    jitter_s: float = 0.0
 
 
 class Limit(Model):

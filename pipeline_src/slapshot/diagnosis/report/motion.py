@@ -58,7 +58,7 @@ def predicted_motion(outcome: Outcome, arm: str, some: NDArray[np.intp]) -> Moti
     # What was predicted is told without noise, and nothing else pushed.
     noise = replace(
         noise, white=_SHARE * noise.white, coloured=0 * noise.coloured, force=_NO_FORCE,
-        weight=np.ones_like(halves.y),
+        weight=np.ones_like(halves.y), jitter_s=0.0, rate=None,
     )  # fmt: skip
     covariances = noise.covariances(halves.interval)
     path = first_path(problem, outcome.search.nominal.problem, halves)

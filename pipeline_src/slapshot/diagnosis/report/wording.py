@@ -147,14 +147,14 @@ def error_unit(verdict: Verdict, kind: str) -> tuple[str, float]:
 
 
 def noise_text(noise: ChannelNoise) -> str:
-    """White and coloured noise of a channel."""
+    """White and coloured noise of a channel, and jitter of its samples."""
     unit = plain(noise.unit)
-    if noise.coloured == 0:
-        return f"{quantity(noise.white, unit)} white"
-    return (
-        f"{quantity(noise.white, unit)} white, {quantity(noise.coloured, unit)} correlated over "
-        f"{quantity(noise.correlation_s, 's')}"
-    )
+    parts = [f"{quantity(noise.white, unit)} white"]
+    if noise.coloured:
+        parts.append(f"{quantity(noise.coloured, unit)} correlated over {quantity(noise.correlation_s, 's')}")
+    if noise.jitter_s:
+        parts.append(f"{quantity(noise.jitter_s, 's')} jitter of the sample times")
+    return ", ".join(parts)
 
 
 def label(parameter: NamedParameter) -> str:
