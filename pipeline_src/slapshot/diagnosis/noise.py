@@ -22,10 +22,10 @@ HELD_S = 0.01  # process force is told as the standard deviation of a force held
 LARGEST_LAW_ERROR = 0.15  # rms share of a law
 TYPICAL_LAW_ERROR = 0.05  # of empirical laws, before any of them is known
 CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
-_LEAST_JITTER, _USUAL_JITTER = 1e-4, 0.02  # of the interval
+_NO_JITTER, _USUAL_JITTER = 1e-4, 0.02  # of the interval
 _WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
 _SEARCH_SEGMENTS = 8
-_SEARCH_OBSERVATIONS = 9000  # which tell noise to a per cent
+_SEARCH_OBSERVATIONS = 6000  # which tell noise to a per cent
 
 
 @dataclass(frozen=True)
@@ -221,34 +221,52 @@ def fit_noise(
         (np.log(1e-4), np.log(LARGEST_LAW_ERROR)) if np.any(prior.law_error == kind) else (np.log(size),) * 2
         for kind, size in ((NOMINAL, noise.law_error), (ADDED, noise.added_error))
     ]
-    least_jitter, usual = _LEAST_JITTER * segments.interval, _USUAL_JITTER * segments.interval
-    jitters = (np.log(least_jitter), np.log(segments.interval / 2))
-    limits = [(np.log(1e-6), np.log(1e2)), *law_limits, jitters, *[(-7.0, 7.0)] * count]
-    forces = sorted({1e-5, 1e-3, 1e-2, 1e-1, noise.force})
-    begins = [
-        np.log([f, law, noise.added_error, usual, *np.ones(count)]) for f in forces for law in (1e-3, 0.05)
-    ]
-    now = np.log([noise.force, noise.law_error, noise.added_error, max(noise.jitter_s, least_jitter)])
-    if near:
-        begins = [np.concatenate([now, zero])]
-    plain, values = maximise(evaluate, begins, limits)
     longest = max(2 * segments.interval, L * segments.interval / 2)
-    limits += [(np.log(0.05), np.log(30.0))] * count
-    limits += [(np.log(segments.interval), np.log(longest))] * count
-    begins = [
-        np.concatenate([[force], values[1:4], values[4:] - 0.5 * np.log1p(ratio**2),
-                        zero + np.log(ratio), zero + np.log(time)])
-        for ratio in (0.5, 2.0, 10.0)
-        for time in (4 * segments.interval, longest / 3)
-        for force in ((values[0], np.log(1e-4)) if ratio == 2.0 else (values[0],))
-    ]  # fmt: skip
-    if near and noise.coloured.any():
-        ratio = np.maximum(noise.coloured, 1e-12) / noise.white
-        own = np.concatenate([zero, np.log(ratio[first]), np.log(noise.correlation_s[first])])
-        begins = [np.concatenate([now, own])]
-    coloured, others = maximise(evaluate, begins, limits)
-    best = of(others if coloured - plain > _WORTH else values)
-    return _balanced(system, prior, best, segments, least)
+
+    def likeliest(jitter: float, jitters: tuple[float, float]) -> Noise:
+        """From a jitter, and within limits of it, in s."""
+        limits = [(np.log(1e-6), np.log(1e2)), *law_limits, tuple(np.log(jitters)), *[(-7.0, 7.0)] * count]
+        forces = sorted({1e-5, 1e-3, 1e-2, 1e-1, noise.force})
+        begins = [
+            np.log([f, law, noise.added_error, jitter, *np.ones(count)])
+            for f in forces
+            for law in (1e-3, 0.05)
+        ]
+        now = np.log([noise.force, noise.law_error, noise.added_error, jitter])
+        if near:
+            begins = [np.concatenate([now, zero])]
+        plain, values = maximise(evaluate, begins, limits)
+        limits += [(np.log(0.05), np.log(30.0))] * count
+        limits += [(np.log(segments.interval), np.log(longest))] * count
+        begins = [
+            np.concatenate([[force], values[1:4], values[4:] - 0.5 * np.log1p(ratio**2),
+                            zero + np.log(ratio), zero + np.log(time)])
+            for ratio in (0.5, 2.0, 10.0)
+            for time in (4 * segments.interval, longest / 3)
+            for force in ((values[0], np.log(1e-4)) if ratio == 2.0 else (values[0],))
+        ]  # fmt: skip
+        if near and noise.coloured.any():
+            ratio = np.maximum(noise.coloured, 1e-12) / noise.white
+            own = np.concatenate([zero, np.log(ratio[first]), np.log(noise.correlation_s[first])])
+            begins = [np.concatenate([now, own])]
+        coloured, others = maximise(evaluate, begins, limits)
+        return _balanced(system, prior, of(others if coloured - plain > _WORTH else values), segments, least)
+
+    def value(found: Noise) -> float:
+        own = found.select(some)
+        seen = innovations(part, own.covariances(segments.interval))
+        return _evaluation(seen, prior.at(own), prior.law_error).value
+
+    none = _NO_JITTER * segments.interval
+    if noise.rate is None or (near and not noise.jitter_s):
+        return replace(likeliest(none, (none, none)), jitter_s=0.0)
+    limits = none, segments.interval / 2
+    if near:
+        return likeliest(noise.jitter_s, limits)
+    # Outliers pass for jitter until they are given less weight.
+    without = replace(likeliest(none, (none, none)), jitter_s=0.0)
+    jittery = likeliest(_USUAL_JITTER * segments.interval, limits)
+    return jittery if value(jittery) > value(without) + _WORTH else without
 
 
 def _evaluation(found: Innovations, prior_sd: Array, law_error: NDArray[np.intp]) -> Evaluation:
