@@ -48,6 +48,14 @@ class Rival:
     gain: float
     fit: Fit
 
+    @property
+    def idle(self) -> bool:
+        """Whether the effect does nothing: all its sizes, which cannot be negative, are 0."""
+        parameters = self.effect.parameters
+        own = self.fit.theta[len(self.fit.theta) - len(parameters) :]
+        sizes = [(value, p) for value, p in zip(own, parameters, strict=True) if p.low == p.start == 0]
+        return bool(sizes) and all(value <= 1e-9 * p.scale for value, p in sizes)
+
 
 @dataclass(frozen=True)
 class Step:
@@ -167,8 +175,10 @@ def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | No
     for effect, start, gain in raced:
         if gain > leader - max(_BEHIND_NATS, _BEHIND * leader):
             fit = refit(step, effect, start)
-            rivals.append(Rival(effect, fit.log_evidence - examined.fit.log_evidence, fit))
-            report(f"refitted {effect.key}: {rivals[-1].gain:+.1f} nats")
+            rival = Rival(effect, fit.log_evidence - examined.fit.log_evidence, fit)
+            report(f"refitted {effect.key}: {rival.gain:+.1f} nats{', at no size' if rival.idle else ''}")
+            if not rival.idle:
+                rivals.append(rival)
     leader = max((rival.gain for rival in rivals), default=0.0)
     present = {effect.key for effect in step.hypothesis.effects}
     if step.test.push_p_value < P_VALUE:

@@ -1,0 +1,29 @@
+"""What a search takes for a candidate."""
+
+import numpy as np
+from slapshot.diagnosis.fit import Fit
+from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.search import Rival
+from slapshot.effects.joints.effect import JointEffect
+from slapshot.effects.joints.payload import Payload
+from slapshot.effects.joints.viscous_friction import ViscousFriction
+
+from .test_linear import arm_situation
+
+
+def test_an_effect_of_no_size_does_nothing_wherever_it_sits():
+    rig, _, of, _ = arm_situation(20)
+
+    def idle(effect: JointEffect, *values: float) -> bool:
+        hypothesis = Hypothesis(rig, (next(iter(ViscousFriction.instances(of))), effect))
+        theta = np.array([0.3, *values])
+        fit = Fit(hypothesis, theta, np.zeros((1, 1, 4)), 0.0, np.eye(len(theta)), True, 0.0)
+        return Rival(effect, 70.0, fit).idle
+
+    payload = next(iter(Payload.instances(of)))
+    assert idle(payload, 0.0, 0.0, 0.0, -0.6)
+    assert not idle(payload, 0.01, 0.0, 0.0, -0.6)
+    # Friction that a joint has too much of is less of it: 0 is one of its values.
+    friction = next(iter(ViscousFriction.instances(of)))
+    assert friction.parameters[0].low < 0 or idle(friction, 0.0)
+    assert not idle(friction, 0.1)
