@@ -1,0 +1,40 @@
+"""Columns of the errors of laws: what the data tell apart, along any path."""
+
+from dataclasses import replace
+
+import numpy as np
+from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.law_columns import law_columns
+from slapshot.diagnosis.problem import Problem
+from slapshot.recordings.channels import Channel
+
+from .mechanisms import joint, told
+from .test_linear import arm_situation
+
+CHANNELS: dict[str, Channel] = {
+    "s": joint("shoulder"), "e": joint("elbow"), "servo": told("rad", actuator="servo"),
+}  # fmt: skip
+
+
+def problem() -> Problem:
+    rig, segments, _, _ = arm_situation(120)
+    return Problem.of(rig, CHANNELS, segments)
+
+
+def test_they_are_the_same_wherever_they_are_asked_for():
+    of = problem()
+    there = of.law_columns
+    assert there.W.shape[-1] > 0
+    again = there.on(of.simulator, Hypothesis(of.rig), np.zeros(0), of.segments, of.path)
+    np.testing.assert_allclose(again, there.W, rtol=1e-6, atol=1e-9 * np.abs(there.W).max())
+
+
+def test_less_noise_tells_more_shapes_apart_and_none_that_there_are_not():
+    of = problem().refined(problem().path)
+    shapes = sum(map(len, of.laws))
+    counts = []
+    for white in (1e-1, 1e-3, 1e-5):
+        noise = replace(of.first_noise, white=np.full(2, white), jitter_s=0.0)
+        found = law_columns(of.simulator, of.segments, of.path, of.torque, of.laws, noise)
+        counts.append(found.W.shape[-1])
+    assert counts[0] < counts[1] < counts[2] <= shapes
