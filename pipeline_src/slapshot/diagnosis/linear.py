@@ -171,14 +171,17 @@ def linearise(
         m, u = model, control
         if controls:
             u = h.control(segments, values).reshape(n, segments.substeps, -1)
-        if edits or overrides(changed_effect, "force"):
+        forces = overrides(changed_effect, "force")
+        if edits or forces:
             m = h.compiled(values, segments.step)
-            W[:, :, k] = middle.changed(h, values, m, spread) / step
-        if controls and k < p:
-            # Exact, since values are read off these.
+        if k < p and (edits or controls or forces):
+            # By the whole interval, since values are read off these.
             W[:, :, k] = tangent.subtract(advance(h, values, m, x, u)[0], base) / step
-        elif controls:
-            W[:, :, k] += middle.driven(u - control, A, spread) / step
+        else:
+            if edits or forces:
+                W[:, :, k] = middle.changed(h, values, m, spread) / step
+            if controls:
+                W[:, :, k] += middle.driven(u - control, A, spread) / step
         if (edits or controls) and not plain:
             psi[:, :, k] = (advance(h, values, m, x, u[:, :1])[1] - y) / step
         if overrides(changed_effect, "observe"):
