@@ -208,9 +208,14 @@ def _raced(
     base, theta = examined.fit.hypothesis, examined.fit.theta
     none = fitter.fit(base, theta, path, noise, rounds=0, known=system).log_evidence
     raced = []
-    for effect, start in candidates:
-        both = np.concatenate([theta, start])
-        fit = fitter.fit(base.with_effect(effect), both, path, noise, _RACE_ROUNDS, known=system)
+    for effect, first in candidates:
+        hypothesis = base.with_effect(effect)
+        starts = (first, -first) if effect.both_signs else (first,)
+        fits = [
+            fitter.fit(hypothesis, np.concatenate([theta, start]), path, noise, _RACE_ROUNDS, known=system)
+            for start in starts
+        ]
+        fit = max(fits, key=lambda fit: fit.log_evidence)
         raced.append((effect, fit.theta[len(theta) :], (fit.log_evidence - none) * S / len(some)))
     return raced
 

@@ -170,6 +170,7 @@ class JointEffect:
         empirical: whether its law is one of experience, which holds to some ten per cent.
         friction: whether it is one; of that near rest no such law tells well.
         hidden_state: whether it has a state of its own, so that a first-order look cannot model it.
+        both_signs: whether a value of the other sign may fit nearly as well, so that fits begin at both.
     """
 
     name: ClassVar[str]
@@ -180,6 +181,7 @@ class JointEffect:
     many_forms: ClassVar[bool] = False
     empirical: ClassVar[bool] = False
     friction: ClassVar[bool] = False
+    both_signs: ClassVar[bool] = False
 
     def __init__(self, part: str, parameters: Sequence[Parameter], variant: str = "") -> None:
         self.part, self.parameters, self.variant = part, tuple(parameters), variant

@@ -14,6 +14,7 @@ class EncoderDelay(JointEffect):
     physics = "Readings are filtered or sent late: what is stamped now was measured before."
     source = "Furgale, Rehder, Siegwart (2013), IROS"
     phrase = "delay of the readings of {part}"
+    both_signs = True
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["EncoderDelay"]:
