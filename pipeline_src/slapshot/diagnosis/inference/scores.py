@@ -54,11 +54,14 @@ class Eliminated:
         information: (k, k) of all.
         by_segment: what each segment has of the information of some candidates, (S, g, g); None where all
             have as much.
+        shared: (k, k) part of the information that is no noise but what is left of the nuisance, which is the
+            same in all segments; None for none.
     """
 
     segment: Array
     information: Array
     by_segment: Callable[[NDArray[np.intp]], Array] | None = None
+    shared: Array | None = None
 
 
 class Elimination:
@@ -82,6 +85,7 @@ class Elimination:
         self._cross = self._of_nuisance[:, c] - self._share.T @ among
         self._of_share = (among + np.eye(len(m)) / len(of.H)) @ self._share
         self.information = total[np.ix_(c, c)] - total[np.ix_(c, m)] @ self._share
+        self._shared = self._share.T @ self._share
         self._found: dict[bytes, Array] = {}
 
     def __call__(self, b: Array) -> Eliminated:
@@ -97,7 +101,7 @@ class Elimination:
         prior = (values @ self._share / b.shape[-2])[..., None, :]
         S, k, n = self._cross.shape
         known = (values @ self._cross.reshape(S * k, n).T).reshape(*values.shape[:-1], S, k)
-        return Eliminated(raw - known + prior, self.information, self.by_segment)
+        return Eliminated(raw - known + prior, self.information, self.by_segment, self._shared)
 
     def by_segment(self, group: NDArray[np.intp]) -> Array:
         """Each segment's information of some candidates, (S, g, g); the sum is that of all.
@@ -143,8 +147,9 @@ def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> A
 
     The sum of a group's scores over how far segments are from agreeing on its values, so that noise that is
     larger or longer than thought is in both: of one column, of which all segments tell as much, Student's t.
-    The spread is taken as round in units of the information. A single segment is compared with the
-    information alone. A group that the data say nothing of has 0.
+    The spread is taken as round in units of the information. What the nuisance has of the sum is in no
+    spread, as all segments share it: of that the sum may have as much as the priors say. A single segment is
+    compared with the information alone. A group that the data say nothing of has 0.
     """
     statistic = []
     segments = found.segment.shape[-2]
@@ -153,14 +158,17 @@ def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> A
         eigenvalues, vectors = np.linalg.eigh(information)
         keep = eigenvalues > 1e-8 * max(eigenvalues.max(), 1e-300)
         white = vectors[:, keep] / np.sqrt(eigenvalues[keep])
-        each = found.segment[..., group] @ white
         k = white.shape[1]
+        nuisance = np.zeros(k)
+        if found.shared is not None and k:
+            nuisance, axes = np.linalg.eigh(white.T @ found.shared[np.ix_(group, group)] @ white)
+            nuisance, white = np.clip(nuisance, 0.0, 1.0), white @ axes
+        each = found.segment[..., group] @ white
         sums = each.sum(-2)
-        total = (sums**2).sum(-1)
         if k == 0:
-            statistic.append(np.zeros(total.shape))
+            statistic.append(np.zeros(sums.shape[:-1]))
         elif segments == 1:
-            statistic.append(-chi2.logsf(total, k))
+            statistic.append(-chi2.logsf((sums**2).sum(-1), k))
         else:
             share = np.broadcast_to(np.eye(k) / segments, (segments, k, k))
             if found.by_segment is not None:
@@ -169,6 +177,7 @@ def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> A
             alike = float(np.sum(share**2)) / k
             about = ((each - np.einsum("sij,...j->...si", share, sums)) ** 2).sum((-2, -1))
             free = max(1 / alike - 1, _FEWEST)
-            ratio = total / np.maximum(about, 1e-12 * total) * (1 - 1 / (1 + free))
-            statistic.append(-f_distribution.logsf(ratio, k, k * free))
+            noise = about * (1 + 1 / free) / max(float(np.sum(1 - nuisance)), 1e-12)
+            variance = np.maximum(noise[..., None], 1e-12) * (1 - nuisance) + nuisance
+            statistic.append(-f_distribution.logsf((sums**2 / variance).mean(-1), k, k * free))
     return np.stack(statistic, axis=-1)
