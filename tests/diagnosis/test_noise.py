@@ -8,6 +8,7 @@ from scipy.stats import multivariate_normal
 from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.noise import (
     HELD_S,
+    NOMINAL,
     Noise,
     Prior,
     first_noise,
@@ -92,7 +93,7 @@ def fitted(of: Made, prior: Prior | None = None) -> Noise:
 
 
 def no_columns() -> Prior:
-    return Prior(np.zeros(0), np.zeros(0, int))
+    return Prior.of(np.zeros(0))
 
 
 def standard_errors(of: Made, names: tuple[str, ...]) -> np.ndarray:
@@ -205,7 +206,7 @@ def test_force_is_told_for_one_length_of_time():
 
 def test_errors_of_laws_are_recovered():
     of = made(6, S=24, L=60, columns=24, law_error=0.05, white=(1e-4, 2e-3))
-    prior = Prior(np.ones(24), np.ones(24, bool))
+    prior = Prior.of(np.ones(24), NOMINAL)
     found = fitted(of, prior)
     # One size from 24 draws, each known well: a standard error of 1/√48 of the logarithm.
     assert off(found.law_error, 0.05, 1 / np.sqrt(48)) < 4

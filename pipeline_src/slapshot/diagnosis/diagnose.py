@@ -480,17 +480,19 @@ def _unknown(step: Step) -> str:
 
 def _noise(recording: SignalRecording, rig: Rig, step: Step) -> dict[str, ChannelNoise]:
     noise = step.examination.noise
-    # Jitter that makes less than a tenth of the noise is not told from none.
+    # Jitter and drift that make less than a tenth of the noise are not told from none.
     shown = noise.rate is not None and bool(
         np.any(noise.jitter_s * np.sqrt(np.mean(noise.rate**2, axis=(0, 1))) > 0.1 * noise.white)
     )
     jitter = noise.jitter_s if shown else 0.0
+    drift = noise.drift * noise.single if noise.drift > 0.1 else np.zeros_like(noise.white)
     return {
         observation.channel: ChannelNoise(
             white=float(noise.white[c]),
             coloured=float(noise.coloured[c]),
             correlation_s=float(noise.correlation_s[c]),
             unit=recording.channels[observation.channel].unit,
+            drift=float(drift[c]),
             jitter_s=jitter,
         )
         for c, observation in enumerate(rig.observations)

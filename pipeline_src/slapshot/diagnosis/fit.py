@@ -15,7 +15,7 @@ from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.law_error import own_law_errors
 from slapshot.diagnosis.linear import Linearised, Look, linearise
-from slapshot.diagnosis.noise import ADDED, NOMINAL, Noise, Prior, log_likelihood
+from slapshot.diagnosis.noise import ADDED, DRIFT, NOMINAL, Noise, Prior, log_likelihood
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Situation, State
 
@@ -33,7 +33,7 @@ SETTLED = 0.1  # the same, where rounds have run out
 def prior_of(hypothesis: Hypothesis, looks: Sequence[Look]) -> Prior:
     """Priors of the columns that linearising gives."""
     sd = np.concatenate([hypothesis.prior_sd, [look.scale for look in looks]])
-    return Prior(sd, np.zeros(len(sd), int))
+    return Prior.of(sd)
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,7 @@ class Fitter:
         torque: (nv,) scale of forces.
         nuisance: columns that are integrated out of every hypothesis.
         law_errors: (S, L, n, k) further ones, of errors of the nominal model's laws; None for none.
+        drifts: (S, k) shapes of drift over the session, which every channel may have; None for none.
         rig: scales, for errors of the laws that a hypothesis adds; None leaves them out.
     """
 
@@ -88,11 +89,13 @@ class Fitter:
     nuisance: tuple[Look, ...] = ()
     rig: Situation | None = None
     law_errors: Array | None = None
+    drifts: Array | None = None
 
     def select(self, segments: NDArray[np.intp]) -> "Fitter":
         """The same for some segments."""
         laws = None if self.law_errors is None else self.law_errors[segments]
-        return replace(self, segments=self.segments.select(segments), law_errors=laws)
+        drifts = None if self.drifts is None else self.drifts[segments]
+        return replace(self, segments=self.segments.select(segments), law_errors=laws, drifts=drifts)
 
     def system(
         self,
@@ -104,14 +107,22 @@ class Fitter:
     ) -> tuple[Linear, Prior]:
         """The linear system of a hypothesis with all nuisance, and the priors of its columns.
 
-        Columns are those of the hypothesis' parameters, the nuisance, the looks, and errors of the nominal
-        model's laws and of those that the hypothesis adds.
+        Columns are those of the hypothesis' parameters, the nuisance, the looks, drift of the readings, and
+        errors of the nominal model's laws and of those that the hypothesis adds.
         """
         everything = (*self.nuisance, *looks)
         found = self.linearise(hypothesis, theta, path, everything, jacobian)
         system, prior = found.system, prior_of(hypothesis, everything)
+        if self.drifts is not None:
+            S, L, ny, _ = system.psi.shape
+            turns = [c for columns in self.simulator.rig.quaternions for c in columns]
+            channels = np.setdiff1d(np.arange(ny), turns)
+            psi = np.einsum("sk,cd->scdk", self.drifts, np.eye(ny)[:, channels]).reshape(S, 1, ny, -1)
+            own = Prior.of(np.ones(psi.shape[-1]), DRIFT, np.repeat(channels, self.drifts.shape[1]))
+            system, prior = _wider(system, prior, own, psi=np.repeat(psi, L, axis=1))
         if self.law_errors is not None:
-            system, prior = _wider(system, prior, self.law_errors, NOMINAL)
+            own = Prior.of(np.ones(self.law_errors.shape[-1]), NOMINAL)
+            system, prior = _wider(system, prior, own, W=self.law_errors)
         if self.rig is None:
             return system, prior
         nq, nv = self.simulator.tangent.nq, self.simulator.tangent.nv
@@ -120,7 +131,7 @@ class Fitter:
         torque = found.torque.reshape(len(x), nv)
         state = State(x[:, :nq], x[:, nq : nq + nv], torque, self.segments.time.reshape(-1), order)
         W = own_law_errors(system, hypothesis, theta, self.rig, state, self.segments.interval)
-        return _wider(system, prior, W, ADDED)
+        return _wider(system, prior, Prior.of(np.ones(W.shape[-1]), ADDED), W=W)
 
     def linearise(
         self,
@@ -219,14 +230,16 @@ class Fitter:
         return Fit(hypothesis, theta, path, evidence, precision, converged, moved)
 
 
-def _wider(system: Linear, prior: Prior, W: Array, law: int) -> tuple[Linear, Prior]:
-    """A system with columns more that change no observation, errors of laws of unit size."""
-    k = W.shape[-1]
+def _wider(
+    system: Linear, prior: Prior, added: Prior, W: Array | None = None, psi: Array | None = None
+) -> tuple[Linear, Prior]:
+    """A system with columns more; they change nothing where none are given."""
+    k = len(added.sd)
     if not k:
         return system, prior
-    psi = np.zeros((*system.psi.shape[:3], k))
+    W = np.zeros((*system.W.shape[:3], k)) if W is None else W
+    psi = np.zeros((*system.psi.shape[:3], k)) if psi is None else psi
     wider = system.with_columns(
         np.concatenate([system.W, W], axis=-1), np.concatenate([system.psi, psi], axis=-1)
     )
-    kinds = np.concatenate([prior.law_error, np.full(k, law)])
-    return wider, Prior(np.concatenate([prior.sd, np.ones(k)]), kinds)
+    return wider, prior.and_of(added)

@@ -116,7 +116,8 @@ def predict(
     blind = quiet.weight.copy()
     blind[:, half:] = _NO_WEIGHT
     laws = problem.law_columns.on(fitter.simulator, hypothesis, theta, windows, path)
-    wide = Fitter(fitter.simulator, windows, problem.torque, NUISANCE, problem.situation, laws)
+    drifts = problem.drifts(windows)
+    wide = Fitter(fitter.simulator, windows, problem.torque, NUISANCE, problem.situation, laws, drifts)
     columns, prior = wide.system(hypothesis, theta, path, jacobian=system)
     seen = innovations(columns, replace(quiet, weight=blind).covariances(windows.interval))
     response = (seen.Z * np.sqrt(seen.variance)[..., None])[:, half:]

@@ -76,7 +76,7 @@ class Law:
         self._shapes = Shapes(*self._usual(state), value(state) ** 2, fine)
         # What is wrong in shape is a little wrong as a whole.
         self.share = np.append(self._shapes.share, _WHOLE)
-        self._last: tuple[State, Array] | None = None
+        self._last: list[tuple[State, Array]] = []
 
     def _usual(self, state: State) -> tuple[Array, Array]:
         v = self.joint.v
@@ -84,11 +84,13 @@ class Law:
 
     def errors(self, state: State) -> Array:
         """The law times each shape, and the law, (n, k); remembered, as shapes are asked for one by one."""
-        if self._last is None or self._last[0] is not state:
-            shapes = self._shapes(*self._usual(state))
-            whole = np.concatenate([shapes, np.ones((len(shapes), 1))], axis=1)
-            self._last = state, self.value(state)[:, None] * whole
-        return self._last[1]
+        for known, errors in self._last:
+            if known is state:
+                return errors
+        shapes = self._shapes(*self._usual(state))
+        whole = np.concatenate([shapes, np.ones((len(shapes), 1))], axis=1)
+        self._last = [*self._last[-1:], (state, self.value(state)[:, None] * whole)]
+        return self._last[-1][1]
 
 
 class LawError(JointEffect):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from slapshot.diagnosis.derivatives import Middle
 from slapshot.diagnosis.filter import Linear
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
@@ -65,7 +65,7 @@ class Linearised:
 
     Attributes:
         system: with the columns of the hypothesis' own parameters first, then those of the looks.
-        torque: (S, L, nv) actuator forces.
+        torque: (S, L, nv) actuator forces, means over the intervals.
         predicted: (S, L, ny) observations on the path.
     """
 
@@ -156,15 +156,23 @@ def linearise(
     p = len(theta)
     W, psi = np.zeros((n, dim, p + len(looks))), np.zeros((n, ny, p + len(looks)))
 
-    state = State(x[:, : tangent.nq], x[:, tangent.nq : tangent.nq + nv], torque, time, order)
+    # At both ends of the intervals: a servo's force falls from one to the other, as its command is held.
+    loads = simulator.rig.load
+    there = torque + actuator_torque(model, following, control[:, -1], loads)
+    there = there - actuator_torque(model, x, control[:, 0], loads)
+    ends = [
+        State(at[:, : tangent.nq], at[:, tangent.nq : tangent.nq + nv], load, when, order)
+        for at, load, when in ((x, torque, time), (following, there, time + segments.interval))
+    ]
 
-    def law_column(k: int, effect: JointEffect, moved: Array, here: Array, step: float) -> None:
-        laws = effect.force(state, moved), effect.force(state, here)
-        if laws[0] is not None and laws[1] is not None:
-            law = laws[0] - laws[1]
-            for v in np.flatnonzero(law.any(axis=0)):  # of most laws one joint
-                held = _over_interval(law[:, v].reshape(S, L), segments.substeps).reshape(n, 1)
-                W[:, :, k] += B[:, :, v] * (held / step)
+    def law_column(k: int, effect: JointEffect, moved: Array, here: Array, step: float, late: float) -> None:
+        """Late is the share of the interval's end in the mean force."""
+        laws = [(effect.force(state, moved), effect.force(state, here)) for state in ends]
+        first, last = (None if a is None or b is None else a - b for a, b in laws)
+        if first is not None and last is not None:
+            mean = (1 - late) * first + late * last
+            for v in np.flatnonzero(mean.any(axis=0)):  # of most laws one joint
+                W[:, :, k] += B[:, :, v] * (mean[:, v, None] / step)
 
     def column(k: int, h: Hypothesis, values: Array, step: float, changed_effect: JointEffect) -> None:
         edits, controls = (overrides(changed_effect, what) for what in ("edit", "control"))
@@ -196,7 +204,9 @@ def linearise(
             values = theta.copy()
             values[k] += step
             if is_law(effect):
-                law_column(k, effect, values[part], theta[part], step)
+                # In a simulation a law is held over each step at its value from the step's beginning.
+                late = (segments.substeps - 1) / (2 * segments.substeps)
+                law_column(k, effect, values[part], theta[part], step, late)
             else:
                 column(k, hypothesis, values, step, effect)
     for k, look in enumerate(looks, start=p):
@@ -208,7 +218,7 @@ def linearise(
             W[:, :, k] = halved
         elif is_law(look.effect):
             start = np.array([parameter.start for parameter in look.effect.parameters])
-            law_column(k, look.effect, np.array(look.values), start, look.probe)
+            law_column(k, look.effect, np.array(look.values), start, look.probe, 0.5)
         else:
             h = hypothesis.with_effect(look.effect)
             column(k, h, np.concatenate([theta, look.values]), look.probe, look.effect)
@@ -220,7 +230,8 @@ def linearise(
         residual, W.reshape(*shapes, dim, -1), psi.reshape(*shapes, ny, -1),
         spread.reshape(*shapes, dim, dim), None if halved is None else halved.reshape(*shapes, dim),
     )  # fmt: skip
-    return Linearised(system, torque.reshape(*shapes, nv), predicted.reshape(*shapes, ny))
+    mean = (torque + there) / 2
+    return Linearised(system, mean.reshape(*shapes, nv), predicted.reshape(*shapes, ny))
 
 
 def is_law(effect: JointEffect) -> bool:
@@ -245,13 +256,3 @@ def _reads_joints(rig: Rig) -> bool:
     read = np.flatnonzero(rig.reading.any(0))
     sensors = [int(np.flatnonzero(rig.model.sensor_adr <= address)[-1]) for address in read]
     return all(rig.model.sensor_type[sensor] in _OF_THE_STATE for sensor in sensors)
-
-
-def _over_interval(values: Array, steps: int) -> Array:
-    """Mean of a law over an interval, from its values at the nodes, (S, L).
-
-    A law is held over each step at its value from the step's beginning.
-    """
-    following = np.concatenate([values[:, 1:], values[:, -1:]], axis=1)
-    share = (steps - 1) / (2 * steps)
-    return (1 - share) * values + share * following

@@ -1,11 +1,12 @@
 """Observation noise and process force, fitted by likelihood.
 
 Each channel has white noise (never less than its quantisation) and coloured noise, an Ornstein-Uhlenbeck
-process; both channels of one quantity share the ratio of the two and the correlation time. What the model
-leaves out acts as a white process force, in shares of the torque that moves each joint.
+process; both channels of one quantity share the ratio of the two and the correlation time. Over a session
+readings drift, by less than their noise. What the model leaves out acts as a white process force, in shares
+of the torque that moves each joint.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,12 +21,16 @@ Array = NDArray[np.float64]
 
 HELD_S = 0.01  # process force is told as the standard deviation of a force held so long
 LARGEST_LAW_ERROR = 0.15  # rms share of a law
+# Of readings over their noise: before it is known, and what is not called noise any more.
+TYPICAL_DRIFT, LARGEST_DRIFT = 0.1, 1.0
 TYPICAL_LAW_ERROR = 0.05  # of empirical laws, before any of them is known
 CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
 _NO_JITTER, _USUAL_JITTER = 1e-4, 0.02  # of the interval
 _WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
 _SEARCH_SEGMENTS = 8
-_SEARCH_OBSERVATIONS = 6000  # which tell noise to a per cent
+_SEARCH_OBSERVATIONS = 6000  # which tell white noise to a per cent, other sizes to some ten
+_LAST_ROUNDS = 4  # with all observations
+_SIZES = 3  # first values: sizes of columns
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,7 @@ class Noise:
         law_error: size of the errors of the nominal model's laws, as a share.
         added_error: the same of laws that a hypothesis adds.
         weight: (S, L, ny) factor on the white variance; more than 1 for outliers.
+        drift: standard deviation of a channel's slow drift over the session, over that of its noise.
         jitter_s: standard deviation of the times at which samples are really taken.
         rate: (S, L, ny) derivative by time of what is observed, by which jitter becomes noise; None for none.
         clock: (ny,) index of the clock of each channel; those of one share their jitter.
@@ -56,9 +62,15 @@ class Noise:
     weight: Array
     law_error: float = 1e-4
     added_error: float = TYPICAL_LAW_ERROR
+    drift: float = TYPICAL_DRIFT
     jitter_s: float = 0.0
     rate: Array | None = None
     clock: NDArray[np.intp] | None = None
+
+    @property
+    def single(self) -> Array:
+        """(ny,) standard deviation of a single reading."""
+        return np.hypot(self.white, self.coloured)
 
     @property
     def variance(self) -> Array:
@@ -142,7 +154,9 @@ def first_noise(segments: Segments, torque: Array, n: int, position: Array, spee
     return Noise(white, np.zeros(ny), np.full(ny, 0.05), 1e-2, torque, initial, np.ones_like(segments.y))
 
 
-NOMINAL, ADDED = 1, 2
+# Columns whose size is one of the noise's: errors of laws of the nominal model and of those that a hypothesis
+# adds, in shares of the law, and drift, in standard deviations of the channel's noise.
+NOMINAL, ADDED, DRIFT = 1, 2, 3
 
 
 @dataclass(frozen=True)
@@ -150,18 +164,37 @@ class Prior:
     """Priors of a system's columns.
 
     Attributes:
-        sd: (p,) standard deviations.
-        law_error: (p,) `NOMINAL` or `ADDED` for errors of such laws, whose sd is in shares of their common
-            size; 0 for other columns.
+        sd: (p,) standard deviations; of columns of one of the sizes above, in units of that.
+        kind: (p,) `NOMINAL`, `ADDED` or `DRIFT`; 0 for other columns.
+        channel: (p,) that drifts; any for other columns.
     """
 
     sd: Array
-    law_error: NDArray[np.intp]
+    kind: NDArray[np.intp]
+    channel: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, sd: Array, kind: int = 0, channel: NDArray[np.intp] | None = None) -> "Prior":
+        """Priors of columns of one kind."""
+        nothing = np.zeros(len(sd), int)
+        return cls(sd, nothing + kind, nothing if channel is None else channel)
+
+    def select(self, columns: NDArray[np.bool_]) -> "Prior":
+        """Those of some columns."""
+        return Prior(self.sd[columns], self.kind[columns], self.channel[columns])
+
+    def and_of(self, other: "Prior") -> "Prior":
+        """These, and those of further columns."""
+        return Prior(
+            np.concatenate([self.sd, other.sd]),
+            np.concatenate([self.kind, other.kind]),
+            np.concatenate([self.channel, other.channel]),
+        )
 
     def at(self, noise: Noise) -> Array:
         """(p,) standard deviations under a noise."""
-        size = np.where(self.law_error == NOMINAL, noise.law_error, 1.0)
-        return self.sd * np.where(self.law_error == ADDED, noise.added_error, size)
+        sizes = np.array([1.0, noise.law_error, noise.added_error, noise.drift])[self.kind]
+        return self.sd * sizes * np.where(self.kind == DRIFT, noise.single[self.channel], 1.0)
 
 
 def fit_noise(
@@ -172,6 +205,7 @@ def fit_noise(
     kinds: Sequence[str],
     *,
     near: bool = False,
+    last: bool = True,
 ) -> Noise:
     """Noise of the highest likelihood, all columns being integrated out.
 
@@ -180,82 +214,89 @@ def fit_noise(
     Args:
         system: linearised.
         prior: of its columns.
-        noise: where the search begins.
+        noise: where the search begins; what were outliers then count for less in it.
         segments: data.
         kinds: quantity of each channel; those of one kind share ratio and correlation time of coloured noise.
         near: whether the noise was fitted before to a system much like this one, so that one start suffices.
+        last: whether all segments decide at the end; else those that the search looks at.
     """
     S, L = segments.shape
-    noise = replace(noise, weight=np.ones_like(noise.weight))
     enough = _SEARCH_OBSERVATIONS // (L * len(kinds))
     some = np.unique(np.linspace(0, S - 1, max(_SEARCH_SEGMENTS, min(S, enough))).astype(int))
-    part, searched = system.select(some), noise.select(some)
+    part = system.select(some)
     groups = sorted(set(kinds))
     member = np.array([groups.index(kind) for kind in kinds])
     first = np.array([kinds.index(group) for group in groups])
     least = np.array([quantisation(segments.y[..., c]) / np.sqrt(12) for c in range(len(kinds))])
     count = len(groups)
 
-    # Values: logarithms of force, of law errors of both kinds and of jitter; then for each kind of channel of
-    # a factor on white noise, of the ratio of coloured noise to it, and of its time.
+    # Values: logarithms of the sizes of law errors of both kinds and of drift, of force and of jitter; then
+    # for each kind of channel a factor on white noise, the ratio of coloured noise to it, and its time.
     def of(values: Array, noise: Noise = noise) -> Noise:
-        white = np.maximum(noise.white * np.exp(values[4 : 4 + count])[member], least)
+        white = np.maximum(noise.white * np.exp(values[5 : 5 + count])[member], least)
+        law, added, drift, force, jitter = (float(size) for size in np.exp(values[:5]))
         found = replace(
-            noise, force=float(np.exp(values[0])), law_error=float(np.exp(values[1])),
-            added_error=float(np.exp(values[2])), jitter_s=float(np.exp(values[3])), white=white,
+            noise, force=force, law_error=law, added_error=added, drift=drift, jitter_s=jitter, white=white,
             coloured=0 * white,
         )  # fmt: skip
-        if len(values) == 4 + count:
+        if len(values) == 5 + count:
             return found
-        ratio, time = np.exp(values[4 + count :]).reshape(2, count)
+        ratio, time = np.exp(values[5 + count :]).reshape(2, count)
         return replace(found, coloured=white * ratio[member], correlation_s=time[member])
 
-    def evaluate(values: Array) -> Evaluation:
-        candidate = of(values, searched)
-        found = innovations(part, candidate.covariances(segments.interval))
-        return _evaluation(found, prior.at(candidate), prior.law_error)
+    def likelihood(system: Linear, noise: Noise) -> _Likelihood:
+        return _Likelihood(system, prior, lambda values: of(values, noise), segments.interval)
 
+    searched = likelihood(part, noise.select(some))
+    every = searched if len(some) == S else likelihood(system, noise)
     zero = np.zeros(count)
     # Sizes of which no column tells stay what they were.
-    law_limits = [
-        (np.log(1e-4), np.log(LARGEST_LAW_ERROR)) if np.any(prior.law_error == kind) else (np.log(size),) * 2
-        for kind, size in ((NOMINAL, noise.law_error), (ADDED, noise.added_error))
+    size_limits = [
+        (np.log(least_size), np.log(largest)) if np.any(prior.kind == kind) else (np.log(size),) * 2
+        for kind, size, least_size, largest in (
+            (NOMINAL, noise.law_error, 1e-4, LARGEST_LAW_ERROR),
+            (ADDED, noise.added_error, 1e-4, LARGEST_LAW_ERROR),
+            (DRIFT, noise.drift, 1e-3, LARGEST_DRIFT),
+        )
     ]
     longest = max(2 * segments.interval, L * segments.interval / 2)
 
     def likeliest(jitter: float, jitters: tuple[float, float]) -> Noise:
         """From a jitter, and within limits of it, in s."""
-        limits = [(np.log(1e-6), np.log(1e2)), *law_limits, tuple(np.log(jitters)), *[(-7.0, 7.0)] * count]
+        limits = [*size_limits, (np.log(1e-6), np.log(1e2)), tuple(np.log(jitters)), *[(-7.0, 7.0)] * count]
         forces = sorted({1e-5, 1e-3, 1e-2, 1e-1, noise.force})
         begins = [
-            np.log([f, law, noise.added_error, jitter, *np.ones(count)])
+            np.log([law, noise.added_error, noise.drift, f, jitter, *np.ones(count)])
             for f in forces
             for law in (1e-3, 0.05)
         ]
-        now = np.log([noise.force, noise.law_error, noise.added_error, jitter])
+        now = np.log([noise.law_error, noise.added_error, noise.drift, noise.force, jitter])
         if near:
             begins = [np.concatenate([now, zero])]
-        plain, values = maximise(evaluate, begins, limits)
+        plain, values = maximise(searched, begins, limits)
         limits += [(np.log(0.05), np.log(30.0))] * count
         limits += [(np.log(segments.interval), np.log(longest))] * count
         begins = [
-            np.concatenate([[force], values[1:4], values[4:] - 0.5 * np.log1p(ratio**2),
+            np.concatenate([values[:3], [force], values[4:5], values[5:] - 0.5 * np.log1p(ratio**2),
                             zero + np.log(ratio), zero + np.log(time)])
             for ratio in (0.5, 2.0, 10.0)
             for time in (4 * segments.interval, longest / 3)
-            for force in ((values[0], np.log(1e-4)) if ratio == 2.0 else (values[0],))
+            for force in ((values[3], np.log(1e-4)) if ratio == 2.0 else (values[3],))
         ]  # fmt: skip
         if near and noise.coloured.any():
             ratio = np.maximum(noise.coloured, 1e-12) / noise.white
             own = np.concatenate([zero, np.log(ratio[first]), np.log(noise.correlation_s[first])])
             begins = [np.concatenate([now, own])]
-        coloured, others = maximise(evaluate, begins, limits)
-        return _balanced(system, prior, of(others if coloured - plain > _WORTH else values), segments, least)
+        coloured, others = maximise(searched, begins, limits)
+        if coloured - plain > _WORTH:
+            values = others
+        if last and len(some) < S:
+            _, values = maximise(every, [values], limits[: len(values)], _LAST_ROUNDS)
+        return _balanced(system, prior, of(values), segments, least)
 
     def value(found: Noise) -> float:
         own = found.select(some)
-        seen = innovations(part, own.covariances(segments.interval))
-        return _evaluation(seen, prior.at(own), prior.law_error).value
+        return _Likelihood(part, prior, lambda _: own, segments.interval)(np.zeros(0)).value
 
     none = _NO_JITTER * segments.interval
     if noise.rate is None or (near and not noise.jitter_s):
@@ -269,29 +310,56 @@ def fit_noise(
     return jittery if value(jittery) > value(without) + _WORTH else without
 
 
-def _evaluation(found: Innovations, prior_sd: Array, law_error: NDArray[np.intp]) -> Evaluation:
-    """Marginal likelihood of innovations, and what its information is made of."""
-    there = found.e != 0
-    z = found.Z.reshape(found.e.size, -1) * prior_sd
-    gram, b = z.T @ z, z.T @ found.e.reshape(-1)
-    if not np.all(np.isfinite(gram)):
-        return Evaluation(-np.inf, found.e[there], np.log(found.variance[there]))
-    factor = cho_factor(np.eye(len(b)) + gram, lower=True)
-    values = cho_solve(factor, b)
-    value = log_likelihood(found) + 0.5 * b @ values - np.log(np.diag(factor[0])).sum()
-    e = (found.e.reshape(-1) - z @ values).reshape(found.e.shape)
-    # Of the logarithm of the law errors' size: half the trace of the squared relative covariance.
-    information = {}
-    for kind in (NOMINAL, ADDED):
-        law = law_error == kind
-        own = gram[np.ix_(law, law)] - gram[law] @ cho_solve(factor, gram[:, law])
-        information[kind] = 2 * float(np.sum(own**2))
-    return Evaluation(float(value), e[there], np.log(found.variance[there]), information)
+class _Likelihood:
+    """Marginal likelihood of noise, and what its information is made of.
+
+    Args:
+        system: linearised.
+        prior: of its columns.
+        of: the noise that values stand for; the first values are sizes of columns.
+        interval: s between nodes.
+    """
+
+    def __init__(self, system: Linear, prior: Prior, of: Callable[[Array], Noise], interval: float) -> None:
+        self._system, self._prior, self._of, self._interval = system, prior, of, interval
+        # Sizes of columns change no innovations: those of a place and of the last beside it are remembered.
+        self._seen: dict[bytes, tuple[Innovations, Array, Array]] = {}
+
+    def __call__(self, values: Array) -> Evaluation:
+        """At some values."""
+        noise = self._of(values)
+        found, gram, b = self._innovations(noise, values[_SIZES:].tobytes())
+        sd = self._prior.at(noise)
+        gram, b = gram * np.outer(sd, sd), b * sd
+        there = found.e != 0
+        if not np.all(np.isfinite(gram)):
+            return Evaluation(-np.inf, found.e[there], np.log(found.variance[there]))
+        factor = cho_factor(np.eye(len(b)) + gram, lower=True)
+        own = cho_solve(factor, b)
+        value = log_likelihood(found) + 0.5 * b @ own - np.log(np.diag(factor[0])).sum()
+        e = found.e - found.Z @ (own * sd)
+        # Of the logarithm of a size: half the trace of the squared relative covariance.
+        information = {}
+        for index, kind in enumerate((NOMINAL, ADDED, DRIFT)):
+            of = self._prior.kind == kind
+            part = gram[np.ix_(of, of)] - gram[of] @ cho_solve(factor, gram[:, of])
+            information[index] = 2 * float(np.sum(part**2))
+        return Evaluation(float(value), e[there], np.log(found.variance[there]), information)
+
+    def _innovations(self, noise: Noise, key: bytes) -> tuple[Innovations, Array, Array]:
+        if key not in self._seen:
+            found = innovations(self._system, noise.covariances(self._interval))
+            z = found.Z.reshape(found.e.size, -1)
+            while len(self._seen) > 1:
+                del self._seen[next(iter(self._seen))]
+            self._seen[key] = found, z.T @ z, z.T @ found.e.reshape(-1)
+        return self._seen[key]
 
 
 def _balanced(system: Linear, prior: Prior, noise: Noise, segments: Segments, least: Array) -> Noise:
     """Channels' own sizes, from the variance of their innovations; and outliers given less weight."""
     there = np.isfinite(system.r)
+    noise = replace(noise, weight=np.ones_like(noise.weight))
     for _ in range(2):
         found = innovations(system, noise.covariances(segments.interval))
         e = unexplained(found, prior.at(noise))

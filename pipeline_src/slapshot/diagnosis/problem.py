@@ -15,7 +15,7 @@ from slapshot.diagnosis.inference.scores import Scores, scores
 from slapshot.diagnosis.law_columns import LawColumns, law_columns
 from slapshot.diagnosis.law_error import law_errors
 from slapshot.diagnosis.linear import STEP_ERROR, Look, looks_at
-from slapshot.diagnosis.noise import Noise, Prior, first_noise, fit_noise
+from slapshot.diagnosis.noise import Noise, first_noise, fit_noise
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.pulses import Scan, scan
 from slapshot.diagnosis.rig import Rig
@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 NUISANCE = (STEP_ERROR,)  # of every hypothesis, beside errors of laws
 POSITION_SPREAD = 0.05  # rad or m, by which a first state may lie off the path
 _TIGHTEN = 3  # rms speeds
+_DRIFT_WIDTH = 0.1  # of the session, in which drift changes its course
+_SAME = 1e-9  # rms of shapes of drift where there is but one episode
 
 
 @dataclass(frozen=True)
@@ -108,8 +110,17 @@ class Problem:
     @cached_property
     def fitter(self) -> Fitter:
         """Of these segments."""
-        laws = self.law_columns.W
-        return Fitter(self.simulator, self.segments, self.torque, NUISANCE, self.situation, laws)
+        return Fitter(
+            self.simulator, self.segments, self.torque, NUISANCE, self.situation, self.law_columns.W,
+            self.drifts(self.segments),
+        )  # fmt: skip
+
+    def drifts(self, segments: Segments) -> Array:
+        """(S, k) shapes of slow drift, of unit size over the session and with a mean of 0."""
+        own = _bumps(self.segments.order)
+        size = np.sqrt(np.sum(np.var(own, axis=0)))
+        shapes = _bumps(segments.order) - own.mean(axis=0)
+        return np.asarray(shapes / size if size > _SAME else shapes[:, :0])
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
@@ -147,15 +158,23 @@ class Problem:
         return Hypothesis(self.rig, tuple(free))
 
 
+def _bumps(order: Array) -> Array:
+    centres = np.arange(-0.5, 0.5 + _DRIFT_WIDTH / 2, _DRIFT_WIDTH)
+    return np.asarray(np.exp(-0.5 * ((order[:, None] - centres) / _DRIFT_WIDTH) ** 2))
+
+
 def _laws(
     rig: Rig, segments: Segments, scales: Situation, path: Array, fine: bool = False
 ) -> tuple[Sequence[Look], ...]:
     nq, nv = rig.model.nq, rig.model.nv
-    x = path[segments.inside]
-    u = segments.control()[..., 0, :][segments.inside]
-    order = np.repeat(segments.order[:, None], segments.shape[1], 1)[segments.inside]
-    torque = actuator_torque(rig.model, x, u, rig.load)
-    state = State(x[:, :nq], x[:, nq : nq + nv], torque, segments.time[segments.inside], order)
+    following = np.concatenate([path[:, 1:], path[:, -1:]], axis=1)
+    there, u = segments.inside, segments.control()
+    x = path[there]
+    first = actuator_torque(rig.model, x, u[..., 0, :][there], rig.load)
+    last = actuator_torque(rig.model, following[there], u[..., -1, :][there], rig.load)
+    torque = (first + last) / 2
+    order = np.repeat(segments.order[:, None], segments.shape[1], 1)[there]
+    state = State(x[:, :nq], x[:, nq : nq + nv], torque, segments.time[there], order)
     return tuple(law_errors(scales, state, fine))
 
 
@@ -213,9 +232,11 @@ def examine(
         ]
         explains = ~candidate
         explains[fixed : fixed + len(looks)] = ~np.array(many, bool)
-        few = Prior(prior.sd[explains], prior.law_error[explains])
         part = _with(system, explains)
-        noise = fit_noise(part, few, noise, problem.segments, problem.kinds, near=passes == 1)
+        last = number == passes - 1
+        noise = fit_noise(
+            part, prior.select(explains), noise, problem.segments, problem.kinds, near=passes == 1, last=last
+        )
         fit = fitter.fit(hypothesis, theta, path, noise, rounds=8, known=system)
         theta, path = fit.theta, fit.path
     # About the path before the last fit, which is as good a point: scores eliminate what the fit moved.

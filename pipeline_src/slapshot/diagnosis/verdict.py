@@ -97,12 +97,21 @@ class Fits(Model):
 
 
 class ChannelNoise(Model):
-    """Noise of a channel; `jitter_s` is the standard deviation of the times at which it is really sampled."""
+    """Noise of a channel.
+
+    Attributes:
+        white, coloured: standard deviations.
+        correlation_s: of the coloured part.
+        unit: of the channel.
+        drift: standard deviation of the slow drift over the session.
+        jitter_s: standard deviation of the times at which it is really sampled.
+    """
 
     white: float
     coloured: float
     correlation_s: float
     unit: str
+    drift: float = 0.0
     jitter_s: float = 0.0
 
 

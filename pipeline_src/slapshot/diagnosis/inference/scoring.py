@@ -42,6 +42,7 @@ def maximise(
     evaluate: Callable[[Array], Evaluation],
     begins: Sequence[Array],
     limits: Sequence[tuple[float, float]],
+    rounds: int = _MOST_ROUNDS,
 ) -> tuple[float, Array]:
     """The highest log-likelihood that is reached from the best of some starts, and where.
 
@@ -49,6 +50,7 @@ def maximise(
         evaluate: likelihood at some values.
         begins: (p,) values each.
         limits: lowest and highest of each value.
+        rounds: at most.
     """
     low, high = np.array(limits).T
     starts = [np.clip(begin, low, high) for begin in begins]
@@ -57,7 +59,7 @@ def maximise(
     here, values = found[best], starts[best]
     if not np.isfinite(here.value):
         return here.value, values
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(rounds):
         gradient, information = _derivatives(evaluate, here, values, high)
         stuck = ((values <= low) & (gradient < 0)) | ((values >= high) & (gradient > 0))
         free = np.flatnonzero(~stuck)

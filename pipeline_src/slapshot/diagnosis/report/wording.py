@@ -147,11 +147,13 @@ def error_unit(verdict: Verdict, kind: str) -> tuple[str, float]:
 
 
 def noise_text(noise: ChannelNoise) -> str:
-    """White and coloured noise of a channel, and jitter of its samples."""
+    """White and coloured noise of a channel, its drift, and jitter of its samples."""
     unit = plain(noise.unit)
     parts = [f"{quantity(noise.white, unit)} white"]
     if noise.coloured:
         parts.append(f"{quantity(noise.coloured, unit)} correlated over {quantity(noise.correlation_s, 's')}")
+    if noise.drift:
+        parts.append(f"{quantity(noise.drift, unit)} drift over the session")
     if noise.jitter_s:
         parts.append(f"{quantity(noise.jitter_s, 's')} jitter of the sample times")
     return ", ".join(parts)
