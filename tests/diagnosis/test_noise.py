@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.noise import (
+    DRIFT,
     HELD_S,
     NOMINAL,
     Noise,
@@ -202,6 +203,29 @@ def test_force_is_told_for_one_length_of_time():
     np.testing.assert_allclose(slow.decay, np.exp(-HELD_S / 0.08))
     some = np.array([1, 3])
     assert of.noise.select(some).covariances(INTERVAL).white.shape == (2, 60, 2)
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.6])
+def test_drift_over_the_session_is_told_from_coloured_noise(drift):
+    """Every segment's readings are off by a constant of its own, which is no noise within the segment."""
+    S, L = 40, 60
+    of = made(11, S=S, L=L, white=(1e-3, 2e-2), coloured=(2e-3, 0.0))
+    single = np.hypot(1e-3, 2e-3)
+    shape = np.linalg.qr(np.random.default_rng(12).normal(size=(S, 10)))[0] * np.sqrt(S / 10)
+    psi = np.zeros((S, L, 2, 10))
+    psi[:, :, 0] = shape[:, None]
+    off_by = drift * single * shape @ np.random.default_rng(13).normal(size=10)
+    y = of.system.r.copy()
+    y[..., 0] += off_by[:, None]
+    system = replace(of.system, r=y, psi=psi, W=np.zeros((S, L, 2, 10)))
+    prior = Prior.of(np.ones(10), DRIFT, np.zeros(10, int))
+    found = fitted(replace(of, system=system, segments=replace(of.segments, y=y)), prior)
+    if drift:
+        # One size from ten draws: a standard error of 1/√20 of the logarithm.
+        assert off(found.drift * found.single[0], drift * single, 1 / np.sqrt(20)) < 3
+    else:
+        assert found.drift * found.single[0] < 0.3 * single
+    assert off(found.coloured[0], 2e-3, 0.1) < 3
 
 
 def test_errors_of_laws_are_recovered():

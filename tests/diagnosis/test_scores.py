@@ -131,6 +131,20 @@ def test_statistics_of_several_columns_follow_the_f_distribution(segments):
     assert stats.kstest(np.exp(-found[:, 0]), "uniform").pvalue > 1e-3
 
 
+@pytest.mark.parametrize("louder", [0.5, 1.0, 3.0])
+def test_what_the_nuisance_has_of_a_sum_is_not_judged_by_the_spread_of_segments(louder):
+    """All segments share it, so that it is in no spread; before, a third of such nulls had p below 0.05."""
+    rng, segments, draws = np.random.default_rng(12), 40, 4000
+    nuisance = np.diag([0.95, 0.3])
+    noise = louder * rng.standard_normal((draws, segments, 2)) * np.sqrt((1 - np.diag(nuisance)) / segments)
+    each = noise + rng.standard_normal((draws, 1, 2)) * np.sqrt(np.diag(nuisance)) / segments
+    found = group_statistics(Eliminated(each, np.eye(2), None, nuisance), [np.arange(2)])[:, 0]
+    # The standard error of the share is 0.0034.
+    assert 0.035 < np.mean(np.exp(-found) < 0.05) < 0.065
+    unshared = group_statistics(Eliminated(each, np.eye(2)), [np.arange(2)])[:, 0]
+    assert louder > 1 or np.mean(np.exp(-unshared) < 0.05) > 0.15
+
+
 def test_one_outlying_segment_makes_no_case():
     rng = np.random.default_rng(10)
     each = rng.standard_normal((20, 1))
