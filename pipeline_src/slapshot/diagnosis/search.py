@@ -170,15 +170,16 @@ def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | No
             tried[family] = effect, first_values(examined, i, found[i].values)
         if len(tried) == REFITTED:
             break
-    raced = _raced(step, list(tried.values()))
-    leader = max((gain for *_, gain in raced), default=0.0)
-    for effect, start, gain in raced:
-        if gain > leader - max(_BEHIND_NATS, _BEHIND * leader):
-            fit = refit(step, effect, start)
-            rival = Rival(effect, fit.log_evidence - examined.fit.log_evidence, fit)
-            report(f"refitted {effect.key}: {rival.gain:+.1f} nats{', at no size' if rival.idle else ''}")
-            if not rival.idle:
-                rivals.append(rival)
+    leader = -np.inf
+    for effect, start, gain in _raced(step, list(tried.values())):
+        if gain < leader - max(_BEHIND_NATS, _BEHIND * leader):
+            break
+        fit = refit(step, effect, start)
+        rival = Rival(effect, fit.log_evidence - examined.fit.log_evidence, fit)
+        report(f"refitted {effect.key}: {rival.gain:+.1f} nats{', at no size' if rival.idle else ''}")
+        if not rival.idle:
+            leader = max(leader, gain)
+            rivals.append(rival)
     leader = max((rival.gain for rival in rivals), default=0.0)
     present = {effect.key for effect in step.hypothesis.effects}
     if step.test.push_p_value < P_VALUE:
@@ -198,7 +199,7 @@ def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | No
 def _raced(
     step: Step, candidates: Sequence[tuple[JointEffect, Array]]
 ) -> list[tuple[JointEffect, Array, float]]:
-    """Candidates fitted to some segments: values that they begin with, and about what they gain on all."""
+    """Candidates fitted to some segments, best first: values to begin with, and about what all gain."""
     examined, problem = step.examination, step.problem
     S, L = problem.segments.shape
     some = np.unique(np.linspace(0, S - 1, min(S, max(4, _RACE_NODES // L))).astype(int))
@@ -217,7 +218,7 @@ def _raced(
         ]
         fit = max(fits, key=lambda fit: fit.log_evidence)
         raced.append((effect, fit.theta[len(theta) :], (fit.log_evidence - none) * S / len(some)))
-    return raced
+    return sorted(raced, key=lambda candidate: -candidate[2])
 
 
 def _simplest(step: Step, rivals: Sequence[Rival]) -> Rival:
