@@ -9,7 +9,9 @@ from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter,
 
 class FrictionDrift(JointEffect):
     name = "friction_drift"
-    physics = "Bearings warm up, and lubricant thins: friction changes from the first episode to the last."
+    physics = (
+        "A cold joint is stiff at the session's start and runs itself warm: lubricant thins as it heats up."
+    )
     source = "Bittencourt, Gunnarsson (2012), ASME J. of Dynamic Systems, Measurement, and Control 134(5)"
     phrase = "friction at {part} that drifts over the session"
     empirical = True
@@ -17,7 +19,7 @@ class FrictionDrift(JointEffect):
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["FrictionDrift"]:
-        """One a joint and kind of friction, from five episodes on; prior: a sixth of the usual torque."""
+        """One a joint, from five episodes on; prior: a sixth of the usual torque."""
         if rig.episodes < 5:
             return
         for joint in rig.joints:
@@ -27,6 +29,8 @@ class FrictionDrift(JointEffect):
                 joint,
                 Parameter("dry", joint.unit, dry, probe=0.01 * dry),
                 Parameter("viscous", f"{joint.unit} s/{joint.angle_unit}", wet, probe=0.01 * wet),
+                Parameter("warm", "1", 0.3, start=0.2, low=0.0, high=3.0),
+                Parameter("warms_in", "1", 0.2, start=0.3, low=0.05, high=2.0),
             )
 
     def __init__(self, joint: Joint, *parameters: Parameter) -> None:
@@ -34,16 +38,18 @@ class FrictionDrift(JointEffect):
         self._joint = joint
 
     def force(self, state: State, values: Array) -> Array:
-        """Growth of friction from the first episode to the last, about the middle."""
+        """Friction of the first episode, of which a share is left when warm; warmth comes exponentially."""
         j = self._joint
         v = state.v[:, j.v]
-        friction = values[0] * np.tanh(v / j.step_speed) + values[1] * v
-        return on_joint(j, -state.order * friction, state.v.shape[1])
+        dry, viscous, warm, warms_in = values
+        level = warm + (1 - warm) * np.exp(-(state.order + 0.5) / warms_in)
+        return on_joint(j, -level * (dry * np.tanh(v / j.step_speed) + viscous * v), state.v.shape[1])
 
     def note(self, values: Array) -> str:
         """The law, and how it goes over the session."""
-        j = self._joint
+        j, (dry, viscous, warm, warms_in) = self._joint, values
         return j.note(
-            f"-p ({values[0]:.4g} tanh(v / {j.step_speed:.4g}) + {values[1]:.4g} v), where p goes evenly "
-            "from -1/2 in the first episode to 1/2 in the last"
+            f"-({warm:.4g} + {1 - warm:.4g} exp(-p / {warms_in:.4g})) "
+            f"({dry:.4g} tanh(v / {j.step_speed:.4g}) + {viscous:.4g} v), "
+            "where p goes evenly from 0 in the first episode to 1 in the last"
         )
