@@ -38,6 +38,7 @@ from slapshot.diagnosis.verdict import (
 )
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, State, overrides
+from slapshot.effects.joints.external_pulse import ExternalPulse
 from slapshot.errors import InputError
 from slapshot.recordings.odd_pairs import derived_velocities
 from slapshot.recordings.signal_measures import measure
@@ -147,7 +148,7 @@ def _diagnosis(
         return Diagnosis(_untold(recording, rig, said, reason, began), rig)
     report("predicting held-out windows")
     windows = _windows(recording, rig, segments, held)
-    arms = _arms(found, problem, windows)
+    found, arms = _arms(found, problem, windows, report)
     verdict = _verdict(recording, rig, found, windows, arms, segments, held, said, seed, began)
     return Diagnosis(verdict, rig, found, windows, *arms)
 
@@ -241,26 +242,39 @@ def _windows(recording: SignalRecording, rig: Rig, segments: Segments, held: NDA
     return whole.select(np.array(keep, bool))
 
 
-def _arms(found: Search, problem: Problem, windows: Segments) -> tuple[Prediction, Prediction, Prediction]:
-    """Predictions of the nominal, refitted and augmented model, each with the noise of its own."""
-    first, last = found.nominal, found.final
-    base = first.hypothesis
-    arms: list[Prediction] = []
-    for step, hypothesis, theta, fitted in (
-        (first, base, base.start, False),
-        (first, base, first.examination.fit.theta, True),
-        (last, last.hypothesis, last.examination.fit.theta, True),
-    ):
-        if arms and hypothesis is arms[-1].hypothesis and np.array_equal(theta, arms[-1].theta):
-            arms.append(arms[-1])
-            continue
-        fit, noise = step.examination.fit, step.examination.noise
+def _arms(
+    found: Search, problem: Problem, windows: Segments, report: Callable[[str], None]
+) -> tuple[Search, tuple[Prediction, Prediction, Prediction]]:
+    """Predictions of the nominal, refitted and augmented model, each with the noise of its own.
+
+    The search is cut after the last step whose effect makes held-out windows more likely.
+    """
+
+    def predicted(step: Step, theta: Array, fitted: bool = True) -> Prediction:
+        fit, hypothesis = step.examination.fit, step.hypothesis
         path = held_out.first_path(step.problem, problem, windows)
-        noise, _ = held_out.own_noise(step.problem, hypothesis, theta, fit.path, noise)
+        noise, _ = held_out.own_noise(step.problem, hypothesis, theta, fit.path, step.examination.noise)
         precision = fit.precision if fitted else None
-        found_out = held_out.predict(step.problem, hypothesis, theta, windows, noise, path, precision)
-        arms.append(Prediction(hypothesis, theta, found_out))
-    return arms[0], arms[1], arms[2]
+        told = held_out.predict(step.problem, hypothesis, theta, windows, noise, path, precision)
+        return Prediction(hypothesis, theta, told)
+
+    first = found.nominal
+    start, theta = first.hypothesis.start, first.examination.fit.theta
+    nominal = refitted = predicted(first, start, fitted=False)
+    if not np.array_equal(start, theta):
+        refitted = predicted(first, theta)
+    last = refitted if len(found.steps) == 1 else predicted(found.final, found.final.examination.fit.theta)
+    while len(found.named) > 1:
+        less = found.without_last()
+        effect = found.final.added
+        if effect is None or isinstance(effect, ExternalPulse) or less.final is first:
+            break  # a push is of one moment, which no other shows
+        before = predicted(less.final, less.final.examination.fit.theta)
+        if last.predictions.log_likelihood.sum() > before.predictions.log_likelihood.sum():
+            break
+        report(f"dropped {effect.key}: it makes held-out windows no more likely")
+        found, last = less, before
+    return found, (nominal, refitted, last)
 
 
 def _verdict(
@@ -284,7 +298,7 @@ def _verdict(
     reason = "no test says that anything is missing"
     held_up = True
     if named:
-        held_up = _improves(arms, rig)
+        held_up = all(isinstance(e, ExternalPulse) for e in named) or _improves(arms, rig)
         if not held_up:
             said = [*said, "what was named does not predict held-out windows better, so no name is given"]
             named = ()

@@ -24,7 +24,7 @@ _CENTRES, _WIDTH, _NARROW = np.linspace(-6.0, 6.0, 21), 0.6, 0.2
 _COARSE, _FINE = (0.02, 8), (1e-5, 120)
 _WHOLE = 0.2  # size of a change of the whole law, over that of the errors in shape
 LATE_S = (0.005, 0.01, 0.02)  # by which a law may follow its state late, as friction does after a reversal
-_SLOW = (0.05, 0.2)  # of the usual speed, where a friction may be another than farther from rest
+SLOW = (0.05, 0.2)  # of the usual speed, where a friction may be another than farther from rest
 _PART = 0.4  # size of an error near rest or in time, over that of the errors in shape
 _FLAT = 1e-6  # of shapes, which are of size 1
 
@@ -150,7 +150,7 @@ def own_law_errors(
         columns += [law * errors[..., k] * share for k, share in enumerate(shapes.share)]
         # Where a friction holds fast it does nothing, and a share of it would be nothing too.
         speed = state.v[:, joint.v].reshape(S, L)
-        for slow in _SLOW if effect.friction else ():
+        for slow in SLOW if effect.friction else ():
             near_rest = np.tanh(speed / joint.step_speed) * np.exp(-((speed / (slow * joint.speed)) ** 2))
             columns.append(_sized(system.B[..., joint.v] * near_rest[..., None], total))
         for nodes in sorted({max(1, round(late / interval)) for late in LATE_S}):

@@ -16,6 +16,7 @@ from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.inference.null import DRAWS, MismatchTest, mismatch_test
 from slapshot.diagnosis.inference.selection import gains
+from slapshot.diagnosis.law_error import SLOW
 from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise, fit_noise
 from slapshot.diagnosis.problem import Examination, Problem, examine
 from slapshot.diagnosis.pulses import pushes
@@ -105,6 +106,11 @@ class Search:
         """Effects that were added and stayed."""
         free = {effect.key for effect in self.free}
         return tuple(e for e in self.final.hypothesis.effects if e.key not in free)
+
+    def without_last(self) -> "Search":
+        """The same without the effect that was added last."""
+        last = self.final.added
+        return replace(self, steps=tuple(step for step in self.steps if step.added is not last))
 
 
 def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Report) -> Search:
@@ -225,14 +231,26 @@ def _simplest(step: Step, rivals: Sequence[Rival]) -> Rival:
     """The best rival, or one of fewer parameters that does the same within the error that laws have."""
     best = rivals[0]
     change = _change(step, best)
-    whole = float(np.sum(change**2))
     tied = [best]
     for rival in rivals[1:]:
-        if len(rival.effect.parameters) < len(best.effect.parameters) and whole > 0:
-            left = float(np.sum((_change(step, rival) - change) ** 2))
-            if left < LARGEST_LAW_ERROR**2 * whole:
-                tied.append(rival)
+        if len(rival.effect.parameters) >= len(best.effect.parameters):
+            continue
+        told = np.ones(len(change), bool)
+        if best.effect.friction and rival.effect.friction and best.effect.part == rival.effect.part:
+            told = _away_from_rest(step, best.effect.part)
+        left = float(np.sum((_change(step, rival) - change)[told] ** 2))
+        if left < LARGEST_LAW_ERROR**2 * float(np.sum(change[told] ** 2)):
+            tied.append(rival)
     return min(tied, key=lambda rival: (len(rival.effect.parameters), -rival.gain))
+
+
+def _away_from_rest(step: Step, part: str) -> NDArray[np.bool_]:
+    """Nodes at which a joint is so fast that laws of friction hold as well as others."""
+    problem = step.problem
+    joint = next(joint for joint in problem.situation.joints if joint.name == part)
+    path = step.examination.fit.path[problem.segments.inside]
+    speed = np.abs(path[:, problem.simulator.tangent.nq + joint.v])
+    return np.asarray(speed > 2 * SLOW[-1] * joint.speed)
 
 
 def _change(step: Step, rival: Rival) -> Array:
