@@ -29,7 +29,8 @@ _NO_JITTER, _USUAL_JITTER = 1e-4, 0.02  # of the interval
 _WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
 _SEARCH_SEGMENTS = 8
 _SEARCH_OBSERVATIONS = 6000  # which tell white noise to a per cent, other sizes to some ten
-_LAST_ROUNDS = 4  # with all observations
+_STILL, _NEARLY_STILL = 0.01, 0.5  # nats that a round could still gain: at the last, and before
+_LAST_ROUNDS, _LAST_STILL = 4, 0.2  # the same with all observations, and rounds
 _SIZES = 3  # first values: sizes of columns
 
 
@@ -218,7 +219,7 @@ def fit_noise(
         segments: data.
         kinds: quantity of each channel; those of one kind share ratio and correlation time of coloured noise.
         near: whether the noise was fitted before to a system much like this one, so that one start suffices.
-        last: whether all segments decide at the end; else those that the search looks at.
+        last: whether all segments decide at the end, and jitter is looked for; else it is a first guess.
     """
     S, L = segments.shape
     enough = _SEARCH_OBSERVATIONS // (L * len(kinds))
@@ -261,8 +262,8 @@ def fit_noise(
     ]
     longest = max(2 * segments.interval, L * segments.interval / 2)
 
-    def likeliest(jitter: float, jitters: tuple[float, float]) -> Noise:
-        """From a jitter, and within limits of it, in s."""
+    def likeliest(jitter: float, jitters: tuple[float, float]) -> tuple[Array, list[tuple[float, float]]]:
+        """Values from a jitter, and their limits, with those of the jitter in s."""
         limits = [*size_limits, (np.log(1e-6), np.log(1e2)), tuple(np.log(jitters)), *[(-7.0, 7.0)] * count]
         forces = sorted({1e-5, 1e-3, 1e-2, 1e-1, noise.force})
         begins = [
@@ -273,7 +274,8 @@ def fit_noise(
         now = np.log([noise.law_error, noise.added_error, noise.drift, noise.force, jitter])
         if near:
             begins = [np.concatenate([now, zero])]
-        plain, values = maximise(searched, begins, limits)
+        still = _STILL if last else _NEARLY_STILL
+        plain, values = maximise(searched, begins, limits, still=still)
         limits += [(np.log(0.05), np.log(30.0))] * count
         limits += [(np.log(segments.interval), np.log(longest))] * count
         begins = [
@@ -287,27 +289,35 @@ def fit_noise(
             ratio = np.maximum(noise.coloured, 1e-12) / noise.white
             own = np.concatenate([zero, np.log(ratio[first]), np.log(noise.correlation_s[first])])
             begins = [np.concatenate([now, own])]
-        coloured, others = maximise(searched, begins, limits)
+        coloured, others = maximise(searched, begins, limits, still=still)
         if coloured - plain > _WORTH:
             values = others
-        if last and len(some) < S:
-            _, values = maximise(every, [values], limits[: len(values)], _LAST_ROUNDS)
+        return values, limits[: len(values)]
+
+    def balanced(values: Array) -> Noise:
         return _balanced(system, prior, of(values), segments, least)
+
+    def decided(values: Array, limits: list[tuple[float, float]]) -> Noise:
+        """By all segments."""
+        if last and len(some) < S:
+            _, values = maximise(every, [values], limits, rounds=_LAST_ROUNDS, still=_LAST_STILL)
+        return balanced(values)
 
     def value(found: Noise) -> float:
         own = found.select(some)
         return _Likelihood(part, prior, lambda _: own, segments.interval)(np.zeros(0)).value
 
     none = _NO_JITTER * segments.interval
-    if noise.rate is None or (near and not noise.jitter_s):
-        return replace(likeliest(none, (none, none)), jitter_s=0.0)
+    if noise.rate is None or not last or (near and not noise.jitter_s):
+        return replace(decided(*likeliest(none, (none, none))), jitter_s=0.0)
     limits = none, segments.interval / 2
     if near:
-        return likeliest(noise.jitter_s, limits)
+        return decided(*likeliest(noise.jitter_s, limits))
     # Outliers pass for jitter until they are given less weight.
-    without = replace(likeliest(none, (none, none)), jitter_s=0.0)
-    jittery = likeliest(_USUAL_JITTER * segments.interval, limits)
-    return jittery if value(jittery) > value(without) + _WORTH else without
+    without, jittery = likeliest(none, (none, none)), likeliest(_USUAL_JITTER * segments.interval, limits)
+    if value(balanced(jittery[0])) > value(replace(balanced(without[0]), jitter_s=0.0)) + _WORTH:
+        return decided(*jittery)
+    return replace(decided(*without), jitter_s=0.0)
 
 
 class _Likelihood:

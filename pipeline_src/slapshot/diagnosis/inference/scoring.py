@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _DIFFERENCE = 1e-4
-_STILL = 0.01  # nats that a round could still gain
 _MOST_ROUNDS = 40
 _LARGEST = 2.0  # step in the logarithm of a variance's root
 _FURTHER = 3.0
@@ -43,6 +42,7 @@ def maximise(
     begins: Sequence[Array],
     limits: Sequence[tuple[float, float]],
     rounds: int = _MOST_ROUNDS,
+    still: float = 0.01,
 ) -> tuple[float, Array]:
     """The highest log-likelihood that is reached from the best of some starts, and where.
 
@@ -51,6 +51,7 @@ def maximise(
         begins: (p,) values each.
         limits: lowest and highest of each value.
         rounds: at most.
+        still: nats that a round could still gain at the end.
     """
     low, high = np.array(limits).T
     starts = [np.clip(begin, low, high) for begin in begins]
@@ -72,7 +73,7 @@ def maximise(
             step[free] = np.linalg.solve(stiff, gradient[free])
             step *= min(1.0, _LARGEST / max(np.abs(step).max(), 1e-12))
             target = np.clip(values + step, low, high)
-            if damping == 0.0 and gradient @ (target - values) < 2 * _STILL:
+            if damping == 0.0 and gradient @ (target - values) < 2 * still:
                 return here.value, values
             there = evaluate(target)
             if there.value > here.value:
@@ -82,7 +83,7 @@ def maximise(
             here, values, step = there, target, _FURTHER * step
             target = np.clip(values + step, low, high)
             there = evaluate(target)
-        if here.value - before < _STILL / 10:
+        if here.value - before < still / 10:
             break
     return here.value, values
 
