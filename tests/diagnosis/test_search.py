@@ -1,9 +1,11 @@
-"""What a search takes for a candidate."""
+"""What a search takes for a candidate, and what it takes back."""
+
+from types import SimpleNamespace
 
 import numpy as np
 from slapshot.diagnosis.fit import Fit
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.search import Rival
+from slapshot.diagnosis.search import Rival, Search, Step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.payload import Payload
 from slapshot.effects.joints.viscous_friction import ViscousFriction
@@ -27,3 +29,19 @@ def test_an_effect_of_no_size_does_nothing_wherever_it_sits():
     friction = next(iter(ViscousFriction.instances(of)))
     assert idle(friction, 0.0) == (friction.parameters[0].low == 0)
     assert not idle(friction, 0.1)
+
+
+def test_a_search_without_its_last_effect_ends_where_that_was_not_yet_there():
+    rig, _, of, _ = arm_situation(20)
+    friction, payload = next(iter(ViscousFriction.instances(of))), next(iter(Payload.instances(of)))
+
+    def step(*effects: JointEffect, added: JointEffect | None = None) -> Step:
+        examination = SimpleNamespace(fit=SimpleNamespace(hypothesis=Hypothesis(rig, effects)))
+        return Step(None, examination, None, added)
+
+    nominal, first = step(), step(friction, added=friction)
+    # The last step was taken, and then an effect of before was removed from it.
+    found = Search((nominal, first, step(friction, payload, added=payload), step(payload, added=payload)), ())
+    assert [effect.key for effect in found.named] == [payload.key]
+    assert found.without_last().steps == (nominal, first)
+    assert found.without_last().without_last().final is nominal

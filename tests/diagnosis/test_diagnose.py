@@ -1,0 +1,74 @@
+"""Which effects of a search keep their names."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from slapshot.diagnosis import diagnose, held_out
+from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.search import Search, Step
+from slapshot.effects.joints.effect import JointEffect
+from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
+from slapshot.effects.joints.payload import Payload
+from slapshot.effects.joints.spring import Spring
+from slapshot.effects.joints.viscous_friction import ViscousFriction
+
+from .test_linear import arm_situation
+
+
+@pytest.mark.parametrize(
+    ("likelihoods", "kept"),
+    [
+        ([0.0, 50.0, 60.0, 61.0], 3),
+        ([0.0, 50.0, 60.0, 59.0], 2),
+        ([0.0, 50.0, 40.0, 39.0], 1),
+        # Of the first the verdict judges, by likelihood and error.
+        ([0.0, -5.0, -6.0, -7.0], 1),
+        # One that helps after one that does not: together they do.
+        ([0.0, 50.0, 40.0, 45.0], 3),
+    ],
+)
+def test_effects_that_make_held_out_windows_no_more_likely_are_dropped(monkeypatch, likelihoods, kept):
+    rig, _, of, _ = arm_situation(20)
+    effects: list[JointEffect] = [
+        next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload, Spring)
+    ]
+    said: list[str] = []
+    found = searched(rig, effects)
+    predictions(monkeypatch, likelihoods)
+    cut, arms = diagnose._arms(found, None, None, said.append)
+    assert list(cut.named) == effects[:kept]
+    assert arms[2].hypothesis.effects == tuple(effects[:kept])
+    assert len(said) == 3 - kept
+
+
+def test_a_push_needs_no_held_out_window_to_show_it(monkeypatch):
+    rig, _, of, _ = arm_situation(20)
+    push = ExternalPulse(of.joints[0], [Pulse(0, 0.0, 0.1, 0.2)])
+    effects = [next(iter(ViscousFriction.instances(of))), push]
+    predictions(monkeypatch, [0.0, 50.0, 49.0])
+    cut, _ = diagnose._arms(searched(rig, effects), None, None, lambda text: None)
+    assert list(cut.named) == effects
+
+
+def searched(rig, effects: list[JointEffect]) -> Search:
+    """A search that added these one after another."""
+    steps = []
+    for k in range(len(effects) + 1):
+        hypothesis = Hypothesis(rig, tuple(effects[:k]))
+        fit = SimpleNamespace(hypothesis=hypothesis, theta=hypothesis.start, path=None, precision=None)
+        examination = SimpleNamespace(fit=fit, noise=None)
+        steps.append(Step(None, examination, None, effects[k - 1] if k else None))
+    return Search(tuple(steps), ())
+
+
+def predictions(monkeypatch, likelihoods: list[float]) -> None:
+    """Likelihood of held-out windows by the number of effects."""
+    monkeypatch.setattr(held_out, "first_path", lambda *a: None)
+    monkeypatch.setattr(held_out, "own_noise", lambda *a: (None, None))
+
+    def predict(problem, hypothesis, *a):
+        value = np.array([likelihoods[len(hypothesis.effects)]])
+        return SimpleNamespace(log_likelihood=value)
+
+    monkeypatch.setattr(held_out, "predict", predict)
