@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from slapshot.diagnosis.filter import Covariances, Linear, innovations, smooth
+from slapshot.diagnosis.filter import Covariances, Linear, innovations, left_out, smooth
 
 S, L, N, NV, NY, P = 3, 7, 4, 2, 3, 2  # segments, nodes, states, forces, channels, columns
 
@@ -140,6 +140,18 @@ def test_smoothed_states_and_forces_are_the_conditional_means(case):
         np.testing.assert_allclose(delta[k].ravel(), of.delta + of.delta_covariance @ gain, atol=1e-8)
         np.testing.assert_allclose(force[k].ravel(), of.force_covariance @ gain, atol=1e-8)
         np.testing.assert_allclose(coloured[k].ravel(), of.coloured_covariance @ gain, atol=1e-8)
+
+
+def test_what_is_left_out_is_predicted_from_all_others(case):
+    system, noise = case
+    residual, variance = left_out(system, noise)
+    for k in range(S):
+        of = dense(system, noise, k)
+        precision = np.linalg.inv(of.covariance)
+        expected = precision @ (system.r[k].ravel()[of.seen] - of.mean) / np.diag(precision)
+        np.testing.assert_allclose(residual[k].ravel()[of.seen], expected, atol=1e-8)
+        np.testing.assert_allclose(variance[k].ravel()[of.seen], 1 / np.diag(precision), rtol=1e-7)
+        np.testing.assert_array_equal(residual[k].ravel()[~of.seen], 0)
 
 
 def test_innovations_are_linear_in_the_columns(case):

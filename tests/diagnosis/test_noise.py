@@ -16,8 +16,8 @@ from slapshot.diagnosis.noise import (
     fit_noise,
     log_likelihood,
     marginal_likelihood,
+    posterior_means,
     quantisation,
-    unexplained,
 )
 from slapshot.diagnosis.segments import Segments
 
@@ -205,6 +205,25 @@ def test_force_is_told_for_one_length_of_time():
     assert of.noise.select(some).covariances(INTERVAL).white.shape == (2, 60, 2)
 
 
+@pytest.mark.parametrize("coloured", [0.0, 4e-3])
+def test_outliers_count_for_less_where_segments_begin_too(coloured):
+    """Ten times the noise, in white noise and in colour of which next to nothing is white."""
+    of = made(14, S=24, L=60, white=(1e-3 if not coloured else 1e-4, 2e-2), coloured=(coloured, 0.0))
+    single = np.hypot(of.noise.white[0], coloured)
+    y, bad = of.system.r.copy(), [(3, 0), (7, 59), (11, 30), (15, 1)]
+    for where in bad:
+        y[(*where, 0)] += 10 * single
+    segments = replace(of.segments, y=y)
+    found = fitted(replace(of, system=replace(of.system, r=y), segments=segments))
+    weight = found.weight[..., 0]
+    # With the variance that it has been given, an outlier is four standard deviations away: (10/4)² or more.
+    for where in bad:
+        assert weight[where] * found.white[0] ** 2 > 0.5 * (10 / 4) ** 2 * single**2
+    # Of 1,440 others 0.1 lie beyond four standard deviations; those beside an outlier may be taken for one.
+    assert np.sum(weight > 1) <= 2 * len(bad) + 2
+    assert off(found.white[0], of.noise.white[0], 1 / np.sqrt(2 * 1440)) < (5 if not coloured else np.inf)
+
+
 @pytest.mark.parametrize("drift", [0.0, 0.6])
 def test_drift_over_the_session_is_told_from_coloured_noise(drift):
     """Every segment's readings are off by a constant of its own, which is no noise within the segment."""
@@ -252,7 +271,7 @@ def test_the_marginal_likelihood_is_that_of_the_dense_gaussian():
     assert marginal_likelihood(found, sd) == pytest.approx(expected, rel=1e-10)
     # What no column explains: the data less their best linear prediction by the columns.
     left = np.linalg.solve(covariance, e)
-    np.testing.assert_allclose(unexplained(found, sd).reshape(-1), left, atol=1e-10)
+    np.testing.assert_allclose((found.e - found.Z @ posterior_means(found, sd)).reshape(-1), left, atol=1e-10)
     assert marginal_likelihood(found, 1e-12 * sd) == pytest.approx(log_likelihood(found), rel=1e-12)
 
 

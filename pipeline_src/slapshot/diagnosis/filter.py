@@ -133,6 +133,19 @@ def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array, Array]:
     return delta[..., :n], force, coloured
 
 
+def left_out(system: Linear, noise: Covariances) -> tuple[Array, Array]:
+    """Each observation less what all others of its segment say of it, and the variance of that.
+
+    By the smoother's recursions (de Jong 1989, Biometrika 76(4)).
+
+    Returns:
+        (S, L, ny) and (S, L, ny); 0 and infinite where nothing was recorded.
+    """
+    arguments = _arguments(system, noise)
+    *_, K, s, innovation = _forward(True, *arguments)
+    return _left_out(arguments[0], arguments[3], K, s, innovation)
+
+
 def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
     """Arrays of the extended state (δ, n, ε); of n, coloured channels alone add states."""
     segments, nodes, n = system.d.shape
@@ -254,3 +267,33 @@ def _backward(A, C, x_at, P_at, K_at, s_at, i_at):  # type: ignore[no-untyped-de
             adjoint[k, t] = a
             smoothed[k, t] = x_at[k, t] - P_at[k, t] @ a
     return smoothed, adjoint
+
+
+@njit(cache=True)
+def _left_out(A, C, K_at, s_at, i_at):  # type: ignore[no-untyped-def]
+    S, L, n = A.shape[:3]
+    ny = s_at.shape[2]
+    residual, variance = np.zeros((S, L, ny)), np.full((S, L, ny), np.inf)
+    for k in range(S):
+        a, N = np.zeros(n), np.zeros((n, n))
+        for t in range(L - 1, -1, -1):
+            if t < L - 1:
+                a = A[k, t].T @ a
+                N = A[k, t].T @ N @ A[k, t]
+            for c in range(ny - 1, -1, -1):
+                s = s_at[k, t, c]
+                if np.isinf(s):
+                    continue
+                gain, row = K_at[k, t, c], C[k, t, c]
+                w = N @ gain
+                along, precision = i_at[k, t, c] / s, 1 / s
+                for i in range(n):
+                    along += gain[i] * a[i]
+                    precision += gain[i] * w[i]
+                variance[k, t, c] = 1 / precision
+                residual[k, t, c] = along / precision
+                for i in range(n):
+                    a[i] -= row[i] * along
+                    for j in range(n):
+                        N[i, j] += precision * row[i] * row[j] - row[i] * w[j] - w[i] * row[j]
+    return residual, variance

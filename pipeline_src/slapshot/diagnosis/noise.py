@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from slapshot.diagnosis.filter import Covariances, Innovations, Linear, innovations
+from slapshot.diagnosis.filter import Covariances, Innovations, Linear, innovations, left_out
 from slapshot.diagnosis.inference.scoring import Evaluation, maximise
 from slapshot.diagnosis.segments import Segments
 
@@ -367,29 +367,34 @@ class _Likelihood:
 
 
 def _balanced(system: Linear, prior: Prior, noise: Noise, segments: Segments, least: Array) -> Noise:
-    """Channels' own sizes, from the variance of their innovations; and outliers given less weight."""
+    """Channels' own sizes, from the variance of their innovations; and outliers given more variance.
+
+    An outlier is far from what all other observations of its segment say, those after it too: where a segment
+    begins nothing stands before it.
+    """
     there = np.isfinite(system.r)
     noise = replace(noise, weight=np.ones_like(noise.weight))
     for _ in range(2):
-        found = innovations(system, noise.covariances(segments.interval))
-        e = unexplained(found, prior.at(noise))
+        covariances = noise.covariances(segments.interval)
+        found = innovations(system, covariances)
+        values = posterior_means(found, prior.at(noise))
+        e = found.e - found.Z @ values
         size = np.array(
             [np.sqrt(np.mean(np.minimum(e[..., c][there[..., c]] ** 2, CLIP**2)))
              if there[..., c].any() else 1.0 for c in range(there.shape[2])]
         )  # fmt: skip
         factor = np.clip(size, 0.5, 2.0)
-        excess = np.abs(e) / (CLIP * np.maximum(size, 1e-12))
+        residual, variance = left_out(system.moved(values).without_columns(), covariances)
+        variance = np.where(there, variance * np.maximum(size, 1e-12) ** 2, 1.0)
+        lacking = np.maximum((residual / CLIP) ** 2 - variance, 0.0)
+        white = np.maximum(noise.white * factor, least)
         noise = replace(
-            noise,
-            white=np.maximum(noise.white * factor, least),
-            coloured=noise.coloured * factor,
-            weight=noise.weight * np.maximum(1.0, np.where(there, excess, 1.0)) ** 2,
+            noise, white=white, coloured=noise.coloured * factor, weight=noise.weight + lacking / white**2
         )
     return noise
 
 
-def unexplained(found: Innovations, prior_sd: Array) -> Array:
-    """Whitened innovations that no column explains, (S, L, ny)."""
+def posterior_means(found: Innovations, prior_sd: Array) -> Array:
+    """(p,) posterior means of the columns' values."""
     z = found.Z.reshape(found.e.size, -1) * prior_sd
-    values = np.linalg.solve(np.eye(z.shape[1]) + z.T @ z, z.T @ found.e.reshape(-1))
-    return found.e - (z @ values).reshape(found.e.shape)
+    return prior_sd * np.linalg.solve(np.eye(z.shape[1]) + z.T @ z, z.T @ found.e.reshape(-1))
