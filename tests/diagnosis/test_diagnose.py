@@ -28,7 +28,7 @@ from .test_linear import arm_situation
         ([0.0, 50.0, 40.0, 45.0], 3),
     ],
 )
-def test_effects_that_make_held_out_windows_no_more_likely_are_dropped(monkeypatch, likelihoods, kept):
+def test_effects_that_do_not_make_held_out_windows_more_likely_are_dropped(monkeypatch, likelihoods, kept):
     rig, _, of, _ = arm_situation(20)
     effects: list[JointEffect] = [
         next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload, Spring)
@@ -40,6 +40,14 @@ def test_effects_that_make_held_out_windows_no_more_likely_are_dropped(monkeypat
     assert list(cut.named) == effects[:kept]
     assert arms[2].hypothesis.effects == tuple(effects[:kept])
     assert len(said) == 3 - kept
+
+
+def test_an_effect_that_makes_errors_larger_is_dropped_though_windows_are_more_likely(monkeypatch):
+    rig, _, of, _ = arm_situation(20)
+    effects = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
+    predictions(monkeypatch, [0.0, 50.0, 60.0], clumsy=2)
+    cut, _ = diagnose._arms(searched(rig, effects), None, None, lambda text: None)
+    assert list(cut.named) == effects[:1]
 
 
 def test_a_push_needs_no_held_out_window_to_show_it(monkeypatch):
@@ -62,13 +70,15 @@ def searched(rig, effects: list[JointEffect]) -> Search:
     return Search(tuple(steps), ())
 
 
-def predictions(monkeypatch, likelihoods: list[float]) -> None:
-    """Likelihood of held-out windows by the number of effects."""
+def predictions(monkeypatch, likelihoods: list[float], clumsy: int | None = None) -> None:
+    """Likelihood of held-out windows by the number of effects; errors fall, but for so many."""
     monkeypatch.setattr(held_out, "first_path", lambda *a: None)
     monkeypatch.setattr(held_out, "own_noise", lambda *a: (None, None))
 
     def predict(problem, hypothesis, *a):
         value = np.array([likelihoods[len(hypothesis.effects)]])
-        return SimpleNamespace(log_likelihood=value)
+        count = len(hypothesis.effects)
+        error = np.full((1, 1, 1), 2.0 if count == clumsy else 1 / (1 + count))
+        return SimpleNamespace(log_likelihood=value, error=error, floor=np.ones((1, 1, 1)))
 
     monkeypatch.setattr(held_out, "predict", predict)

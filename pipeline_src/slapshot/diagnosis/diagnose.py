@@ -247,7 +247,7 @@ def _arms(
 ) -> tuple[Search, tuple[Prediction, Prediction, Prediction]]:
     """Predictions of the nominal, refitted and augmented model, each with the noise of its own.
 
-    The search is cut after the last step whose effect makes held-out windows more likely.
+    The search is cut after the last step whose effect predicts held-out windows better.
     """
 
     def predicted(step: Step, theta: Array, fitted: bool = True) -> Prediction:
@@ -270,9 +270,9 @@ def _arms(
         if effect is None or isinstance(effect, ExternalPulse) or less.final is first:
             break  # a push is of one moment, which no other shows
         before = predicted(less.final, less.final.examination.fit.theta)
-        if last.predictions.log_likelihood.sum() > before.predictions.log_likelihood.sum():
+        if _improves(before, last):
             break
-        report(f"dropped {effect.key}: it makes held-out windows no more likely")
+        report(f"dropped {effect.key}: it does not predict held-out windows better")
         found, last = less, before
     return found, (nominal, refitted, last)
 
@@ -298,7 +298,7 @@ def _verdict(
     reason = "no test says that anything is missing"
     held_up = True
     if named:
-        held_up = all(isinstance(e, ExternalPulse) for e in named) or _improves(arms, rig)
+        held_up = all(isinstance(e, ExternalPulse) for e in named) or _improves(*arms[1:])
         if not held_up:
             said = [*said, "what was named does not predict held-out windows better, so no name is given"]
             named = ()
@@ -362,13 +362,12 @@ def problem_kinds(rig: Rig) -> dict[str, NDArray[np.intp]]:
     return {kind: np.array(columns) for kind, columns in kinds.items()}
 
 
-def _improves(arms: tuple[Prediction, Prediction, Prediction], rig: Rig) -> bool:
-    """Whether the augmented model predicts held-out windows better than the refitted one."""
-    before, after = arms[1].predictions, arms[2].predictions
-    columns = np.arange(len(rig.observations))
-    scale = np.maximum(before.floor.mean(axis=(0, 1)), 1e-12)
-    errors = [float(np.sqrt(np.nanmean((arm.error[..., columns] / scale) ** 2))) for arm in (before, after)]
-    return bool(errors[1] < errors[0] and after.log_likelihood.sum() > before.log_likelihood.sum())
+def _improves(before: Prediction, after: Prediction) -> bool:
+    """Whether held-out windows are more likely, and errors in them smaller."""
+    old, new = before.predictions, after.predictions
+    scale = np.maximum(old.floor.mean(axis=(0, 1)), 1e-12)
+    errors = [float(np.nanmean((arm.error / scale) ** 2)) for arm in (old, new)]
+    return bool(errors[1] < errors[0] and new.log_likelihood.sum() > old.log_likelihood.sum())
 
 
 def _errors(
