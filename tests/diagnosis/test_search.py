@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 from slapshot.diagnosis.fit import Fit
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.search import Rival, Search, Step
+from slapshot.diagnosis.search import Rival, Search, Step, _raced
 from slapshot.effects.joints.effect import JointEffect
+from slapshot.effects.joints.encoder_delay import EncoderDelay
 from slapshot.effects.joints.payload import Payload
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 
@@ -45,3 +46,31 @@ def test_a_search_without_its_last_effect_ends_where_that_was_not_yet_there():
     assert [effect.key for effect in found.named] == [payload.key]
     assert found.without_last().steps == (nominal, first)
     assert found.without_last().without_last().final is nominal
+
+
+def test_a_delay_is_raced_from_both_signs_and_the_best_candidate_comes_first():
+    rig, segments, of, _ = arm_situation(20)
+    delay, friction = next(iter(EncoderDelay.instances(of))), next(iter(ViscousFriction.instances(of)))
+    begun: list[tuple[str, ...]] = []
+
+    def fit(hypothesis: Hypothesis, theta: np.ndarray, *_: object, **__: object) -> SimpleNamespace:
+        """No step is taken; a delay of less than 0 is the better one, and better than friction."""
+        begun.append((*(effect.key for effect in hypothesis.effects), *map(str, theta)))
+        gain = (
+            0.0 if not hypothesis.effects else 5.0 if hypothesis.effects == (friction,) else -1e4 * theta[0]
+        )
+        return SimpleNamespace(theta=theta, log_evidence=gain)
+
+    fitter = SimpleNamespace(fit=fit)
+    fitter.select = lambda _: fitter
+    either = SimpleNamespace(select=lambda _: None)
+    examined = SimpleNamespace(
+        noise=either, system=either,
+        fit=SimpleNamespace(path=np.zeros((1, 20, 4)), hypothesis=Hypothesis(rig), theta=np.zeros(0)),
+    )  # fmt: skip
+    problem = SimpleNamespace(segments=segments, fitter=fitter)
+    raced = _raced(Step(problem, examined, None), [(friction, np.array([0.1])), (delay, np.array([0.004]))])
+    assert [effect.key for effect, *_ in raced] == [delay.key, friction.key]
+    assert raced[0][1] == np.array([-0.004])
+    assert raced[0][2] == 40.0
+    assert sorted(begun) == sorted([(), (friction.key, "0.1"), (delay.key, "0.004"), (delay.key, "-0.004")])
