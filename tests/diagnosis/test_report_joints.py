@@ -21,7 +21,15 @@ from slapshot.diagnosis.report.motion import Motion, predicted_motion, recorded_
 from slapshot.diagnosis.report.outcome import Outcome, coordinates
 from slapshot.diagnosis.report.residuals import binned, made_up, missing, variables
 from slapshot.diagnosis.report.terminal import terminal_text
-from slapshot.diagnosis.report.wording import between, headline, noise_text, phrase_of, quantity, scaled
+from slapshot.diagnosis.report.wording import (
+    between,
+    headline,
+    noise_text,
+    phrase_of,
+    quantity,
+    rivals_text,
+    scaled,
+)
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
@@ -574,3 +582,9 @@ def test_findings_are_those_of_the_check():
     assert found == [str(finding) for finding in odd_signals(bad, measure_all(bad))]
     assert any("gaps" in line for line in found)
     assert all("\n" not in line for line in found)
+
+
+def test_a_rival_that_explains_more_by_more_parameters_is_not_called_worse():
+    text = rivals_text({"friction_drift@elbow": -28.5, "viscous_friction@elbow": 0.1})
+    assert "friction at elbow that drifts over the session (28.5 nats better, by more parameters)" in text
+    assert "viscous friction at elbow (0.1 nats worse)" in text

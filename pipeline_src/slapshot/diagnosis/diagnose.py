@@ -406,10 +406,9 @@ def _named(found: Search, effect: JointEffect, last: Step) -> NamedEffect:
     step = next((s for s in found.steps if s.added is not None and s.added.key == effect.key), None)
     rivals = {}
     if step is not None:
-        best = step.rivals[0].gain
         for rival in step.rivals:
-            if rival.effect.key != effect.key and best - rival.gain < CLASS_NATS:
-                rivals[rival.effect.key] = best - rival.gain
+            if rival.effect.key != effect.key and step.gain - rival.gain < CLASS_NATS:
+                rivals[rival.effect.key] = step.gain - rival.gain
     return NamedEffect(
         name=effect.name,
         part=effect.part,

@@ -165,8 +165,13 @@ def label(parameter: NamedParameter) -> str:
 
 
 def rivals_text(rivals: Mapping[str, float]) -> str:
-    """Rivals that cannot be told apart, with the nats by which they are worse."""
-    return listed([f"{phrase_of(key)} ({nats:.1f} nats worse)" for key, nats in rivals.items()], "or")
+    """Rivals that cannot be told apart, and by how many nats; better ones have more parameters."""
+
+    def told(key: str, nats: float) -> str:
+        more = f"{nats:.1f} nats worse" if nats >= 0 else f"{-nats:.1f} nats better, by more parameters"
+        return f"{phrase_of(key)} ({more})"
+
+    return listed([told(key, nats) for key, nats in rivals.items()], "or")
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
