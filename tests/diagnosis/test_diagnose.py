@@ -59,6 +59,20 @@ def test_a_push_needs_no_held_out_window_to_show_it(monkeypatch):
     assert list(cut.named) == effects
 
 
+def test_a_push_after_a_law_that_does_not_hold_saves_it_not(monkeypatch):
+    rig, _, of, _ = arm_situation(20)
+    push = ExternalPulse(of.joints[0], [Pulse(0, 0.0, 0.1, 0.2)])
+    laws = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
+    said: list[str] = []
+    predictions(monkeypatch, [0.0, 50.0, 40.0, 60.0])
+    cut, _ = diagnose._arms(searched(rig, [*laws, push]), None, None, said.append)
+    assert list(cut.named) == laws[:1]
+    assert said == [f"dropped {laws[1].key}, {push.key}: it does not predict held-out windows better"]
+    predictions(monkeypatch, [0.0, 50.0])
+    cut, _ = diagnose._arms(searched(rig, [push]), None, None, said.append)
+    assert list(cut.named) == [push]
+
+
 def searched(rig, effects: list[JointEffect]) -> Search:
     """A search that added these one after another."""
     steps = []

@@ -14,6 +14,7 @@ from slapshot.diagnosis.noise import (
     Prior,
     first_noise,
     fit_noise,
+    fit_process_force,
     log_likelihood,
     marginal_likelihood,
     posterior_means,
@@ -150,6 +151,21 @@ def test_process_force_is_recovered(force):
     there = [found.force, *found.white]
     assert np.all(off(there, [force, *of.noise.white], errors) < 4)
     assert errors[0] < 0.2
+
+
+@pytest.mark.parametrize("begin", [1e-5, 20.0])
+def test_what_a_model_lacks_is_process_force_and_leaves_readings_as_they_were(begin):
+    """From far below and far above; noise of the readings is not fitted, be it wrong."""
+    of = made(5, force=0.3)
+    known = replace(of.noise, force=begin, white=1.1 * of.noise.white, coloured=0.1 * of.noise.white)
+    found = fit_process_force(of.system, no_columns(), known, INTERVAL)
+    np.testing.assert_allclose(found.white, known.white, rtol=1e-12)
+    np.testing.assert_allclose(found.coloured, known.coloured, rtol=1e-12)
+    right = fit_process_force(of.system, no_columns(), replace(of.noise, force=begin), INTERVAL)
+    (error,) = standard_errors(of, ("force",))
+    assert abs(np.log(right.force / 0.3)) < 4 * error
+    # Shares of laws that no column tells of stay what they were.
+    assert (right.law_error, right.added_error) == pytest.approx((of.noise.law_error, of.noise.added_error))
 
 
 def test_jitter_of_the_sample_times_is_recovered():

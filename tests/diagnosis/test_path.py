@@ -192,3 +192,13 @@ def test_units_of_slides():
     assert rail.torque == pytest.approx(1.0, rel=0.02)
     assert rail.inertia == pytest.approx(2.0)
     assert rail.speed == pytest.approx(np.sqrt(np.mean(speed[:50] ** 2)), rel=0.05)
+
+
+def test_a_gap_where_segments_were_taken_out_is_no_motion():
+    """Held-out blocks of a long episode are no part of the data: the path does not jump across them."""
+    t = np.arange(400) * 0.01
+    rig, whole = cut_up(CART, t, {"p": (joint("rail", unit="m"), 0.3 * t)})
+    part = whole.select(np.array([0, 1, 4, 5, 7]))
+    assert [list(run) for run in part.runs()] == [[0, 1], [2, 3], [4]]
+    x = recorded_path(rig, part)[part.inside]
+    np.testing.assert_allclose(x[:, rig.model.nq], 0.3, rtol=1e-9)

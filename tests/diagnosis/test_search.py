@@ -32,7 +32,7 @@ def test_an_effect_of_no_size_does_nothing_wherever_it_sits():
     assert not idle(friction, 0.1)
 
 
-def test_a_search_without_its_last_effect_ends_where_that_was_not_yet_there():
+def test_a_search_before_an_effect_ends_where_that_was_not_yet_there():
     rig, _, of, _ = arm_situation(20)
     friction, payload = next(iter(ViscousFriction.instances(of))), next(iter(Payload.instances(of)))
 
@@ -44,8 +44,10 @@ def test_a_search_without_its_last_effect_ends_where_that_was_not_yet_there():
     # The last step was taken, and then an effect of before was removed from it.
     found = Search((nominal, first, step(friction, payload, added=payload), step(payload, added=payload)), ())
     assert [effect.key for effect in found.named] == [payload.key]
-    assert found.without_last().steps == (nominal, first)
-    assert found.without_last().without_last().final is nominal
+    assert found.before(payload).steps == (nominal, first)
+    assert found.before(payload).before(friction).final is nominal
+    assert found.since(friction) == [friction.key, payload.key]
+    assert found.since(payload) == [payload.key]
 
 
 def test_a_delay_is_raced_from_both_signs_and_the_best_candidate_comes_first():
@@ -65,7 +67,7 @@ def test_a_delay_is_raced_from_both_signs_and_the_best_candidate_comes_first():
     fitter.select = lambda _: fitter
     either = SimpleNamespace(select=lambda _: None)
     examined = SimpleNamespace(
-        noise=either, system=either,
+        left=either, system=either,
         fit=SimpleNamespace(path=np.zeros((1, 20, 4)), hypothesis=Hypothesis(rig), theta=np.zeros(0)),
     )  # fmt: skip
     problem = SimpleNamespace(segments=segments, fitter=fitter)

@@ -265,14 +265,16 @@ def _arms(
         refitted = predicted(first, theta)
     last = refitted if len(found.steps) == 1 else predicted(found.final, found.final.examination.fit.theta)
     while len(found.named) > 1:
-        less = found.without_last()
-        effect = found.final.added
-        if effect is None or isinstance(effect, ExternalPulse) or less.final is first:
-            break  # a push is of one moment, which no other shows
-        before = predicted(less.final, less.final.examination.fit.theta)
-        if _improves(before, last):
+        # A push is of one moment, which no other shows: it stands and falls with the law before it.
+        step = next((s for s in reversed(found.steps) if not isinstance(s.added, ExternalPulse)), first)
+        if step is first or found.before(step.added).final is first:
             break
-        report(f"dropped {effect.key}: it does not predict held-out windows better")
+        less = found.before(step.added)
+        before = predicted(less.final, less.final.examination.fit.theta)
+        after = last if step is found.final else predicted(step, step.examination.fit.theta)
+        if _improves(before, after):
+            break
+        report(f"dropped {', '.join(found.since(step.added))}: it does not predict held-out windows better")
         found, last = less, before
     return found, (nominal, refitted, last)
 

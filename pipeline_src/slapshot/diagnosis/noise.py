@@ -32,6 +32,7 @@ _SEARCH_OBSERVATIONS = 6000  # which tell white noise to a per cent, other sizes
 _STILL, _NEARLY_STILL = 0.01, 0.5  # nats that a round could still gain: at the last, and before
 _LAST_ROUNDS, _LAST_STILL = 4, 0.2  # the same with all observations, and rounds
 _SIZES = 3  # first values: sizes of columns
+_FORCES = float(np.log(1e-6)), float(np.log(1e2))  # process force, in logarithms of usual torques
 
 
 @dataclass(frozen=True)
@@ -264,7 +265,7 @@ def fit_noise(
 
     def likeliest(jitter: float, jitters: tuple[float, float]) -> tuple[Array, list[tuple[float, float]]]:
         """Values from a jitter, and their limits, with those of the jitter in s."""
-        limits = [*size_limits, (np.log(1e-6), np.log(1e2)), tuple(np.log(jitters)), *[(-7.0, 7.0)] * count]
+        limits = [*size_limits, _FORCES, tuple(np.log(jitters)), *[(-7.0, 7.0)] * count]
         forces = sorted({1e-5, 1e-3, 1e-2, 1e-1, noise.force})
         begins = [
             np.log([law, noise.added_error, noise.drift, f, jitter, *np.ones(count)])
@@ -318,6 +319,34 @@ def fit_noise(
     if value(balanced(jittery[0])) > value(replace(balanced(without[0]), jitter_s=0.0)) + _WORTH:
         return decided(*jittery)
     return replace(decided(*without), jitter_s=0.0)
+
+
+def fit_process_force(system: Linear, prior: Prior, noise: Noise, interval: float) -> Noise:
+    """The same noise of the readings, with the process force and the errors of laws that a hypothesis leaves.
+
+    Readings are no noisier for what a model lacks; forces that it does not know are.
+
+    Args:
+        system: linearised.
+        prior: of its columns.
+        noise: of the readings; where the search begins.
+        interval: s between nodes.
+    """
+
+    def of(values: Array) -> Noise:
+        law, added, force = (float(size) for size in np.exp(values[[0, 1, 3]]))
+        return replace(noise, law_error=law, added_error=added, force=force)
+
+    least, most = np.log(1e-4), np.log(LARGEST_LAW_ERROR)
+    limits = [
+        (least, most) if np.any(prior.kind == kind) else (np.log(size),) * 2
+        for kind, size in ((NOMINAL, noise.law_error), (ADDED, noise.added_error))
+    ]
+    limits += [(np.log(noise.drift),) * 2, _FORCES]
+    now = np.log([noise.law_error, noise.added_error, noise.drift, noise.force])
+    begins = [np.append(now[:3], np.log(force)) for force in (noise.force, 1e-3, 1e-2, 1e-1, 1.0)]
+    _, values = maximise(_Likelihood(system, prior, of, interval), begins, limits)
+    return of(values)
 
 
 class _Likelihood:

@@ -26,8 +26,7 @@ def recorded_path(rig: Rig, segments: Segments) -> Array:
     x = np.zeros((S, L, tangent.size))
     x[..., : tangent.nq] = rig.model.qpos0
     for columns, q, v in _targets(rig):
-        for episode in np.unique(segments.episode):
-            own = np.flatnonzero(segments.episode == episode)
+        for own in segments.runs():
             inside = segments.inside[own]
             smooth, rate = _smoothed(segments, own, columns)
             if not len(smooth):
@@ -46,7 +45,7 @@ def recorded_path(rig: Rig, segments: Segments) -> Array:
 
 
 def _smoothed(segments: Segments, own: NDArray[np.intp], columns: list[int]) -> tuple[Array, Array]:
-    """What was observed of one episode together, and its derivative, (nodes, columns); empty without data."""
+    """What was observed of segments in a row, and its derivative, (nodes, columns); empty without data."""
     inside, h = segments.inside[own], segments.interval
     value = segments.y[own][:, :, columns][inside]
     late = segments.shift[own][:, :, columns[0]][inside] / h

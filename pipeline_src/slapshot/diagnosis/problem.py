@@ -15,7 +15,7 @@ from slapshot.diagnosis.inference.scores import Scores, scores
 from slapshot.diagnosis.law_columns import LawColumns, law_columns
 from slapshot.diagnosis.law_error import law_errors
 from slapshot.diagnosis.linear import STEP_ERROR, Look, looks_at
-from slapshot.diagnosis.noise import Noise, first_noise, fit_noise
+from slapshot.diagnosis.noise import Noise, first_noise, fit_noise, fit_process_force
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.pulses import Scan, scan
 from slapshot.diagnosis.rig import Rig
@@ -186,6 +186,7 @@ class Examination:
         fit: of the hypothesis.
         system: linear about the path before the last round of the fit.
         noise: of the data, everything that might be there being integrated out.
+        left: the same with all the process force that the hypothesis leaves; the fit's.
         scores: own parameters and nuisance eliminated.
         effects: candidates; `columns` says which of the scores' candidates are theirs.
         columns: one index array for each effect.
@@ -196,6 +197,7 @@ class Examination:
     fit: Fit
     system: Linear
     noise: Noise
+    left: Noise
     scores: Scores
     effects: tuple[JointEffect, ...]
     columns: tuple[NDArray[np.intp], ...]
@@ -237,7 +239,9 @@ def examine(
         noise = fit_noise(
             part, prior.select(explains), noise, problem.segments, problem.kinds, near=passes == 1, last=last
         )
-        fit = fitter.fit(hypothesis, theta, path, noise, rounds=8, known=system)
+        own_columns = _with(system, ~candidate), prior.select(~candidate)
+        left = fit_process_force(*own_columns, noise, problem.segments.interval) if last else noise
+        fit = fitter.fit(hypothesis, theta, path, left, rounds=8, known=system)
         theta, path = fit.theta, fit.path
     # About the path before the last fit, which is as good a point: scores eliminate what the fit moved.
     found = innovations(system, noise.covariances(problem.segments.interval))
@@ -253,6 +257,7 @@ def examine(
         fit,
         system.without_columns(),
         noise,
+        left,
         scores(found, prior.at(noise), fixed_columns),
         effects,
         tuple(columns),

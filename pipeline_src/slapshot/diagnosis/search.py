@@ -107,10 +107,15 @@ class Search:
         free = {effect.key for effect in self.free}
         return tuple(e for e in self.final.hypothesis.effects if e.key not in free)
 
-    def without_last(self) -> "Search":
-        """The same without the effect that was added last."""
-        last = self.final.added
-        return replace(self, steps=tuple(step for step in self.steps if step.added is not last))
+    def before(self, effect: JointEffect | None) -> "Search":
+        """The same as it stood before an effect was added."""
+        since = next((i for i, step in enumerate(self.steps) if step.added is effect), len(self.steps))
+        return replace(self, steps=self.steps[:since])
+
+    def since(self, effect: JointEffect | None) -> list[str]:
+        """Keys of an effect and of those that were added after it."""
+        later = self.steps[len(self.before(effect).steps) :]
+        return list(dict.fromkeys(step.added.key for step in later if step.added is not None))
 
 
 def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Report) -> Search:
@@ -210,7 +215,7 @@ def _raced(
     S, L = problem.segments.shape
     some = np.unique(np.linspace(0, S - 1, min(S, max(4, _RACE_NODES // L))).astype(int))
     fitter = problem.fitter.select(some)
-    noise = examined.noise.select(some)
+    noise = examined.left.select(some)
     system, path = examined.system.select(some), examined.fit.path[some]
     base, theta = examined.fit.hypothesis, examined.fit.theta
     none = fitter.fit(base, theta, path, noise, rounds=0, known=system).log_evidence
@@ -280,7 +285,7 @@ def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8) -> Fit
     examined, fitter = step.examination, step.problem.fitter
     hypothesis = examined.fit.hypothesis.with_effect(effect)
     theta = np.concatenate([examined.fit.theta, start])
-    return fitter.fit(hypothesis, theta, examined.fit.path, examined.noise, rounds, known=examined.system)
+    return fitter.fit(hypothesis, theta, examined.fit.path, examined.left, rounds, known=examined.system)
 
 
 def first_values(examined: Examination, index: int, values: Array) -> Array:
@@ -443,7 +448,7 @@ def _pruned(step: Step, free: Sequence[JointEffect], rng: np.random.Generator, r
             covariance = np.linalg.inv(fit.precision)[part, part]
             if 0.5 * own @ np.linalg.solve(covariance, own) > 4 * worth:
                 continue
-            without = step.problem.fitter.fit(less, fit.theta[keep], fit.path, step.examination.noise)
+            without = step.problem.fitter.fit(less, fit.theta[keep], fit.path, step.examination.left)
             if without.log_evidence > fit.log_evidence - worth and (
                 best is None or without.log_evidence > best.log_evidence
             ):

@@ -101,6 +101,13 @@ class Segments:
         """S, L."""
         return self.y.shape[0], self.y.shape[1]
 
+    def runs(self) -> list[NDArray[np.intp]]:
+        """Segments that follow each other without a gap, in order of time."""
+        order = np.lexsort([self.first, self.episode])
+        follows = np.diff(self.episode[order]) == 0
+        follows &= np.diff(self.first[order]) == self.shape[1]
+        return np.split(order, np.flatnonzero(~follows) + 1)
+
     def rate(self, values: Array) -> Array:
         """Derivative by time of values at the nodes, of second order, from what is inside alone.
 

@@ -51,8 +51,8 @@ class NamedEffect(Model):
     phrase: Text
     gain_nats: float = Field(description="log evidence by which it raised the model that lacked it")
     rivals: dict[str, float] = Field(
-        description="others that cannot be told from it, and by how many nats they are worse; less than 0 for better"
-        " ones of more parameters"
+        description="others that cannot be told from it, and by how many nats they are worse; less "
+        "than 0 for better ones of more parameters"
     )
     parameters: list[NamedParameter]
 

@@ -148,7 +148,8 @@ def _what(verdict: Verdict, augmented: bool) -> list[str]:
         if effect.rivals:
             parts.append(
                 f"The recording cannot tell it from {escaped(rivals_text(effect.rivals))}. Rivals within a "
-                "factor of 20 are told; the one that is named is the simplest of those that explain as much, not the only one possible."
+                "factor of 20 are told; the one that is named is the simplest of those that explain as much, "
+                "not the only one possible."
             )
     if augmented:
         parts.append(
