@@ -488,6 +488,14 @@ def test_rivals_states_and_free_parameters_are_told():
     assert "| viscous friction at elbow | coefficient | 17.3 mN m s/rad |" in markdown(NOTHING)
 
 
+def test_what_else_a_law_is_called_is_told():
+    other = "Coulomb friction of 0.8 N m and a constant offset of -0.4 N m"
+    found = FOUND.model_copy(update={"effects": [BACKLASH.model_copy(update={"same_as": other})]})
+    assert f"This is the same as {other}." in re.sub(r"\\(.)", r"\1", markdown(found))
+    assert f"same as    {other}" in terminal_text(found)
+    assert "same as" not in terminal_text(FOUND) + markdown(FOUND)
+
+
 def test_errors_above_the_noise_floor_are_explained_where_nothing_is_left():
     said = "still lie above the noise floor"
     assert said in markdown(NOTHING)

@@ -418,6 +418,7 @@ def _named(found: Search, effect: JointEffect, last: Step) -> NamedEffect:
         phrase=_told(effect),
         gain_nats=step.gain if step is not None else 0.0,
         rivals=rivals,
+        same_as=effect.same_as(fit.theta[part]),
         parameters=parameters,
     )
 

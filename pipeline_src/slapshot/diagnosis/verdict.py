@@ -54,6 +54,7 @@ class NamedEffect(Model):
         description="others that cannot be told from it, and by how many nats they are worse; less "
         "than 0 for better ones of more parameters"
     )
+    same_as: str = Field(default="", description="what else the law with these values is called")
     parameters: list[NamedParameter]
 
 

@@ -130,6 +130,21 @@ def test_dry_friction_differs_between_directions(way, kind):
     assert motion.v() == pytest.approx(moving * motion.t, abs=1e-2)
 
 
+@both_ways
+def test_friction_that_differs_between_directions_is_coulomb_friction_beside_an_offset(way):
+    """As its other name says: the same motion, with the offset given by the motor."""
+    differs = rotor((0, way * 1.0), actuator=MOTOR, commands=lambda t: [0 * t])
+    effect = differs.effect("direction_friction")
+    other = rotor((0, way * 1.0), actuator=MOTOR, commands=lambda t: [-0.4 + 0 * t])
+    assert effect.same_as(np.array([1.2, 0.4])) == (
+        "Coulomb friction of 0.8 N m and a constant offset of -0.4 N m"
+    )
+    motion, same = differs.moved(effect, 1.2, 0.4), other.moved(other.effect("coulomb_friction"), 0.8)
+    # A smooth sign has a width of the usual speed, which is that of the nominal motion.
+    assert motion.v() == pytest.approx(same.v(), abs=5e-3)
+    assert abs(motion.v()[-1]) < 0.05
+
+
 @answers("stribeck_friction")
 @both_ways
 def test_friction_falls_with_speed_as_stribeck_says(way):

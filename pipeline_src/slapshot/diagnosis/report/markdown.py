@@ -145,6 +145,7 @@ def _what(verdict: Verdict, augmented: bool) -> list[str]:
             text += f" raises the log evidence by {effect.gain_nats:.1f} nats"
         parts += [f"{text}.", _parameters(effect)]
         parts += [_state(effect)] if _state(effect) else []
+        parts += [f"This is the same as {escaped(effect.same_as)}."] if effect.same_as else []
         if effect.rivals:
             parts.append(
                 f"The recording cannot tell it from {escaped(rivals_text(effect.rivals))}. Rivals within a "

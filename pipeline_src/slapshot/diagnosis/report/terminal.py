@@ -49,6 +49,8 @@ def terminal_text(verdict: Verdict) -> str:
     for effect in verdict.effects:
         values = "; ".join(f"{label(p)} {between(p)}{_state(p.state)}" for p in effect.parameters)
         lines.append(_line("what", f"{named(effect)}: {values}"))
+        if effect.same_as:
+            lines.append(_line("same as", effect.same_as))
         if effect.rivals:
             some = dict(list(effect.rivals.items())[:_MOST])
             more = f", and {len(effect.rivals) - _MOST} more" if len(effect.rivals) > _MOST else ""

@@ -52,3 +52,11 @@ class DirectionFriction(JointEffect):
             f"a constant {-(values[0] - values[1]) / 2:.4g}, which makes the friction loss in the model "
             "larger in one direction than in the other"
         )
+
+    def same_as(self, values: Array) -> str:
+        """Friction of the mean size beside a constant force, such as the offset of a drive."""
+        unit = self._joint.unit
+        return (
+            f"Coulomb friction of {(values[0] + values[1]) / 2:.4g} {unit} and a constant offset of "
+            f"{-(values[0] - values[1]) / 2:.4g} {unit}"
+        )

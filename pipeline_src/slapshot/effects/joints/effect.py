@@ -230,6 +230,10 @@ class JointEffect:
         """
         return ""
 
+    def same_as(self, values: Array) -> str:
+        """What else the law with these values is called; "" for nothing."""
+        return ""
+
     @property
     def fastest(self) -> float:
         """Rad/s of what `restructure` adds: a simulation must have steps that are short against it."""
