@@ -4,15 +4,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mujoco import MjSpec
 from slapshot.diagnosis import diagnose, held_out
 from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.search import Search, Step
+from slapshot.diagnosis.segments import cut
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.payload import Payload
 from slapshot.effects.joints.spring import Spring
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 
+from .mechanisms import CART, joint, recording
 from .test_linear import arm_situation
 
 
@@ -71,6 +75,32 @@ def test_a_push_after_a_law_that_does_not_hold_saves_it_not(monkeypatch):
     predictions(monkeypatch, [0.0, 50.0])
     cut, _ = diagnose._arms(searched(rig, [push]), None, None, said.append)
     assert list(cut.named) == [push]
+
+
+@pytest.mark.parametrize(("seconds", "window_s"), [(0.75, 0.37), (2.6, 0.5)])
+def test_held_out_windows_of_short_and_of_long_episodes(seconds, window_s):
+    """Short flights are predicted from their first half; every fifth episode is held out."""
+    t = np.arange(round(seconds / 0.01)) * 0.01
+    made = recording([t] * 10, {"p": (joint("rail", unit="m"), [0.3 * t] * 10)})
+    rig = bind(MjSpec.from_string(CART), made.channels)
+    segments = cut(made, rig)
+    _, held = diagnose.split(segments)
+    windows = diagnose._windows(made, rig, segments, held)
+    assert sorted(set(windows.episode)) == [2, 7]
+    assert windows.shape[1] // 2 * windows.interval == pytest.approx(window_s)
+    assert len(windows.episode) == 2 * int(seconds / (2 * window_s))
+    assert windows.inside.mean() > 0.75
+
+
+def test_held_out_blocks_of_a_long_episode_are_windows():
+    t = np.arange(2000) * 0.01
+    made = recording(t, {"p": (joint("rail", unit="m"), 0.3 * t)})
+    rig = bind(MjSpec.from_string(CART), made.channels)
+    segments = cut(made, rig)
+    _, held = diagnose.split(segments)
+    windows = diagnose._windows(made, rig, segments, held)
+    blocks = set(segments.first[held])
+    assert {f for first in windows.first for f in (first, first + 50)} == blocks
 
 
 def searched(rig, effects: list[JointEffect]) -> Search:

@@ -14,6 +14,7 @@ from slapshot.diagnosis.inference.scores import (
     Scores,
     group_statistics,
     scores,
+    spread_over_information,
 )
 
 GROUPS = (np.array([0]), np.array([1, 2]), np.array([3, 4, 5]))
@@ -238,3 +239,18 @@ def test_the_number_of_draws_is_what_was_asked_for():
         assert (found.p_value * (count + 1)) == pytest.approx(round(found.p_value * (count + 1)))
     same = [mismatch_test(given, GROUPS, np.random.default_rng(26), 99).p_value for _ in range(2)]
     assert same[0] == same[1]
+
+
+@pytest.mark.parametrize("scale", [1.5, 3.0])
+def test_scores_that_spread_more_than_the_noise_says_are_told(scale):
+    """Noise that is larger than thought by a factor: the mean over draws, with its own standard error."""
+    rng, of = np.random.default_rng(5), columns(6, segments=40)
+    found = [spread_over_information(of.scores(null_data(of, rng, scale))) for _ in range(200)]
+    assert np.mean(found) == pytest.approx(scale**2, abs=4 * np.std(found) / np.sqrt(len(found)))
+    # 40 segments of 6 candidates: some 39 x 6 degrees of freedom.
+    assert np.std(found) == pytest.approx(scale**2 * np.sqrt(2 / (39 * CANDIDATES)), rel=0.3)
+
+
+def test_one_segment_cannot_disagree():
+    of = columns(7, segments=1)
+    assert spread_over_information(of.scores(3 * null_data(of, np.random.default_rng(8)))) == 1.0

@@ -49,6 +49,7 @@ Array = NDArray[np.float64]
 BEYOND = 1.2  # mean square of held-out errors over what is expected, where something must be missing
 HELD_OUT = 5  # every fifth episode or block
 _FEWEST_SEGMENTS = 5
+_FULL = 0.75  # share of two windows that must have been recorded
 _HALF_90, _ONE_SIDED_95 = 1.645, 1.645
 _RESAMPLES = 1000
 
@@ -148,6 +149,11 @@ def _diagnosis(
         return Diagnosis(_untold(recording, rig, said, reason, began), rig)
     report("predicting held-out windows")
     windows = _windows(recording, rig, segments, held)
+    if not windows.shape[0]:
+        reason = (
+            "no stretch that is held out is long enough to predict its second half; record longer episodes"
+        )
+        return Diagnosis(_untold(recording, rig, said, reason, began), rig)
     found, arms = _arms(found, problem, windows, report)
     verdict = _verdict(recording, rig, found, windows, arms, segments, held, said, seed, began)
     return Diagnosis(verdict, rig, found, windows, *arms)
@@ -229,16 +235,24 @@ def _unfit(found: Search) -> str | None:
 
 
 def _windows(recording: SignalRecording, rig: Rig, segments: Segments, held: NDArray[np.intp]) -> Segments:
-    """Held-out data as pairs of windows, of which the second is predicted."""
-    whole = cut(recording, rig, segment_s=2 * held_out.WINDOW_S)
-    wanted = {(int(segments.episode[k]), int(segments.first[k])) for k in held}
+    """Held-out data as pairs of windows, of which the second is predicted.
+
+    Of episodes that are shorter than two windows, windows are half as long as the episodes.
+    """
     L = segments.shape[1]
+    own = segments.select(held)
+    lengths = [own.inside[run].sum() * segments.interval for run in own.runs()]
+    window_s = min(held_out.WINDOW_S, float(np.median(lengths)) / 2)
+    whole = cut(recording, rig, segment_s=2 * window_s)
+    wanted = np.zeros((len(segments.controls), int(whole.first.max()) + whole.shape[1] + L), bool)
+    for k in held:
+        first = segments.first[k]
+        wanted[segments.episode[k], first : first + int(segments.inside[k].sum())] = True
     keep = []
     for k in range(whole.shape[0]):
-        first = int(whole.first[k])
-        both = {(int(whole.episode[k]), first), (int(whole.episode[k]), first + L)}
-        full = whole.inside[k].sum() > 1.5 * L
-        keep.append(both <= wanted and bool(full))
+        nodes, first = int(whole.inside[k].sum()), whole.first[k]
+        there = wanted[whole.episode[k], first : first + nodes]
+        keep.append(bool(there.all()) and nodes > _FULL * whole.shape[1])
     return whole.select(np.array(keep, bool))
 
 
@@ -346,6 +360,7 @@ def _verdict(
             refitted=fits[1],
             augmented=fits[2],
             noise_floor=_floor(arms[2].predictions, kinds, units),
+            window_s=windows.shape[1] // 2 * windows.interval,
         ),
         noise=_noise(recording, rig, last),
         limits=[] if missing else _limits(first),

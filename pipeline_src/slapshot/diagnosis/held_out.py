@@ -13,7 +13,7 @@ from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.fit import Fitter, prior_of
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.linear import Look, residuals
-from slapshot.diagnosis.noise import CLIP, Noise, fit_process_force
+from slapshot.diagnosis.noise import CLIP, Noise, fit_noise
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.problem import NUISANCE, Problem
 from slapshot.diagnosis.segments import Segments
@@ -160,7 +160,7 @@ def own_noise(
         system = problem.fitter.linearise(hypothesis, theta, path).system.without_columns()
         nothing: tuple[Look, ...] = ()
         prior = prior_of(Hypothesis(problem.rig), nothing)
-        noise = fit_process_force(system, prior, noise, problem.segments.interval)
+        noise = fit_noise(system, prior, noise, problem.segments, problem.kinds, near=True)
         path, _ = _without_parameters(problem.fitter, hypothesis, theta, path, noise, system)
     return noise, path
 

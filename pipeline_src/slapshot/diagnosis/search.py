@@ -11,10 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.diagnosis.filter import innovations
 from slapshot.diagnosis.fit import Fit
 from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.inference.null import DRAWS, MismatchTest, mismatch_test
+from slapshot.diagnosis.inference.scores import scores, spread_over_information
 from slapshot.diagnosis.inference.selection import gains
 from slapshot.diagnosis.law_error import SLOW
 from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise, fit_noise
@@ -24,6 +26,7 @@ from slapshot.diagnosis.shooting import shoot
 from slapshot.diagnosis.structure import same_effects
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect
+from slapshot.effects.joints.external_pulse import ExternalPulse
 
 Array = NDArray[np.float64]
 
@@ -203,8 +206,25 @@ def _extended(step: Step, rng: np.random.Generator, report: Report) -> Step | No
     if not rivals or rivals[0].gain < worth:
         return None
     best = _simplest(step, rivals)
+    if not isinstance(best.effect, ExternalPulse) and best.gain < worth * _unrest(step, best):
+        report(f"not added: {best.effect.key}, of which segments agree too little")
+        return None
     examined = examine(problem, best.fit.hypothesis, best.fit.theta, best.fit.path, step.examination.noise)
     return Step(problem, examined, _test(examined, rng), best.effect, best.gain, tuple(rivals))
+
+
+def _unrest(step: Step, rival: Rival) -> float:
+    """By what factor scores of an effect vary more between segments than the noise says; at least 1.
+
+    Forces that no model knows last, and are not white: of what they do, log evidence makes that much too much
+    (the information over the scores' variance, as in Godambe 1960, Annals of Mathematical Statistics 31(4)).
+    """
+    left, fitter, fit = step.examination.left, step.problem.fitter, rival.fit
+    system, prior = fitter.system(fit.hypothesis, fit.theta, fit.path)
+    found = innovations(system, left.covariances(step.problem.segments.interval))
+    known = np.ones(len(prior.sd), bool)
+    known[fit.hypothesis.slices[-1]] = False
+    return spread_over_information(scores(found, prior.at(left), known))
 
 
 def _raced(

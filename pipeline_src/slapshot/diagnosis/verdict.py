@@ -96,6 +96,7 @@ class Fits(Model):
     refitted: Errors
     augmented: Errors
     noise_floor: Errors
+    window_s: float = Field(default=0.5, description="how long a window is that is predicted")
 
 
 class ChannelNoise(Model):

@@ -181,3 +181,21 @@ def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> A
             variance = np.maximum(noise[..., None], 1e-12) * (1 - nuisance) + nuisance
             statistic.append(-f_distribution.logsf((sums**2 / variance).mean(-1), k, k * free))
     return np.stack(statistic, axis=-1)
+
+
+def spread_over_information(of: Scores) -> float:
+    """Variance of the candidates' scores between segments, over what the noise says of it; at least 1."""
+    eliminated = Elimination(of)(of.b)
+    every = np.arange(eliminated.information.shape[0])
+    eigenvalues, vectors = np.linalg.eigh(eliminated.information)
+    keep = eigenvalues > 1e-8 * max(eigenvalues.max(initial=0.0), 1e-300)
+    white = vectors[:, keep] / np.sqrt(eigenvalues[keep])
+    k = white.shape[1]
+    if not k or eliminated.by_segment is None:
+        return 1.0
+    share = white.T @ eliminated.by_segment(every) @ white
+    each = eliminated.segment @ white
+    about = each - np.einsum("sij,j->si", share, each.sum(0))
+    # What all segments together say was fitted.
+    free = k - float(np.sum(share**2))
+    return max(1.0, float(np.sum(about**2)) / free) if free > _FEWEST else 1.0

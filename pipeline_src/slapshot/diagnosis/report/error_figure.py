@@ -14,7 +14,7 @@ from slapshot.figures.drawing import Drawing
 
 NAME = "J3-errors"
 CAPTION = (
-    "Root mean square errors of held-out windows of 0.5 s, by kind of channel, with 90 % bootstrap intervals "
+    "Root mean square errors of held-out windows, by kind of channel, with 90 % bootstrap intervals "
     "over windows. Dotted: what noise alone leaves of the model that explains most."
 )
 _NAMES = {

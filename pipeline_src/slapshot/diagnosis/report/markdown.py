@@ -215,8 +215,8 @@ def _errors(verdict: Verdict) -> list[str]:
     else:
         why = ""
     return [
-        "Windows of 0.5 s are predicted from the data before them and the recorded controls. Root mean "
-        f"square errors, {escaped('; '.join(told))}.",
+        f"Windows of {fit.window_s:.2g} s are predicted from the data before them and the recorded controls. "
+        f"Root mean square errors, {escaped('; '.join(told))}.",
         table(["model", *heads, "log-likelihood (nats a window)"], rows),
         *([why] if why else []),
     ]

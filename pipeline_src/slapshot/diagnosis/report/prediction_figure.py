@@ -12,7 +12,7 @@ from slapshot.figures.drawing import Drawing
 
 NAME = "J1-predictions"
 CAPTION = (
-    "Held-out windows of 0.5 s, predicted from the data before them and the recorded controls: above the "
+    "Held-out windows, predicted from the data before them and the recorded controls: above the "
     "motion, below recorded less predicted, less what the data before say of coloured noise. Columns are "
     "windows from the nominal model's lower quartile of errors to its largest; above each stands the nominal "
     "model's rms error. Shaded: 90 % of errors that noise alone would make of the best model. Of many "

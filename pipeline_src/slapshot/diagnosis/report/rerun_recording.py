@@ -26,7 +26,7 @@ RECORDING_FILE = "recording.rrd"
 CAPTION = (
     "In its own colours: the rig as recorded; what was not observed stands where the best model has it. "
     "Grey: the nominal model. Blue: the model with what was found, if anything was. Timeline "
-    f"`{TIME}` shows held-out windows of 0.5 s one after another, each predicted from the data before it and "
+    f"`{TIME}` shows held-out windows one after another, each predicted from the data before it and "
     "the recorded controls. A rig without shapes is drawn "
     "as boxes of the same mass and inertia."
 )

@@ -61,7 +61,12 @@ def terminal_text(verdict: Verdict) -> str:
         lines.append(_line("where", f"{place(verdict)}{rms}"))
     assert verdict.fit is not None
     for kind in list(verdict.fit.nominal.rms)[:_MOST]:
-        lines.append(_line("held out", f"{kind}, rms error over 0.5 s: {errors_text(verdict, kind)}"))
+        lines.append(
+            _line(
+                "held out",
+                f"{kind}, rms error over {verdict.fit.window_s:.2g} s: {errors_text(verdict, kind)}",
+            )
+        )
     if unknown.flagged:
         lines.append(_line("left", f"something, p = {unknown.p_value:.2g}; {unknown.description}"))
     elif verdict.effects:
