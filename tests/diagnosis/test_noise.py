@@ -273,6 +273,22 @@ def test_errors_of_laws_are_recovered():
     assert np.all(off(found.white, of.noise.white, 1 / np.sqrt(2 * 1440)) < 5)
 
 
+@pytest.mark.parametrize(("size", "force"), [(0.05, 1e-3), (1e-4, 0.3)])
+def test_forces_are_told_from_errors_of_laws(size, force):
+    """Both from the other's size: what no law explains is a force, and the other way round."""
+    of = made(6, S=24, L=60, columns=24, law_error=size, force=force, white=(1e-4, 2e-3))
+    known = replace(of.noise, force=0.05, law_error=0.02)
+    found = fit_process_force(of.system, Prior.of(np.ones(24), NOMINAL), known, INTERVAL)
+    if size > force:
+        # 24 draws tell the logarithm to 1/√48; the prior, of the usual size, moves it by half of that.
+        assert off(found.law_error, size, 1 / np.sqrt(48)) < 5
+        assert found.force < 0.01
+    else:
+        (error,) = standard_errors(of, ("force",))
+        assert off(found.force, force, error) < 4
+        assert found.law_error < 0.03
+
+
 def test_the_marginal_likelihood_is_that_of_the_dense_gaussian():
     of = made(7, S=2, L=8, columns=3, law_error=0.1)
     noise = replace(of.noise, initial=np.array([0.5, 0.7]), force=0.2)

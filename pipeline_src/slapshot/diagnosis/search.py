@@ -19,7 +19,7 @@ from slapshot.diagnosis.inference.null import DRAWS, MismatchTest, mismatch_test
 from slapshot.diagnosis.inference.scores import scores, spread_over_information
 from slapshot.diagnosis.inference.selection import gains
 from slapshot.diagnosis.law_error import SLOW
-from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise, fit_noise
+from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise, fit_noise, fit_process_force
 from slapshot.diagnosis.problem import Examination, Problem, examine
 from slapshot.diagnosis.pulses import pushes
 from slapshot.diagnosis.shooting import shoot
@@ -35,6 +35,7 @@ MOST_EFFECTS = 5
 _LARGE_LAW_ERROR = 0.01  # where all shapes of errors of laws are looked at
 REFITTED = 6  # candidates that are refitted in a step
 _RACE_NODES, _RACE_ROUNDS = 2000, 4  # of a first refit
+_AGAIN = 4  # rounds under the process force of its own
 _BEHIND, _BEHIND_NATS = 0.02, 30.0  # behind the leader, where no candidate is refitted to everything
 CLASS_NATS = float(np.log(20.0))  # rivals within a factor of twenty cannot be told apart
 _STRUCTURE_JOINTS = 3
@@ -301,11 +302,20 @@ def _change(step: Step, rival: Rival) -> Array:
 
 
 def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8) -> Fit:
-    """The step's hypothesis with one effect more, fitted under the step's noise."""
+    """The step's hypothesis with one effect more, under the process force that it leaves itself.
+
+    It begins under what is left without the effect, which holds a part of what the effect does.
+    """
     examined, fitter = step.examination, step.problem.fitter
     hypothesis = examined.fit.hypothesis.with_effect(effect)
     theta = np.concatenate([examined.fit.theta, start])
-    return fitter.fit(hypothesis, theta, examined.fit.path, examined.left, rounds, known=examined.system)
+    fit = fitter.fit(hypothesis, theta, examined.fit.path, examined.left, rounds, known=examined.system)
+    if not np.isfinite(fit.log_evidence):
+        return fit
+    system, prior = fitter.system(hypothesis, fit.theta, fit.path)
+    own = fit_process_force(system, prior, examined.left, step.problem.segments.interval)
+    again = fitter.fit(hypothesis, fit.theta, fit.path, own, _AGAIN, known=system)
+    return again if again.log_evidence > fit.log_evidence else fit
 
 
 def first_values(examined: Examination, index: int, values: Array) -> Array:
