@@ -279,7 +279,7 @@ def _arms(
         refitted = predicted(first, theta)
     last = refitted if len(found.steps) == 1 else predicted(found.final, found.final.examination.fit.theta)
     while len(found.named) > 1:
-        # A push is of one moment, which no other shows: it stands and falls with the law before it.
+        # A push is of one moment, which no other shows: it goes only with a law before it.
         step = next((s for s in reversed(found.steps) if not isinstance(s.added, ExternalPulse)), first)
         if step is first or found.before(step.added).final is first:
             break
