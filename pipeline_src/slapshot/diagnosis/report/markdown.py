@@ -148,9 +148,9 @@ def _what(verdict: Verdict, augmented: bool) -> list[str]:
         parts += [f"This is the same as {escaped(effect.same_as)}."] if effect.same_as else []
         if effect.rivals:
             parts.append(
-                f"The recording cannot tell it from {escaped(rivals_text(effect.rivals))}. Rivals within a "
-                "factor of 20 are told; the one that is named is the simplest of those that explain as much, "
-                "not the only one possible."
+                f"The recording cannot tell it from {escaped(rivals_text(effect.rivals))}. Told are rivals "
+                "within a factor of 20, and those that explain more by more parameters; the one that is named is "
+                "the simplest of those that do nearly the same, not the only one possible."
             )
     if augmented:
         parts.append(

@@ -57,6 +57,6 @@ class DirectionFriction(JointEffect):
         """Friction of the mean size beside a constant force, such as the offset of a drive."""
         unit = self._joint.unit
         return (
-            f"Coulomb friction of {(values[0] + values[1]) / 2:.4g} {unit} and a constant offset of "
-            f"{-(values[0] - values[1]) / 2:.4g} {unit}"
+            f"Coulomb friction of {(values[0] + values[1]) / 2:.3g} {unit} and a constant offset of "
+            f"{-(values[0] - values[1]) / 2:.3g} {unit}"
         )
