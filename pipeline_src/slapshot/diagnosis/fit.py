@@ -113,25 +113,25 @@ class Fitter:
         everything = (*self.nuisance, *looks)
         found = self.linearise(hypothesis, theta, path, everything, jacobian)
         system, prior = found.system, prior_of(hypothesis, everything)
+        more: list[tuple[Prior, Array | None, Array | None]] = []
         if self.drifts is not None:
-            S, L, ny, _ = system.psi.shape
+            S, _, ny, _ = system.psi.shape
             turns = [c for columns in self.simulator.rig.quaternions for c in columns]
             channels = np.setdiff1d(np.arange(ny), turns)
             psi = np.einsum("sk,cd->scdk", self.drifts, np.eye(ny)[:, channels]).reshape(S, 1, ny, -1)
-            own = Prior.of(np.ones(psi.shape[-1]), DRIFT, np.repeat(channels, self.drifts.shape[1]))
-            system, prior = _wider(system, prior, own, psi=np.repeat(psi, L, axis=1))
+            of_drift = Prior.of(np.ones(psi.shape[-1]), DRIFT, np.repeat(channels, self.drifts.shape[1]))
+            more.append((of_drift, None, psi))
         if self.law_errors is not None:
-            own = Prior.of(np.ones(self.law_errors.shape[-1]), NOMINAL)
-            system, prior = _wider(system, prior, own, W=self.law_errors)
-        if self.rig is None:
-            return system, prior
-        nq, nv = self.simulator.tangent.nq, self.simulator.tangent.nv
-        x = path.reshape(-1, path.shape[-1])
-        order = np.repeat(self.segments.order, self.segments.shape[1])
-        torque = found.torque.reshape(len(x), nv)
-        state = State(x[:, :nq], x[:, nq : nq + nv], torque, self.segments.time.reshape(-1), order)
-        W = own_law_errors(system, hypothesis, theta, self.rig, state, self.segments.interval)
-        return _wider(system, prior, Prior.of(np.ones(W.shape[-1]), ADDED), W=W)
+            more.append((Prior.of(np.ones(self.law_errors.shape[-1]), NOMINAL), self.law_errors, None))
+        if self.rig is not None:
+            nq, nv = self.simulator.tangent.nq, self.simulator.tangent.nv
+            x = path.reshape(-1, path.shape[-1])
+            order = np.repeat(self.segments.order, self.segments.shape[1])
+            torque = found.torque.reshape(len(x), nv)
+            state = State(x[:, :nq], x[:, nq : nq + nv], torque, self.segments.time.reshape(-1), order)
+            W = own_law_errors(system, hypothesis, theta, self.rig, state, self.segments.interval)
+            more.append((Prior.of(np.ones(W.shape[-1]), ADDED), W, None))
+        return _wider(system, prior, more)
 
     def linearise(
         self,
@@ -194,9 +194,10 @@ class Fitter:
                 full = np.asarray(np.linalg.solve(scaled, gradient))
                 # More than there is cannot be explained: then the numbers have lost their digits.
                 if gradient @ full < (1 + _DIGITS) * (np.sum(seen.e**2) + offset @ offset):
+                    full = _possible(hypothesis, theta, full, sd, scaled)
                     evidence = float(
-                        log_likelihood(seen) - 0.5 * offset @ offset + 0.5 * gradient @ full
-                        - 0.5 * np.linalg.slogdet(scaled)[1]
+                        log_likelihood(seen) - 0.5 * offset @ offset + gradient @ full
+                        - 0.5 * full @ scaled @ full - 0.5 * np.linalg.slogdet(scaled)[1]
                     )  # fmt: skip
             if before is not None and evidence < before[0] - _DROP * abs(before[0]):
                 if number == rounds or share < _SMALLEST:
@@ -218,9 +219,7 @@ class Fitter:
                 break
             before, share = (evidence, theta, path), 1.0
             full = full * sd
-            target = hypothesis.within(theta + full[:p])
-            step = target - theta
-            full[:p] = step
+            target, step = hypothesis.within(theta + full[:p]), full[:p]
             delta, *_ = smooth(system.moved(full).without_columns(), covariances)
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
             moved = float(np.max(np.abs(step) / spread, initial=0.0))
@@ -230,16 +229,39 @@ class Fitter:
         return Fit(hypothesis, theta, path, evidence, precision, converged, moved)
 
 
+def _possible(hypothesis: Hypothesis, theta: Array, full: Array, sd: Array, scaled: Array) -> Array:
+    """A step towards values that are possible, all others being the best beside those at their limits."""
+    p = len(theta)
+    step = (hypothesis.within(theta + full[:p] * sd[:p]) - theta) / sd[:p]
+    held = np.flatnonzero(np.abs(step - full[:p]) > _DIGITS)
+    if not len(held):
+        return full
+    rest = np.setdiff1d(np.arange(len(full)), held)
+    # What the others do of their own accord, and what they do since these are held elsewhere.
+    moved = full.copy()
+    moved[held] = step[held]
+    moved[rest] -= np.linalg.solve(scaled[np.ix_(rest, rest)], scaled[np.ix_(rest, held)] @ (moved - full)[held])
+    moved[:p] = (hypothesis.within(theta + moved[:p] * sd[:p]) - theta) / sd[:p]
+    return moved
+
+
 def _wider(
-    system: Linear, prior: Prior, added: Prior, W: Array | None = None, psi: Array | None = None
+    system: Linear, prior: Prior, more: Sequence[tuple[Prior, Array | None, Array | None]]
 ) -> tuple[Linear, Prior]:
-    """A system with columns more; they change nothing where none are given."""
-    k = len(added.sd)
-    if not k:
+    """A system with columns more, each with its W and psi; where there is none, they change nothing."""
+    first = len(prior.sd)
+    for added, *_ in more:
+        prior = prior.and_of(added)
+    if len(prior.sd) == first:
         return system, prior
-    W = np.zeros((*system.W.shape[:3], k)) if W is None else W
-    psi = np.zeros((*system.psi.shape[:3], k)) if psi is None else psi
-    wider = system.with_columns(
-        np.concatenate([system.W, W], axis=-1), np.concatenate([system.psi, psi], axis=-1)
-    )
-    return wider, prior.and_of(added)
+    W = np.zeros((*system.W.shape[:3], len(prior.sd)))
+    psi = np.zeros((*system.psi.shape[:3], len(prior.sd)))
+    W[..., :first], psi[..., :first] = system.W, system.psi
+    for added, own, seen in more:
+        columns = slice(first, first + len(added.sd))
+        if own is not None:
+            W[..., columns] = own
+        if seen is not None:
+            psi[..., columns] = seen
+        first = columns.stop
+    return system.with_columns(W, psi), prior

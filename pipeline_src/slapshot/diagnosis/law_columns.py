@@ -28,12 +28,25 @@ class LawColumns:
     Attributes:
         laws: looks at the shapes of each law.
         mixtures: (shapes, k) for each law.
+        information: (k,) for each law, what the data tell of each mixture at the largest error of laws.
         W: (S, L, dim, k of all) their columns along the path that they were chosen on.
     """
 
     laws: tuple[Sequence[Look], ...]
     mixtures: tuple[Array, ...]
+    information: tuple[Array, ...]
     W: Array
+
+    def told_at(self, law_error: float) -> "LawColumns":
+        """Those that the data can tell from none where laws err by so much."""
+        least = _LEAST * (LARGEST_LAW_ERROR / law_error) ** 2
+        keep = [values > least for values in self.information]
+        return LawColumns(
+            self.laws,
+            tuple(mixture[:, told] for mixture, told in zip(self.mixtures, keep, strict=True)),
+            tuple(values[told] for values, told in zip(self.information, keep, strict=True)),
+            np.ascontiguousarray(self.W[..., np.concatenate([np.zeros(0, bool), *keep])]),
+        )
 
     def on(
         self, simulator: Simulator, hypothesis: Hypothesis, theta: Array, segments: Segments, path: Array
@@ -75,9 +88,10 @@ def law_columns(
     largest = np.sort(np.concatenate([np.zeros(1), *(values for values, *_ in found)]))[::-1]
     least = max(_LEAST, float(largest[min(_MOST, len(largest) - 1)]))
     mixtures = [vectors[:, values > least] for values, vectors, _ in found]
+    told = tuple(values[values > least] for values, *_ in found)
     empty = np.zeros((*segments.shape, simulator.tangent.dim, 0))
     columns = [W @ mixture for (*_, W), mixture in zip(found, mixtures, strict=True)]
-    return LawColumns(tuple(laws), tuple(mixtures), np.concatenate([empty, *columns], axis=-1))
+    return LawColumns(tuple(laws), tuple(mixtures), told, np.concatenate([empty, *columns], axis=-1))
 
 
 def _raw(

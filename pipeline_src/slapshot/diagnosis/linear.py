@@ -95,7 +95,8 @@ def linearise(
         path: (S, L, nq + nv + na).
         looks: further columns.
         torque_scale: (nv,) size of forces, for differences; 1 where it is not known.
-        jacobian: whose A, B and C are taken, of a path nearby; they are most of the work.
+        jacobian: of a path nearby, whose A, B and C are taken, as they are most of the work; where it has
+            columns, the first are those of this hypothesis, and are taken but for those of laws.
     """
     (S, L), tangent = segments.shape, simulator.tangent
     n, nv, dim = S * L, tangent.nv, tangent.dim
@@ -155,6 +156,7 @@ def linearise(
 
     p = len(theta)
     W, psi = np.zeros((n, dim, p + len(looks))), np.zeros((n, ny, p + len(looks)))
+    known = jacobian is not None and jacobian.W.shape[-1] >= p
 
     # At both ends of the intervals: a servo's force falls from one to the other, as its command is held.
     loads = simulator.rig.load
@@ -207,6 +209,9 @@ def linearise(
                 # In a simulation a law is held over each step at its value from the step's beginning.
                 late = (segments.substeps - 1) / (2 * segments.substeps)
                 law_column(k, effect, values[part], theta[part], step, late)
+            elif jacobian is not None and known:
+                W[:, :, k] = jacobian.W[..., k].reshape(n, dim)
+                psi[:, :, k] = jacobian.psi[..., k].reshape(n, ny)
             else:
                 column(k, hypothesis, values, step, effect)
     for k, look in enumerate(looks, start=p):

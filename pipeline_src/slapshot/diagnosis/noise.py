@@ -223,8 +223,7 @@ def fit_noise(
         last: whether all segments decide at the end, and jitter is looked for; else it is a first guess.
     """
     S, L = segments.shape
-    enough = _SEARCH_OBSERVATIONS // (L * len(kinds))
-    some = np.unique(np.linspace(0, S - 1, max(_SEARCH_SEGMENTS, min(S, enough))).astype(int))
+    some = _enough(S, L * len(kinds))
     part = system.select(some)
     groups = sorted(set(kinds))
     member = np.array([groups.index(kind) for kind in kinds])
@@ -333,7 +332,7 @@ def fit_process_force(system: Linear, prior: Prior, noise: Noise, interval: floa
         interval: s between nodes.
     """
 
-    def of(values: Array) -> Noise:
+    def of(values: Array, noise: Noise) -> Noise:
         law, added, force = (float(size) for size in np.exp(values[[0, 1, 3]]))
         return replace(noise, law_error=law, added_error=added, force=force)
 
@@ -345,23 +344,41 @@ def fit_process_force(system: Linear, prior: Prior, noise: Noise, interval: floa
     limits += [(np.log(noise.drift),) * 2, _FORCES]
     now = np.log([noise.law_error, noise.added_error, noise.drift, noise.force])
     small = np.log([1e-3, 1e-2, noise.drift])
-    likelihood = _Likelihood(system, prior, of, interval)
 
-    def penalised(values: Array) -> Evaluation:
-        # Where forces explain as much as errors of laws, laws are as good as they usually are.
-        found = likelihood(values)
-        share = np.exp(2 * values[:2]) / TYPICAL_LAW_ERROR**2
-        told = {index: found.information.get(index, 0.0) + 2 * share[index] for index in (0, 1)}
-        return replace(
-            found, value=found.value - float(share.sum()) / 2, information={**found.information, **told}
-        )
+    def penalised(segments: NDArray[np.intp]) -> Callable[[Array], Evaluation]:
+        whole = len(segments) == len(system.d)
+        part, own = (system, noise) if whole else (system.select(segments), noise.select(segments))
+        likelihood = _Likelihood(part, prior, lambda values: of(values, own), interval)
 
+        def evaluate(values: Array) -> Evaluation:
+            # Where forces explain as much as errors of laws, laws are as good as they usually are.
+            found = likelihood(values)
+            share = np.exp(2 * values[:2]) / TYPICAL_LAW_ERROR**2
+            told = {index: found.information.get(index, 0.0) + 2 * share[index] for index in (0, 1)}
+            return replace(
+                found, value=found.value - float(share.sum()) / 2, information={**found.information, **told}
+            )
+
+        return evaluate
+
+    S, L, ny = system.r.shape
+    some = _enough(S, L * ny)
+    searched = penalised(some)
     forces = (noise.force, 1e-3, 1e-2, 1e-1, 1.0)
     reached = [
-        maximise(penalised, [np.append(sizes, np.log(force)) for force in forces], limits)
+        maximise(searched, [np.append(sizes, np.log(force)) for force in forces], limits)
         for sizes in (now[:3], small)
     ]
-    return of(max(reached, key=lambda one: one[0])[1])
+    _, values = max(reached, key=lambda one: one[0])
+    if len(some) < S:
+        _, values = maximise(penalised(np.arange(S)), [values], limits, rounds=_LAST_ROUNDS, still=_LAST_STILL)
+    return of(values, noise)
+
+
+def _enough(segments: int, observations: int) -> NDArray[np.intp]:
+    """Segments of so many observations each that tell sizes of noise well enough to search by."""
+    count = max(_SEARCH_SEGMENTS, min(segments, _SEARCH_OBSERVATIONS // observations))
+    return np.unique(np.linspace(0, segments - 1, count).astype(int))
 
 
 class _Likelihood:

@@ -49,6 +49,7 @@ class Problem:
         laws: looks at the shapes of errors of each law of the nominal model.
         threads: for simulation.
         fine: whether errors of laws are large enough for all their shapes to matter.
+        law_columns_told: columns of errors of laws that were chosen before; None where none were.
     """
 
     rig: Rig
@@ -60,6 +61,7 @@ class Problem:
     laws: tuple[Sequence[Look], ...]
     threads: int = 1
     fine: bool = False
+    law_columns_told: LawColumns | None = None
 
     @classmethod
     def of(cls, rig: Rig, channels: dict[str, Channel], segments: Segments, threads: int = 1) -> "Problem":
@@ -87,7 +89,11 @@ class Problem:
     def refined(self, path: Array) -> "Problem":
         """The same with all shapes of errors of laws, along a path that was fitted."""
         laws = _laws(self.rig, self.segments, self.situation, path, True)
-        return replace(self, laws=laws, path=path, fine=True)
+        return replace(self, laws=laws, path=path, fine=True, law_columns_told=None)
+
+    def with_law_error(self, law_error: float) -> "Problem":
+        """The same with those columns of errors of laws alone that matter where laws err by so much."""
+        return replace(self, law_columns_told=self.law_columns.told_at(law_error))
 
     def with_steps_for(self, effect: JointEffect) -> "Problem":
         """The same in steps that are as short as an effect's fastest motion needs."""
@@ -105,6 +111,8 @@ class Problem:
     @cached_property
     def law_columns(self) -> LawColumns:
         """Errors of the nominal model's laws, in as many shapes as the data tell apart."""
+        if self.law_columns_told is not None:
+            return self.law_columns_told
         return law_columns(self.simulator, self.segments, self.path, self.torque, self.laws, self.first_noise)
 
     @cached_property

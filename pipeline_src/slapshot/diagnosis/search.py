@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 P_VALUE = 0.01
 MOST_EFFECTS = 5
 _LARGE_LAW_ERROR = 0.01  # where all shapes of errors of laws are looked at
+_MARGIN = 2.0  # over the error that laws were found to have, when columns of them are chosen
 REFITTED = 6  # candidates that are refitted in a step
 _RACE_NODES, _RACE_ROUNDS = 2000, 4  # of a first refit
 _AGAIN = 4  # rounds under the process force of its own
@@ -55,11 +56,15 @@ class Rival:
 
     @property
     def idle(self) -> bool:
-        """Whether the effect does nothing: all its sizes, which cannot be negative, are 0."""
-        parameters = self.effect.parameters
-        own = self.fit.theta[len(self.fit.theta) - len(parameters) :]
-        sizes = [(value, p) for value, p in zip(own, parameters, strict=True) if p.low == p.start == 0]
-        return bool(sizes) and all(value <= 1e-9 * p.scale for value, p in sizes)
+        """Whether the effect does nothing."""
+        return idle(self.effect, self.fit)
+
+
+def idle(effect: JointEffect, fit: Fit) -> bool:
+    """Whether the last effect of a fit does nothing: all its sizes, which cannot be negative, are 0."""
+    own = fit.theta[len(fit.theta) - len(effect.parameters) :]
+    sizes = [(value, p) for value, p in zip(own, effect.parameters, strict=True) if p.low == p.start == 0]
+    return bool(sizes) and all(value <= 1e-9 * p.scale for value, p in sizes)
 
 
 @dataclass(frozen=True)
@@ -155,11 +160,25 @@ def nominal_step(problem: Problem, free: Sequence[JointEffect], rng: np.random.G
     """The nominal rig with its free parameters, fitted and tested."""
     base = problem.base(free)
     examined = examine(problem, base, base.start, problem.path, problem.first_noise, passes=2)
-    if examined.noise.law_error > _LARGE_LAW_ERROR:
-        fit = examined.fit
-        problem = problem.refined(fit.path)
-        examined = examine(problem, base, fit.theta, fit.path, examined.noise)
-    return Step(problem, examined, _test(examined, rng))
+    if examined.noise.law_error <= _LARGE_LAW_ERROR:
+        return Step(problem, examined, _test(examined, rng))
+    fine = problem.refined(examined.fit.path)
+    examined = examine(fine, base, examined.fit.theta, examined.fit.path, examined.noise)
+    step = Step(fine, examined, _test(examined, rng))
+    if step.test.p_value >= P_VALUE:
+        return step
+    # Refits take long with all shapes: from here those serve that matter.
+    law_error = examined.noise.law_error
+    return _with(step, problem if law_error <= _LARGE_LAW_ERROR else fine.with_law_error(_MARGIN * law_error))
+
+
+def _with(step: Step, problem: Problem) -> Step:
+    """The step's hypothesis and test, fitted to a problem with other errors of laws."""
+    fit, left, interval = step.examination.fit, step.examination.left, problem.segments.interval
+    system, prior = problem.fitter.system(fit.hypothesis, fit.theta, fit.path)
+    left = fit_process_force(system, prior, left, interval)
+    fit = problem.fitter.fit(fit.hypothesis, fit.theta, fit.path, left, known=system)
+    return replace(step, problem=problem, examination=replace(step.examination, fit=fit, left=left))
 
 
 def _test(examined: Examination, rng: np.random.Generator) -> MismatchTest:
@@ -249,7 +268,8 @@ def _raced(
             for start in starts
         ]
         fit = max(fits, key=lambda fit: fit.log_evidence)
-        raced.append((effect, fit.theta[len(theta) :], (fit.log_evidence - none) * S / len(some)))
+        if not idle(effect, fit):
+            raced.append((effect, fit.theta[len(theta) :], (fit.log_evidence - none) * S / len(some)))
     return sorted(raced, key=lambda candidate: -candidate[2])
 
 
@@ -310,7 +330,7 @@ def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8) -> Fit
     hypothesis = examined.fit.hypothesis.with_effect(effect)
     theta = np.concatenate([examined.fit.theta, start])
     fit = fitter.fit(hypothesis, theta, examined.fit.path, examined.left, rounds, known=examined.system)
-    if not np.isfinite(fit.log_evidence):
+    if not np.isfinite(fit.log_evidence) or idle(effect, fit):
         return fit
     system, prior = fitter.system(hypothesis, fit.theta, fit.path)
     own = fit_process_force(system, prior, examined.left, step.problem.segments.interval)
