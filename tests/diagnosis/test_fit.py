@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from scipy import stats
+from scipy import optimize, stats
 from slapshot.diagnosis.filter import innovations
-from slapshot.diagnosis.fit import Fit, Fitter, prior_of
+from slapshot.diagnosis.fit import Fit, Fitter, possible, prior_of
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.linear import STEP_ERROR, Look
 from slapshot.diagnosis.noise import Noise, marginal_likelihood
@@ -192,6 +192,27 @@ def test_values_stay_within_bounds():
     found = of.fit(narrow)
     assert found.theta[0] == -0.05
     assert found.converged
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_step_beyond_what_is_possible_is_the_best_possible_one(seed):
+    """Against a bounded least squares; more than one value is at its limit in some."""
+    rng = np.random.default_rng(seed)
+    of = swinging(7, true=DAMPED)
+    friction, armature = of.effects(ViscousFriction, Armature)
+    hypothesis = Hypothesis(of.rig, (friction, armature))
+    low = np.array([parameter.low for parameter in hypothesis.parameters])
+    theta, sd = low + np.array([0.02, 0.001]), np.concatenate([hypothesis.prior_sd, [1.0, 1.0]])
+    columns = rng.normal(size=(30, 4)) * [9.0, 9.0, 3.0, 3.0]
+    # Only what the first value wants is not possible.
+    wanted = columns @ np.array([-1.0, 0.5, 0.3, -0.2])
+    scaled, gradient = np.eye(4) + columns.T @ columns, columns.T @ wanted
+    limits = np.append((low - theta) / sd[:2], [-np.inf, -np.inf]), np.full(4, np.inf)
+    best = optimize.lsq_linear(
+        np.vstack([columns, np.eye(4)]), np.append(wanted, np.zeros(4)), limits, tol=1e-14
+    )
+    found = possible(hypothesis, theta, np.linalg.solve(scaled, gradient), sd, scaled)
+    np.testing.assert_allclose(found, best.x, atol=1e-8)
 
 
 def test_the_evidence_prefers_the_truth():

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.law_columns import law_columns
+from slapshot.diagnosis.noise import LARGEST_LAW_ERROR
 from slapshot.diagnosis.problem import Problem
 from slapshot.recordings.channels import Channel
 
@@ -30,7 +31,7 @@ def test_they_are_the_same_wherever_they_are_asked_for():
 
 
 def test_less_noise_tells_more_shapes_apart_and_none_that_there_are_not():
-    of = problem().refined(problem().path)
+    of = problem().along(problem().path, fine=True)
     shapes = sum(map(len, of.laws))
     counts = []
     for white in (1e-1, 1e-3, 1e-5):
@@ -38,3 +39,16 @@ def test_less_noise_tells_more_shapes_apart_and_none_that_there_are_not():
         found = law_columns(of.simulator, of.segments, of.path, of.torque, of.laws, noise)
         counts.append(found.W.shape[-1])
     assert counts[0] < counts[1] < counts[2] <= shapes
+
+
+def test_the_less_laws_err_the_fewer_columns_are_told():
+    of = problem().along(problem().path, fine=True)
+    every = of.law_columns
+    information = np.concatenate(every.information)
+    # Information goes with the square of the errors: where that of half of them falls below a tenth.
+    half = LARGEST_LAW_ERROR * np.sqrt(0.1 / np.median(information))
+    few = of.with_law_error(float(half)).law_columns
+    assert few.W.shape[-1] == np.sum(information > np.median(information)) < every.W.shape[-1]
+    # Those that are left are the same, and can be had along another path.
+    again = few.on(of.simulator, Hypothesis(of.rig), np.zeros(0), of.segments, of.path)
+    np.testing.assert_allclose(again, few.W, rtol=1e-6, atol=1e-9 * np.abs(few.W).max())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.law_error import Law, law_errors
+from slapshot.diagnosis.law_error import Law, before_slip, law_errors
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.segments import cut
@@ -105,3 +105,17 @@ def test_what_does_not_vary_is_no_error_of_its_own():
     for law, errors, sizes in laws_of(of, state):
         assert np.sum(sizes**2) == pytest.approx(1)
         np.testing.assert_allclose(errors @ law / (law @ law), 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("bend", [2e-3, 1e-2])
+def test_after_a_reversal_friction_lacks_twice_the_bend_of_sliding(bend):
+    """Of bristles dz/dx = 1 - z, in bends: from -1, the distance that they lack is the integral of 1 - z."""
+    interval, speed = 0.005, np.concatenate([np.full(40, -0.5), np.linspace(-0.5, 0.5, 21), np.full(80, 0.5)])
+    late = before_slip(speed[None], interval, bend)[0]
+    following = np.append(speed[1:], speed[-1])
+    lacking = np.sum(late * np.abs(speed + following) / 2) * interval
+    # Half a bend's share of one of the parts, of which eight make an interval, is the error of the midpoint.
+    assert lacking == pytest.approx(2 * bend, rel=max(0.5 * 0.5 * interval / 8 / bend, 0.02))
+    # In steady sliding it decays with the distance.
+    assert late[70] / late[69] == pytest.approx(np.exp(-0.5 * interval / bend), rel=1e-7)
+    assert late[:39] == pytest.approx(0)

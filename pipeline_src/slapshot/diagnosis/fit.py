@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.law_error import own_law_errors
+from slapshot.diagnosis.law_error import own_law_errors, presliding
 from slapshot.diagnosis.linear import Linearised, Look, linearise
 from slapshot.diagnosis.noise import ADDED, DRIFT, NOMINAL, Noise, Prior, log_likelihood
 from slapshot.diagnosis.segments import Segments
@@ -131,6 +131,8 @@ class Fitter:
             state = State(x[:, :nq], x[:, nq : nq + nv], torque, self.segments.time.reshape(-1), order)
             W = own_law_errors(system, hypothesis, theta, self.rig, state, self.segments.interval)
             more.append((Prior.of(np.ones(W.shape[-1]), ADDED), W, None))
+            W = presliding(system, hypothesis, theta, self.rig, state, self.segments.interval)
+            more.append((Prior.of(np.ones(W.shape[-1])), W, None))
         return _wider(system, prior, more)
 
     def linearise(
@@ -194,7 +196,7 @@ class Fitter:
                 full = np.asarray(np.linalg.solve(scaled, gradient))
                 # More than there is cannot be explained: then the numbers have lost their digits.
                 if gradient @ full < (1 + _DIGITS) * (np.sum(seen.e**2) + offset @ offset):
-                    full = _possible(hypothesis, theta, full, sd, scaled)
+                    full = possible(hypothesis, theta, full, sd, scaled)
                     evidence = float(
                         log_likelihood(seen) - 0.5 * offset @ offset + gradient @ full
                         - 0.5 * full @ scaled @ full - 0.5 * np.linalg.slogdet(scaled)[1]
@@ -229,7 +231,7 @@ class Fitter:
         return Fit(hypothesis, theta, path, evidence, precision, converged, moved)
 
 
-def _possible(hypothesis: Hypothesis, theta: Array, full: Array, sd: Array, scaled: Array) -> Array:
+def possible(hypothesis: Hypothesis, theta: Array, full: Array, sd: Array, scaled: Array) -> Array:
     """A step towards values that are possible, all others being the best beside those at their limits."""
     p = len(theta)
     step = (hypothesis.within(theta + full[:p] * sd[:p]) - theta) / sd[:p]
@@ -240,7 +242,8 @@ def _possible(hypothesis: Hypothesis, theta: Array, full: Array, sd: Array, scal
     # What the others do of their own accord, and what they do since these are held elsewhere.
     moved = full.copy()
     moved[held] = step[held]
-    moved[rest] -= np.linalg.solve(scaled[np.ix_(rest, rest)], scaled[np.ix_(rest, held)] @ (moved - full)[held])
+    further = scaled[np.ix_(rest, held)] @ (moved - full)[held]
+    moved[rest] -= np.linalg.solve(scaled[np.ix_(rest, rest)], further)
     moved[:p] = (hypothesis.within(theta + moved[:p] * sd[:p]) - theta) / sd[:p]
     return moved
 

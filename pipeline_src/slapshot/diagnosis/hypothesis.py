@@ -77,12 +77,13 @@ class Hypothesis:
     def compiled(self, theta: Array, step: float) -> mujoco.MjModel:
         """The model with all numbers changed, at a time step in s."""
         model = copy.copy(self.rig.model)
-        model.opt.timestep = step
         edited = False
         for effect, part in zip(self.effects, self.slices, strict=True):
             if overrides(effect, "edit"):
                 effect.edit(model, theta[part])
                 edited = True
+        # After edits, which are those that the augmented model has, whatever the step.
+        model.opt.timestep = step
         if edited:
             mujoco.mj_setConst(model, mujoco.MjData(model))
         return model

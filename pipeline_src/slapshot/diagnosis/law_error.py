@@ -27,6 +27,8 @@ LATE_S = (0.005, 0.01, 0.02)  # by which a law may follow its state late, as fri
 SLOW = (0.05, 0.2)  # of the usual speed, where a friction may be another than farther from rest
 _PART = 0.4  # size of an error near rest or in time, over that of the errors in shape
 _FLAT = 1e-6  # of shapes, which are of size 1
+BENDS = (1e-3, 4e-3)  # of the travel, by which a friction may bend before it slips
+_PARTS = 8  # of an interval
 
 
 class Shapes:
@@ -157,6 +159,60 @@ def own_law_errors(
             columns.append(_sized(_late(law, nodes), total))
     columns = [column for column in columns if np.any(column)]
     return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
+
+
+def presliding(
+    system: Linear, hypothesis: Hypothesis, theta: Array, rig: Situation, state: State, interval: float
+) -> Array:
+    """Columns of what frictions that a hypothesis adds do before they slip (Dahl 1968).
+
+    A friction turns with the distance since the last reversal, not at once: that is small, but leaves another
+    speed after every reversal, which predictions tell long after.
+
+    Args:
+        system: with the hypothesis' own columns first.
+        hypothesis: whose effects are frictions or not.
+        theta: their values.
+        rig: scales.
+        state: of all nodes, S * L.
+        interval: s from node to node.
+
+    Returns:
+        (S, L, n, k), one for each friction and bend, as large as the friction makes it.
+    """
+    S, L, n, _ = system.W.shape
+    columns = []
+    joints = {joint.name: joint for joint in rig.joints}
+    for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
+        joint = joints.get(effect.part)
+        if not effect.friction or joint is None:
+            continue
+        sizes = [k for k in range(part.start, part.stop) if effect.parameters[k - part.start].start == 0]
+        # The friction is what it does in the direction of a held force, by least squares.
+        law, force = system.W[..., sizes] @ theta[sizes], system.B[..., joint.v]
+        friction = np.abs(np.sum(law * force, axis=-1)) / np.maximum(np.sum(force**2, axis=-1), 1e-300)
+        speed = state.v[:, joint.v].reshape(S, L)
+        level = friction[np.abs(speed) > joint.step_speed]
+        if not len(level):
+            continue
+        for bend in BENDS:
+            late = before_slip(speed, interval, bend * joint.travel)
+            columns.append(force * (float(np.median(level)) * late)[..., None])
+    return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
+
+
+def before_slip(speed: Array, interval: float, bend: float) -> Array:
+    """(S, L) means over the intervals: sign of the speed, less the share of a friction that has turned."""
+    following = np.concatenate([speed[:, 1:], speed[:, -1:]], axis=1)
+    bent, late = np.sign(speed[:, 0]), np.zeros_like(speed)
+    # A reversal takes less than an interval, within which the speed changes evenly.
+    for t in range(speed.shape[1]):
+        for part in (np.arange(_PARTS) + 0.5) / _PARTS:
+            there = (1 - part) * speed[:, t] + part * following[:, t]
+            lacking = np.sign(there) - bent
+            late[:, t] += lacking / _PARTS
+            bent = np.sign(there) - lacking * np.exp(-np.abs(there) * interval / _PARTS / bend)
+    return late
 
 
 def _sized(column: Array, total: float) -> Array:

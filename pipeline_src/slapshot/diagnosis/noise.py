@@ -32,6 +32,8 @@ _SEARCH_OBSERVATIONS = 6000  # which tell white noise to a per cent, other sizes
 _STILL, _NEARLY_STILL = 0.01, 0.5  # nats that a round could still gain: at the last, and before
 _LAST_ROUNDS, _LAST_STILL = 4, 0.2  # the same with all observations, and rounds
 _SIZES = 3  # first values: sizes of columns
+_RATIOS = 0.5, 2.0, 10.0  # of coloured to white noise
+_GOOD_LAW, _NO_FORCE = np.log([1e-3]), np.log([1e-4])
 _FORCES = float(np.log(1e-6)), float(np.log(1e2))  # process force, in logarithms of usual torques
 
 
@@ -262,6 +264,11 @@ def fit_noise(
     ]
     longest = max(2 * segments.interval, L * segments.interval / 2)
 
+    def scaled(values: Array) -> Array:
+        """The same with so much noise that innovations have the size that they are expected to have."""
+        size = np.log(np.sqrt(np.mean(searched(values).e ** 2)))
+        return np.concatenate([values[:5], values[5 : 5 + count] + size, values[5 + count :]])
+
     def likeliest(jitter: float, jitters: tuple[float, float]) -> tuple[Array, list[tuple[float, float]]]:
         """Values from a jitter, and their limits, with those of the jitter in s."""
         limits = [*size_limits, _FORCES, tuple(np.log(jitters)), *[(-7.0, 7.0)] * count]
@@ -279,16 +286,17 @@ def fit_noise(
         limits += [(np.log(0.05), np.log(30.0))] * count
         limits += [(np.log(segments.interval), np.log(longest))] * count
         begins = [
-            np.concatenate([values[:3], [force], values[4:5], values[5:] - 0.5 * np.log1p(ratio**2),
-                            zero + np.log(ratio), zero + np.log(time)])
-            for ratio in (0.5, 2.0, 10.0)
-            for time in (4 * segments.interval, longest / 3)
-            for force in ((values[3], np.log(1e-4)) if ratio == 2.0 else (values[3],))
+            np.concatenate([values[:5], values[5:] - 0.5 * np.log1p(ratio**2), zero + np.log(ratio),
+                            zero + np.log(time)])
+            for ratio in _RATIOS for time in (4 * segments.interval, longest / 3)
         ]  # fmt: skip
-        if near and noise.coloured.any():
+        # A force that moves a joint as its readings wander explains them too: noise without any is another
+        # optimum, far from it, with as much noise as that leaves.
+        begins += [scaled(np.concatenate([_GOOD_LAW, values[1:3], _NO_FORCE, begin[4:]])) for begin in begins]
+        if noise.coloured.any():
             ratio = np.maximum(noise.coloured, 1e-12) / noise.white
             own = np.concatenate([zero, np.log(ratio[first]), np.log(noise.correlation_s[first])])
-            begins = [np.concatenate([now, own])]
+            begins = [*([] if near else begins), np.concatenate([now, own])]
         coloured, others = maximise(searched, begins, limits, still=still)
         if coloured - plain > _WORTH:
             values = others
@@ -371,7 +379,8 @@ def fit_process_force(system: Linear, prior: Prior, noise: Noise, interval: floa
     ]
     _, values = max(reached, key=lambda one: one[0])
     if len(some) < S:
-        _, values = maximise(penalised(np.arange(S)), [values], limits, rounds=_LAST_ROUNDS, still=_LAST_STILL)
+        every = penalised(np.arange(S))
+        _, values = maximise(every, [values], limits, rounds=_LAST_ROUNDS, still=_LAST_STILL)
     return of(values, noise)
 
 

@@ -86,10 +86,14 @@ class Problem:
         laws = _laws(rig, segments, scales, moved, self.fine)
         return Problem(rig, self.channels, segments, scales, moved, torque, laws, self.threads, self.fine)
 
-    def refined(self, path: Array) -> "Problem":
-        """The same with all shapes of errors of laws, along a path that was fitted."""
-        laws = _laws(self.rig, self.segments, self.situation, path, True)
-        return replace(self, laws=laws, path=path, fine=True, law_columns_told=None)
+    def along(self, path: Array, fine: bool = False) -> "Problem":
+        """The same with errors of laws along a path that was fitted, all shapes of them or those that matter.
+
+        Along the recorded path, the force of a stiff servo has the readings' noise in it: errors of its law
+        would pass for that noise.
+        """
+        laws = _laws(self.rig, self.segments, self.situation, path, fine)
+        return replace(self, laws=laws, path=path, fine=fine, law_columns_told=None)
 
     def with_law_error(self, law_error: float) -> "Problem":
         """The same with those columns of errors of laws alone that matter where laws err by so much."""
@@ -213,8 +217,25 @@ class Examination:
     pulses: Scan
 
 
+def first_look(problem: Problem, hypothesis: Hypothesis) -> tuple[Problem, Fit, Noise]:
+    """A hypothesis fitted from the recorded path, all that its laws lack being process force.
+
+    Returns:
+        The problem with errors of laws along the fitted path, the fit, and a first guess of the noise.
+    """
+    path = problem.path
+    fitter = Fitter(
+        problem.simulator, problem.segments, problem.torque, NUISANCE, problem.situation,
+        drifts=problem.drifts(problem.segments),
+    )  # fmt: skip
+    system, prior = fitter.system(hypothesis, hypothesis.start, path)
+    noise = fit_noise(system, prior, problem.first_noise, problem.segments, problem.kinds, last=False)
+    fit = fitter.fit(hypothesis, hypothesis.start, path, noise, rounds=8, known=system)
+    return problem.along(fit.path), fit, noise
+
+
 def examine(
-    problem: Problem, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise, *, passes: int = 1
+    problem: Problem, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise, *, near: bool = True
 ) -> Examination:
     """Fit a hypothesis and its noise, and score everything that it lacks.
 
@@ -224,33 +245,26 @@ def examine(
         theta: first values.
         path: first path.
         noise: where the search for noise begins.
-        passes: how often noise and fit follow each other.
+        near: whether the noise was fitted before, so that one start suffices.
     """
     fitter = problem.fitter
     present = {effect.key for effect in hypothesis.effects}
     effects = tuple(e for e in problem.catalogue if e.starts and e.key not in present)
     own = len(hypothesis.parameters)
     fixed = own + len(NUISANCE)
-    for number in range(passes):
-        # Passes before the last serve the path alone.
-        looks = looks_at(effects) if number == passes - 1 else []
-        system, prior = fitter.system(hypothesis, theta, path, looks)
-        candidate = np.zeros(len(prior.sd), bool)
-        candidate[fixed : fixed + len(looks)] = True
-        many = [
-            look.effect is not None and (look.effect.many_forms or is_free(look.effect)) for look in looks
-        ]
-        explains = ~candidate
-        explains[fixed : fixed + len(looks)] = ~np.array(many, bool)
-        part = _with(system, explains)
-        last = number == passes - 1
-        noise = fit_noise(
-            part, prior.select(explains), noise, problem.segments, problem.kinds, near=passes == 1, last=last
-        )
-        own_columns = _with(system, ~candidate), prior.select(~candidate)
-        left = fit_process_force(*own_columns, noise, problem.segments.interval) if last else noise
-        fit = fitter.fit(hypothesis, theta, path, left, rounds=8, known=system)
-        theta, path = fit.theta, fit.path
+    looks = looks_at(effects)
+    system, prior = fitter.system(hypothesis, theta, path, looks)
+    candidate = np.zeros(len(prior.sd), bool)
+    candidate[fixed : fixed + len(looks)] = True
+    many = [look.effect is not None and (look.effect.many_forms or is_free(look.effect)) for look in looks]
+    explains = ~candidate
+    explains[fixed : fixed + len(looks)] = ~np.array(many, bool)
+    noise = fit_noise(
+        _with(system, explains), prior.select(explains), noise, problem.segments, problem.kinds, near=near
+    )
+    own_columns = _with(system, ~candidate), prior.select(~candidate)
+    left = fit_process_force(*own_columns, noise, problem.segments.interval)
+    fit = fitter.fit(hypothesis, theta, path, left, rounds=8, known=system)
     # About the path before the last fit, which is as good a point: scores eliminate what the fit moved.
     found = innovations(system, noise.covariances(problem.segments.interval))
     fixed_columns = ~candidate

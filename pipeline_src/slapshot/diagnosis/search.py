@@ -20,7 +20,7 @@ from slapshot.diagnosis.inference.scores import scores, spread_over_information
 from slapshot.diagnosis.inference.selection import gains
 from slapshot.diagnosis.law_error import SLOW
 from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise, fit_noise, fit_process_force
-from slapshot.diagnosis.problem import Examination, Problem, examine
+from slapshot.diagnosis.problem import Examination, Problem, examine, first_look
 from slapshot.diagnosis.pulses import pushes
 from slapshot.diagnosis.shooting import shoot
 from slapshot.diagnosis.structure import same_effects
@@ -159,10 +159,11 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
 def nominal_step(problem: Problem, free: Sequence[JointEffect], rng: np.random.Generator) -> Step:
     """The nominal rig with its free parameters, fitted and tested."""
     base = problem.base(free)
-    examined = examine(problem, base, base.start, problem.path, problem.first_noise, passes=2)
+    problem, fit, noise = first_look(problem, base)
+    examined = examine(problem, base, fit.theta, fit.path, noise, near=False)
     if examined.noise.law_error <= _LARGE_LAW_ERROR:
         return Step(problem, examined, _test(examined, rng))
-    fine = problem.refined(examined.fit.path)
+    fine = problem.along(examined.fit.path, fine=True)
     examined = examine(fine, base, examined.fit.theta, examined.fit.path, examined.noise)
     step = Step(fine, examined, _test(examined, rng))
     if step.test.p_value >= P_VALUE:

@@ -38,12 +38,12 @@ def test_every_effect_has_one():
 
 def rotor(
     start: tuple[float, float] = (0, 0), *, joint: str = "", actuator: str = "",
-    commands: Commands = lambda t: [], **rest: float,
+    commands: Commands = lambda t: [], integrator: str = "Euler", **rest: float,
 ) -> Bench:  # fmt: skip
     """A balanced hinge with an inertia of INERTIA, or a slide with that mass, without gravity."""
     channels = {"q": reads(joint="j")} | ({"u": tells("a")} if actuator else {})
     return bench(
-        f"""<option gravity="0 0 0" timestep="{STEP}"/><worldbody><body name="b">
+        f"""<option gravity="0 0 0" timestep="{STEP}" integrator="{integrator}"/><worldbody><body name="b">
         <joint name="j" axis="0 1 0" {joint}/>
         <inertial pos="0 0 0" mass="{INERTIA}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/></body>
         </worldbody><actuator>{actuator}</actuator>""",
@@ -110,6 +110,26 @@ def test_dry_friction_stops_a_joint_where_its_work_is_its_energy(way):
     rough = rotor((0, way * 2.0), joint='frictionloss="2"')
     less = rough.moved(rough.effect("coulomb_friction"), -1.0)
     assert less.v() == pytest.approx(way * np.maximum(2.0 - 1.0 / INERTIA * less.t, 0), abs=0.03)
+
+
+@both_ways
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+def test_dry_friction_turns_around_with_the_velocity_and_holds(way, integrator):
+    """A torque slows a joint down and drives it back: slower by friction on both ways."""
+    back, friction = 4.0, 0.4
+    driven = rotor(
+        (0, way * 2.0), actuator=MOTOR, commands=lambda t: [-way * back + 0 * t], integrator=integrator
+    )
+    motion = driven.moved(driven.effect("coulomb_friction"), friction)
+    there = 2.0 - (back + friction) / INERTIA * motion.t
+    v = np.where(there > 0, there, there * (back - friction) / (back + friction))
+    # A step early or late by one step, in which friction does twice what it does.
+    assert motion.v() == pytest.approx(way * v, abs=2 * friction / INERTIA * STEP)
+    push = way * 0.9 * friction
+    held = rotor(actuator=MOTOR, commands=lambda t: [push + 0 * t], integrator=integrator)
+    still = held.moved(held.effect("coulomb_friction"), friction)
+    # What the constraint's greatest stiffness, of 1 in 10,000, lets through.
+    assert still.v() == pytest.approx(0, abs=2e-4 * 0.9 * friction / INERTIA * STEP)
 
 
 @answers("direction_friction")

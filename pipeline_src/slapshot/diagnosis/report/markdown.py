@@ -149,8 +149,8 @@ def _what(verdict: Verdict, augmented: bool) -> list[str]:
         if effect.rivals:
             parts.append(
                 f"The recording cannot tell it from {escaped(rivals_text(effect.rivals))}. Told are rivals "
-                "within a factor of 20, and those that explain more by more parameters; the one that is named is "
-                "the simplest of those that do nearly the same, not the only one possible."
+                "within a factor of 20, and those that explain more by more parameters; the one that is "
+                "named is the simplest of those that do nearly the same, not the only one possible."
             )
     if augmented:
         parts.append(

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import mujoco
 
 from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation
+from slapshot.effects.joints.parts import add_friction
 
 
 class CoulombFriction(JointEffect):
@@ -29,4 +30,4 @@ class CoulombFriction(JointEffect):
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Add to the joint's friction loss."""
-        model.dof_frictionloss[self._joint.v] += values[0]
+        add_friction(model, self._joint.v, values[0])

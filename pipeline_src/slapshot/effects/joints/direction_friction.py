@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.parts import add_friction
 
 
 class DirectionFriction(JointEffect):
@@ -35,7 +36,7 @@ class DirectionFriction(JointEffect):
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Add the mean of both directions to the joint's friction loss."""
-        model.dof_frictionloss[self._joint.v] += (values[0] + values[1]) / 2
+        add_friction(model, self._joint.v, (values[0] + values[1]) / 2)
 
     def force(self, state: State, values: Array) -> Array:
         """Half the difference, towards negative.

@@ -9,6 +9,7 @@ import numpy as np
 from slapshot.effects.joints.effect import Array, Parameter, Situation
 
 _COUNTS = 1e-3  # of the whole mass: lighter bodies cannot be told
+_STIFFEST = 0.9999  # impedance that MuJoCo allows
 
 
 def shown(name: str) -> str:
@@ -101,3 +102,18 @@ def add_point_mass(model: mujoco.MjModel, body: int, mass: float, place: Array) 
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(vectors).ravel())
     model.body_mass[body], model.body_ipos[body] = total, middle
     model.body_inertia[body], model.body_iquat[body] = principal, quaternion
+
+
+def add_friction(model: mujoco.MjModel, dof: int, torque: float) -> None:
+    """Add Coulomb friction to a degree of freedom.
+
+    MuJoCo's friction pulls a joint to the velocity at which its constraint decays, by default in 10 ms: a
+    joint that slows down faster feels friction turn around before it does. Where a model has no friction of
+    its own, the constraint stops the joint in one of its steps, or in half of one where the integrator stays
+    stable: that is Coulomb's law.
+    """
+    if model.dof_frictionloss[dof] == 0:
+        runge_kutta = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+        model.dof_solref[dof] = -1.0, -(2.0 if runge_kutta else 1.0) / model.opt.timestep
+        model.dof_solimp[dof, :2] = _STIFFEST
+    model.dof_frictionloss[dof] += torque

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.parts import add_friction
 
 
 class StribeckFriction(JointEffect):
@@ -37,7 +38,7 @@ class StribeckFriction(JointEffect):
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Add the friction at speed to the joint's friction loss."""
-        model.dof_frictionloss[self._joint.v] += values[0]
+        add_friction(model, self._joint.v, values[0])
 
     def force(self, state: State, values: Array) -> Array:
         """The excess near rest."""
