@@ -24,7 +24,8 @@ _CENTRES, _WIDTH, _NARROW = np.linspace(-6.0, 6.0, 21), 0.6, 0.2
 _COARSE, _FINE = (0.02, 8), (1e-5, 120)
 _WHOLE = 0.2  # size of a change of the whole law, over that of the errors in shape
 LATE_S = (0.005, 0.01, 0.02)  # by which a law may follow its state late, as friction does after a reversal
-SLOW = (0.05, 0.2)  # of the usual speed, where a friction may be another than farther from rest
+# Of the usual speed: where a friction may be anything, and where it may be another than farther from rest.
+REST, SLOW = 0.05, 0.2
 _PART = 0.4  # size of an error near rest or in time, over that of the errors in shape
 _FLAT = 1e-6  # of shapes, which are of size 1
 BENDS = (1e-3, 4e-3)  # of the travel, by which a friction may bend before it slips
@@ -152,9 +153,8 @@ def own_law_errors(
         columns += [law * errors[..., k] * share for k, share in enumerate(shapes.share)]
         # Where a friction holds fast it does nothing, and a share of it would be nothing too.
         speed = state.v[:, joint.v].reshape(S, L)
-        for slow in SLOW if effect.friction else ():
-            near_rest = np.tanh(speed / joint.step_speed) * np.exp(-((speed / (slow * joint.speed)) ** 2))
-            columns.append(_sized(system.B[..., joint.v] * near_rest[..., None], total))
+        if effect.friction:
+            columns.append(_sized(system.B[..., joint.v] * _near(speed, SLOW, joint)[..., None], total))
         for nodes in sorted({max(1, round(late / interval)) for late in LATE_S}):
             columns.append(_sized(_late(law, nodes), total))
     columns = [column for column in columns if np.any(column)]
@@ -164,10 +164,11 @@ def own_law_errors(
 def presliding(
     system: Linear, hypothesis: Hypothesis, theta: Array, rig: Situation, state: State, interval: float
 ) -> Array:
-    """Columns of what frictions that a hypothesis adds do before they slip (Dahl 1968).
+    """Columns of what frictions that a hypothesis adds do near rest and before they slip (Dahl 1968).
 
-    A friction turns with the distance since the last reversal, not at once: that is small, but leaves another
-    speed after every reversal, which predictions tell long after.
+    A friction turns with the distance since the last reversal, not at once, and at rest may be more or less,
+    whatever it does in motion: that is short, but leaves another speed after every reversal, which is seen
+    long after.
 
     Args:
         system: with the hypothesis' own columns first.
@@ -178,7 +179,7 @@ def presliding(
         interval: s from node to node.
 
     Returns:
-        (S, L, n, k), one for each friction and bend, as large as the friction makes it.
+        (S, L, n, k), of each friction one for each bend and one near rest, as large as it makes them.
     """
     S, L, n, _ = system.W.shape
     columns = []
@@ -195,10 +196,15 @@ def presliding(
         level = friction[np.abs(speed) > joint.step_speed]
         if not len(level):
             continue
-        for bend in BENDS:
-            late = before_slip(speed, interval, bend * joint.travel)
-            columns.append(force * (float(np.median(level)) * late)[..., None])
+        shapes = [before_slip(speed, interval, bend * joint.travel) for bend in BENDS]
+        shapes.append(_near(speed, REST, joint))
+        columns += [force * (float(np.median(level)) * shape)[..., None] for shape in shapes]
     return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
+
+
+def _near(speed: Array, slow: float, joint: Joint) -> Array:
+    """A sign of the speed that is 0 away from rest."""
+    return np.asarray(np.tanh(speed / joint.step_speed) * np.exp(-((speed / (slow * joint.speed)) ** 2)))
 
 
 def before_slip(speed: Array, interval: float, bend: float) -> Array:

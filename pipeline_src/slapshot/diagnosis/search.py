@@ -297,7 +297,7 @@ def _away_from_rest(step: Step, part: str) -> NDArray[np.bool_]:
     joint = next(joint for joint in problem.situation.joints if joint.name == part)
     path = step.examination.fit.path[problem.segments.inside]
     speed = np.abs(path[:, problem.simulator.tangent.nq + joint.v])
-    return np.asarray(speed > 2 * SLOW[-1] * joint.speed)
+    return np.asarray(speed > 2 * SLOW * joint.speed)
 
 
 def _change(step: Step, rival: Rival) -> Array:

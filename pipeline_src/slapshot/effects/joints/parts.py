@@ -109,11 +109,9 @@ def add_friction(model: mujoco.MjModel, dof: int, torque: float) -> None:
 
     MuJoCo's friction pulls a joint to the velocity at which its constraint decays, by default in 10 ms: a
     joint that slows down faster feels friction turn around before it does. Where a model has no friction of
-    its own, the constraint stops the joint in one of its steps, or in half of one where the integrator stays
-    stable: that is Coulomb's law.
+    its own, the constraint stops the joint in one of its steps: that is Coulomb's law.
     """
     if model.dof_frictionloss[dof] == 0:
-        runge_kutta = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        model.dof_solref[dof] = -1.0, -(2.0 if runge_kutta else 1.0) / model.opt.timestep
+        model.dof_solref[dof] = -1.0, -1.0 / model.opt.timestep
         model.dof_solimp[dof, :2] = _STIFFEST
     model.dof_frictionloss[dof] += torque
