@@ -54,6 +54,16 @@ def test_an_effect_that_makes_errors_larger_is_dropped_though_windows_are_more_l
     assert list(cut.named) == effects[:1]
 
 
+@pytest.mark.parametrize(("apart", "kept"), [(1.99, 2), (2.01, 1)])
+def test_an_effect_that_no_held_out_window_shows_stays(monkeypatch, apart, kept):
+    """Of one reading, two standard deviations apart: two nats are expected to tell."""
+    rig, _, of, _ = arm_situation(20)
+    effects = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
+    predictions(monkeypatch, [0.0, 50.0, 49.0], apart=apart)
+    cut, _ = diagnose._arms(searched(rig, effects), None, None, lambda text: None)
+    assert list(cut.named) == effects[:kept]
+
+
 def test_a_push_needs_no_held_out_window_to_show_it(monkeypatch):
     rig, _, of, _ = arm_situation(20)
     push = ExternalPulse(of.joints[0], [Pulse(0, 0.0, 0.1, 0.2)])
@@ -114,8 +124,11 @@ def searched(rig, effects: list[JointEffect]) -> Search:
     return Search(tuple(steps), ())
 
 
-def predictions(monkeypatch, likelihoods: list[float], clumsy: int | None = None) -> None:
-    """Likelihood of held-out windows by the number of effects; errors fall, but for so many."""
+def predictions(monkeypatch, likelihoods: list[float], clumsy: int | None = None, apart: float = 3.0) -> None:
+    """Likelihood of held-out windows by the number of effects; errors fall, but for so many.
+
+    Predictions of so many effects and of one more differ by `apart` standard deviations of a reading.
+    """
     monkeypatch.setattr(held_out, "first_path", lambda *a: None)
     monkeypatch.setattr(held_out, "own_noise", lambda *a: (None, None))
 
@@ -123,6 +136,7 @@ def predictions(monkeypatch, likelihoods: list[float], clumsy: int | None = None
         value = np.array([likelihoods[len(hypothesis.effects)]])
         count = len(hypothesis.effects)
         error = np.full((1, 1, 1), 2.0 if count == clumsy else 1 / (1 + count))
-        return SimpleNamespace(log_likelihood=value, error=error, floor=np.ones((1, 1, 1)))
+        ones = np.ones((1, 1, 1))
+        return SimpleNamespace(log_likelihood=value, error=error, floor=ones, predicted=apart * count * ones)
 
     monkeypatch.setattr(held_out, "predict", predict)

@@ -52,6 +52,7 @@ _FEWEST_SEGMENTS = 5
 _FULL = 0.75  # share of two windows that must have been recorded
 _HALF_90, _ONE_SIDED_95 = 1.645, 1.645
 _RESAMPLES = 1000
+_TOLD_NATS = 2.0  # two standard deviations of what noise makes of it
 
 
 @dataclass(frozen=True)
@@ -318,6 +319,8 @@ def _verdict(
         if not held_up:
             said = [*said, "what was named does not predict held-out windows better, so no name is given"]
             named = ()
+    if named and not told_apart(arms[1].predictions, arms[2].predictions):
+        said = [*said, "no held-out window shows what is named: nothing but the fit speaks for it"]
     left = last.test.p_value
     flagged = missing and (left < P_VALUE or worse[1] or not named)
     headline = "nothing_found"
@@ -379,9 +382,21 @@ def problem_kinds(rig: Rig) -> dict[str, NDArray[np.intp]]:
     return {kind: np.array(columns) for kind, columns in kinds.items()}
 
 
+def told_apart(old: Predictions, new: Predictions) -> bool:
+    """Whether held-out windows could say which of two predictions is better, were the readings' noise white.
+
+    Half the squared difference over the noise is what the better one is expected to gain, in nats. A limit
+    that is reached once in a while need not have been reached in any window.
+    """
+    shift = (new.predicted - old.predicted) / np.maximum(old.floor, 1e-12)
+    return bool(np.sum(shift[np.isfinite(old.error)] ** 2) / 2 > _TOLD_NATS)
+
+
 def _improves(before: Prediction, after: Prediction) -> bool:
-    """Whether held-out windows are more likely, and errors in them smaller."""
+    """Whether held-out windows are more likely, and errors in them smaller; or they tell nothing of it."""
     old, new = before.predictions, after.predictions
+    if not told_apart(old, new):
+        return True
     scale = np.maximum(old.floor.mean(axis=(0, 1)), 1e-12)
     errors = [float(np.nanmean((arm.error / scale) ** 2)) for arm in (old, new)]
     return bool(errors[1] < errors[0] and new.log_likelihood.sum() > old.log_likelihood.sum())

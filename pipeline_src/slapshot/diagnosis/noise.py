@@ -30,7 +30,8 @@ _WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice it
 _SEARCH_SEGMENTS = 8
 _SEARCH_OBSERVATIONS = 6000  # which tell white noise to a per cent, other sizes to some ten
 _STILL, _NEARLY_STILL = 0.01, 0.5  # nats that a round could still gain: at the last, and before
-_LAST_ROUNDS, _LAST_STILL = 4, 0.2  # the same with all observations, and rounds
+# The same with all observations, and rounds: from where a part of them led, one is enough in theory (Le Cam).
+_LAST_ROUNDS, _LAST_STILL = 2, 0.2
 _SIZES = 3  # first values: sizes of columns
 _RATIOS = 0.5, 2.0, 10.0  # of coloured to white noise
 _GOOD_LAW, _NO_FORCE = np.log([1e-3]), np.log([1e-4])

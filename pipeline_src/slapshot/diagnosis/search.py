@@ -142,14 +142,19 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     if not steps[0].examination.fit.settled:
         return Search(tuple(steps), tuple(free))
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MOST_EFFECTS:
-        step = _extended(steps[-1], rng, report)
-        if step is None:
+        try:
+            step = _extended(steps[-1], rng, report)
+            if step is None:
+                break
+            steps.append(step)
+            if len(steps) == 2 and step.test.p_value < P_VALUE:
+                other = _structured(steps[0], step, rng, report)
+                if other is not None:
+                    steps[-1] = other
+        except np.linalg.LinAlgError:
+            # What was found so far stands, and its test says that something is left.
+            report("a refit diverges: the search ends")
             break
-        steps.append(step)
-        if len(steps) == 2 and step.test.p_value < P_VALUE:
-            other = _structured(steps[0], step, rng, report)
-            if other is not None:
-                steps[-1] = other
     final = _pruned(steps[-1], free, rng, report)
     if final is not steps[-1]:
         steps.append(final)
@@ -263,13 +268,16 @@ def _raced(
     raced = []
     for effect, first in candidates:
         hypothesis = base.with_effect(effect)
-        starts = (first, -first) if effect.both_signs else (first,)
+        starts: tuple[Array, ...] = (first, -first) if effect.both_signs else (first,)
+        if len(effect.starts) > len(effect.parameters):
+            starts = tuple(np.array(start) for start in effect.starts)
         fits = [
             fitter.fit(hypothesis, np.concatenate([theta, start]), path, noise, _RACE_ROUNDS, known=system)
             for start in starts
         ]
-        fit = max(fits, key=lambda fit: fit.log_evidence)
-        if not idle(effect, fit):
+        does = [fit for fit in fits if not idle(effect, fit)]
+        if does:
+            fit = max(does, key=lambda fit: fit.log_evidence)
             raced.append((effect, fit.theta[len(theta) :], (fit.log_evidence - none) * S / len(some)))
     return sorted(raced, key=lambda candidate: -candidate[2])
 

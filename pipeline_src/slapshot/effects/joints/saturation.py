@@ -32,8 +32,8 @@ class Saturation(JointEffect):
 
     @property
     def starts(self) -> tuple[tuple[float, ...], ...]:
-        """A little and much cut off."""
-        return ((0.1,), (0.3,), (0.6,))
+        """A little and much cut off: a limit that is never reached would not tell which way to go."""
+        return ((0.02,), (0.1,), (0.3,), (0.6,))
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Limit the force before the gear; what the model already limits more tightly stays."""
