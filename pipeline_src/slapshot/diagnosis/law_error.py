@@ -134,14 +134,7 @@ def own_law_errors(
     """
     S, L, n, _ = system.W.shape
     columns = []
-    joints = {joint.name: joint for joint in rig.joints}
-    for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
-        joint = joints.get(effect.part)
-        if not effect.empirical or joint is None:
-            continue
-        # Parameters of size alone: what they do is in proportion to them.
-        sizes = [k for k in range(part.start, part.stop) if effect.parameters[k - part.start].start == 0]
-        law = system.W[..., sizes] @ theta[sizes]
+    for effect, joint, law in _added(system, hypothesis, theta, rig):
         weight = np.sum(law**2, axis=-1).reshape(-1)
         total = float(weight.sum())
         if total <= 0:
@@ -183,14 +176,11 @@ def presliding(
     """
     S, L, n, _ = system.W.shape
     columns = []
-    joints = {joint.name: joint for joint in rig.joints}
-    for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
-        joint = joints.get(effect.part)
-        if not effect.friction or joint is None:
+    for effect, joint, law in _added(system, hypothesis, theta, rig):
+        if not effect.friction:
             continue
-        sizes = [k for k in range(part.start, part.stop) if effect.parameters[k - part.start].start == 0]
         # The friction is what it does in the direction of a held force, by least squares.
-        law, force = system.W[..., sizes] @ theta[sizes], system.B[..., joint.v]
+        force = system.B[..., joint.v]
         friction = np.abs(np.sum(law * force, axis=-1)) / np.maximum(np.sum(force**2, axis=-1), 1e-300)
         speed = state.v[:, joint.v].reshape(S, L)
         level = friction[np.abs(speed) > joint.step_speed]
@@ -200,6 +190,18 @@ def presliding(
         shapes.append(_near(speed, REST, joint))
         columns += [force * (float(np.median(level)) * shape)[..., None] for shape in shapes]
     return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
+
+
+def _added(
+    system: Linear, hypothesis: Hypothesis, theta: Array, rig: Situation
+) -> Iterator[tuple[JointEffect, Joint, Array]]:
+    """Empirical laws that a hypothesis adds to joints, with what they do, (S, L, n)."""
+    joints = {joint.name: joint for joint in rig.joints}
+    for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
+        if effect.empirical and effect.part in joints:
+            # Parameters of size alone: what they do is in proportion to them.
+            sizes = [k for k in range(part.start, part.stop) if effect.parameters[k - part.start].start == 0]
+            yield effect, joints[effect.part], system.W[..., sizes] @ theta[sizes]
 
 
 def _near(speed: Array, slow: float, joint: Joint) -> Array:

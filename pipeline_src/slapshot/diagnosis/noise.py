@@ -286,18 +286,21 @@ def fit_noise(
         plain, values = maximise(searched, begins, limits, still=still)
         limits += [(np.log(0.05), np.log(30.0))] * count
         limits += [(np.log(segments.interval), np.log(longest))] * count
-        begins = [
-            np.concatenate([values[:5], values[5:] - 0.5 * np.log1p(ratio**2), zero + np.log(ratio),
-                            zero + np.log(time)])
-            for ratio in _RATIOS for time in (4 * segments.interval, longest / 3)
-        ]  # fmt: skip
-        # A force that moves a joint as its readings wander explains them too: noise without any is another
-        # optimum, far from it, with as much noise as that leaves.
-        begins += [scaled(np.concatenate([_GOOD_LAW, values[1:3], _NO_FORCE, begin[4:]])) for begin in begins]
+        begins = []
         if noise.coloured.any():
             ratio = np.maximum(noise.coloured, 1e-12) / noise.white
             own = np.concatenate([zero, np.log(ratio[first]), np.log(noise.correlation_s[first])])
-            begins = [*([] if near else begins), np.concatenate([now, own])]
+            begins = [np.concatenate([now, own])]
+        if not (near and begins):
+            usual = [
+                np.concatenate([values[:5], values[5:] - 0.5 * np.log1p(ratio**2), zero + np.log(ratio),
+                                zero + np.log(time)])
+                for ratio in _RATIOS for time in (4 * segments.interval, longest / 3)
+            ]  # fmt: skip
+            # A force that moves a joint as its readings wander explains them too: noise without any is
+            # another optimum, far from it, with as much noise as that leaves.
+            quiet = np.concatenate([_GOOD_LAW, values[1:3], _NO_FORCE])
+            begins += [*usual, *(scaled(np.concatenate([quiet, begin[4:]])) for begin in usual)]
         coloured, others = maximise(searched, begins, limits, still=still)
         if coloured - plain > _WORTH:
             values = others
