@@ -15,7 +15,7 @@ from slapshot.lab.joints.order import Colour, Condition, Order
 from slapshot.lab.joints.registry import KINDS
 from slapshot.lab.joints.rigs import rig_named
 
-_RIGS = {"pendulum": 0.35, "arm": 0.4, "kuka": 0.25}  # shares
+_RIGS = {"pendulum": 0.42, "arm": 0.46, "kuka": 0.12}  # shares; a KUKA takes as long as four arms
 _COLOURS = (0.5, 0.25, 0.25)  # shares of white noise and of noise with correlation times of 20 and 100 ms
 _QUANTISED = (0.15, (5e-4, 1e-3, 2e-3))  # share of recordings with coarse encoders, and their steps in rad
 
@@ -56,11 +56,12 @@ class _Group:
             yield rig, (first, *rng.choice(others, self.together - 1, replace=False).tolist())
 
 
+_EPISODES = 10  # of a session: with twenty, the full list takes ten hours of a core
+
 _FULL = (
-    _Group("null", 110),
-    _Group("null, cluttered", 60, cluttered=True),
-    _Group("single", 110, together=1),
-    _Group("single, cluttered", 22, together=1, cluttered=True),
+    _Group("null", 102),
+    _Group("null, cluttered", 51, cluttered=True),
+    _Group("single", 104, together=1),
     _Group("pair", 40, together=2),
     _Group("uncatalogued", 42, together=1, catalogued=False),
 )
@@ -90,7 +91,7 @@ def draw_list(groups: Sequence[_Group], prefix: str) -> list[Case]:
             quantised=float(rng.choice(steps)) if rng.uniform() < share else None,
         )
         conceals = tuple((kind, float(f"{size:.3g}")) for kind, size in zip(kinds, sizes, strict=True))
-        order = Order(rig, secrets.randbits(48), conceals, condition)
+        order = Order(rig, secrets.randbits(48), conceals, condition, _EPISODES)
         cases.append(Case(f"{prefix}{number:04d}", group.condition, order))
     return cases
 
