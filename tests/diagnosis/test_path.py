@@ -43,6 +43,18 @@ def test_joints_follow_what_was_recorded():
     assert np.all(x[..., [0, 2]] == 0)
 
 
+def test_what_nobody_observed_rests_at_the_keyframe():
+    home = '<keyframe><key name="home" qpos="0.3 -0.2"/></keyframe></mujoco>'
+    t = np.arange(100) * 0.01
+    rig, segments = cut_up(ARM.replace("</mujoco>", home), t, {"e": (joint("elbow"), np.sin(3 * t))})
+    x = recorded_path(rig, segments)
+    assert np.all(x[..., 0] == 0.3)
+    assert np.all(x[..., 2] == 0)
+    np.testing.assert_allclose(
+        x[segments.inside][:, 1], np.sin(3 * segments.time[segments.inside]), atol=5e-4
+    )
+
+
 def test_gaps_and_jitter_are_bridged():
     rng = np.random.default_rng(2)
     t = np.arange(300) * 0.01

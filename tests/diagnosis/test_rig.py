@@ -7,7 +7,7 @@ from mujoco import MjSpec
 from slapshot.diagnosis.hypothesis import Simulator
 from slapshot.diagnosis.rig import bind, load_spec
 from slapshot.errors import InputError
-from slapshot.recordings.channels import Channel
+from slapshot.recordings.channels import QUATERNION, Channel
 
 from .mechanisms import ARM, BRICK, HANGER, PENDULUM, joint, place, told
 
@@ -85,7 +85,7 @@ def test_channels_find_their_parts():
         "effort": joint("shoulder", "torque", "N m"),
     }
     rig = bind(spec(ARM), channels, "arm", ("link_mass",))
-    assert [(c.actuator, c.channel) for c in rig.controls] == [("servo", "servo")]
+    assert [(c.input, c.channel) for c in rig.controls] == [("servo", "servo")]
     told_of = [(o.channel, o.quantity, o.dof, o.part) for o in rig.observations]
     assert told_of == [
         ("angle", "position", 1, "elbow"),
@@ -114,7 +114,7 @@ def test_the_users_model_is_left_as_it_is():
 
 def test_a_torque_on_a_joint_without_actuator_gets_a_motor():
     rig = bind(spec(ARM), {"angle": joint("elbow"), "torque": told(joint="elbow")})
-    assert [(c.actuator, c.channel) for c in rig.controls] == [("servo", None), ("slapshot:elbow", "torque")]
+    assert [(c.input, c.channel) for c in rig.controls] == [("servo", None), ("slapshot:elbow", "torque")]
     x, u = np.array([[0.1, 0.2, 0.3, 0.4]]), np.array([[[0.0, 0.7]]])
     _, _, torque = Simulator(rig).run(rig.model, x, u)
     np.testing.assert_allclose(torque, [[-30 * 0.1 - 2 * 0.3, 0.7]], atol=1e-12)
@@ -129,7 +129,7 @@ def test_a_rig_can_be_bound_again():
     """As a rig is that an effect restructures: its motors are there already."""
     channels = {"angle": joint("elbow"), "torque": told(joint="elbow")}
     again = bind(bind(spec(ARM), channels).spec, channels)
-    assert [c.actuator for c in again.controls] == ["servo", "slapshot:elbow"]
+    assert [c.input for c in again.controls] == ["servo", "slapshot:elbow"]
 
 
 def test_torques_on_ball_and_free_joints_act_about_the_axis_that_is_told():
@@ -251,7 +251,7 @@ def test_a_urdf_is_read_without_its_meshes(tmp_path):
     mujoco.mj_forward(model, data)
     assert data.qfrc_bias[0] == pytest.approx(9.81 * (0.64 * 0.2 + 0.1 * 0.4) * np.sin(0.5), rel=1e-9)
     rig = bind(load_spec(file), {"angle": joint("Joint1"), "torque": told(joint="Joint1")})
-    assert rig.controls[0].actuator == "slapshot:Joint1"
+    assert rig.controls[0].input == "slapshot:Joint1"
 
 
 def test_options_for_mujoco_in_a_urdf_stay(tmp_path):
@@ -292,7 +292,73 @@ DELAYED = PENDULUM.replace('joint="swing"/>', 'joint="swing" nsample="3" delay="
 ANGLE = {"angle": joint("swing")}
 
 
+# A cart on a rail that a mocap body drags along, as environments drag grippers.
+DRAGGED = """
+<mujoco>
+  <option timestep="0.004" gravity="0 0 0" integrator="implicitfast"/>
+  <worldbody>
+    <body name="handle" mocap="true" pos="0.5 0 0"/>
+    <body name="cart">
+      <joint name="rail" type="slide" axis="1 0 0" damping="2"/>
+      <joint name="yaw" axis="0 0 1"/>
+      <inertial mass="2" pos="0 0 0" diaginertia="1 1 1"/>
+    </body>
+  </worldbody>
+  <equality><weld body1="handle" body2="cart" relpose="0 0 0 1 0 0 0"/></equality>
+  <keyframe><key name="home" qpos="0.4 0.1"/></keyframe>
+</mujoco>
+"""
+
+
+def handle(component: str) -> Channel:
+    unit = "1" if component.startswith("q") else "m"
+    return control("position", unit, body="handle", component=component)
+
+
+def test_a_mocap_body_is_an_input():
+    channels = {"position": joint("rail"), "z": handle("z"), "w": handle("qw"), "x": handle("x")}
+    rig = bind(spec(DRAGGED), channels)
+    assert [one.input for one in rig.controls] == [f"handle {c}" for c in ("x", "y", "z", *QUATERNION)]
+    assert [one.channel for one in rig.controls] == ["x", None, "z", "w", None, None, None]
+    unbound = bind(spec(DRAGGED), {"a": joint("rail")})
+    assert [one.rest for one in unbound.controls] == [0.5, 0, 0, 1, 0, 0, 0]
+
+    rng = np.random.default_rng(1)
+    u = np.concatenate([0.3 * rng.standard_normal((20, 3)), rng.standard_normal((20, 4))], axis=1)
+    model = mujoco.MjModel.from_xml_string(DRAGGED)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = (0.3, 0.2), (0.1, -0.1)
+    start = np.concatenate([data.qpos, data.qvel])
+    states = []
+    for pose in u:
+        data.mocap_pos[0], data.mocap_quat[0] = pose[:3], pose[3:]
+        states.append(np.concatenate([data.qpos, data.qvel]))
+        mujoco.mj_step(model, data)
+    simulator = Simulator(rig)
+    found, _ = simulator.trajectory(rig.model, start[None], u[None, :, None])
+    np.testing.assert_allclose(found[0], states, rtol=1e-9, atol=1e-12)
+    assert np.ptp(found[0, :, 0]) > 1e-3
+    end, first, _ = simulator.run(rig.model, start[None], u[None])
+    np.testing.assert_allclose(end[0], np.concatenate([data.qpos, data.qvel]), rtol=1e-9, atol=1e-12)
+    assert first[0, 0] == 0.3
+
+
 REFUSED = {
+    "a control of a body that moves by itself": (
+        DRAGGED,
+        {"x": control("position", "m", body="cart", component="x"), "y": joint("rail")},
+        "only mocap bodies are controlled",
+    ),
+    "a control of a site": (
+        PENDULUM,
+        {"x": control("position", "m", site="tip", component="x"), "y": joint("swing")},
+        "a site is no input",
+    ),
+    "a body that is not there": (
+        DRAGGED,
+        {"x": control("position", "m", body="grip", component="x"), "y": joint("rail")},
+        "the model has no body 'grip'",
+    ),
     "no such joint": (ARM, {"a": joint("wrist")}, "the model has no joint 'wrist'; it has: shoulder, elbow"),
     "no such site": (ARM, {"a": place("site", "foot", "x")}, "no site 'foot'; it has: hand"),
     "no such body": (ARM, {"a": place("body", "foot", "x")}, "no body 'foot'; it has: world, upper, lower"),

@@ -205,7 +205,7 @@ def free_effects(rig: Rig, problem: Problem) -> tuple[JointEffect, ...]:
 
 def _unbound(rig: Rig) -> list[str]:
     return [
-        f"actuator {control.actuator} has no recorded control: it counts as 0"
+        f"input {control.input} has no recorded control: it counts as {control.rest:.4g}"
         for control in rig.controls
         if control.channel is None
     ]

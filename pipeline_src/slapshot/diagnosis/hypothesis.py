@@ -16,7 +16,16 @@ from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, Sta
 
 Array = NDArray[np.float64]
 
-_CONTROL = mujoco.mjtState.mjSTATE_CTRL.value | mujoco.mjtState.mjSTATE_QFRC_APPLIED.value
+# In the order in which MuJoCo has them.
+_CONTROL = sum(
+    part.value
+    for part in (
+        mujoco.mjtState.mjSTATE_CTRL,
+        mujoco.mjtState.mjSTATE_QFRC_APPLIED,
+        mujoco.mjtState.mjSTATE_MOCAP_POS,
+        mujoco.mjtState.mjSTATE_MOCAP_QUAT,
+    )
+)
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 _JOINTPOS, _JOINTVEL = int(mujoco.mjtSensor.mjSENS_JOINTPOS), int(mujoco.mjtSensor.mjSENS_JOINTVEL)
 _GAINS = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
@@ -155,21 +164,17 @@ class Simulator:
         Args:
             model: of the rig's sizes.
             x: (n, nq + nv + na).
-            u: (n, steps, nu).
+            u: (n, steps, nu), for the inputs of the rig's controls.
             force: (n, nv) generalised force; None for none.
 
         Returns:
             (n, nq + nv + na) next states, and of the first states (n, ny) observations and (n, nv) actuator
             forces.
         """
-        n, steps, nu = u.shape
-        nv = model.nv
+        n = len(u)
         initial = np.zeros((n, mujoco.mj_stateSize(model, _STATE)))
         initial[:, 1 : 1 + x.shape[1]] = x
-        control = np.zeros((n, steps, nu + nv))
-        control[..., :nu] = u
-        if force is not None:
-            control[..., nu:] = force[:, None]
+        control = _inputs(model, u, force)
         state, sensed = rollout.rollout(
             model, self._data, initial, control, control_spec=_CONTROL, skip_checks=False
         )
@@ -200,9 +205,8 @@ class Simulator:
         n, nodes, substeps, nu = u.shape
         initial = np.zeros((n, mujoco.mj_stateSize(model, _STATE)))
         initial[:, 1 : 1 + x.shape[1]] = x
-        control = u.reshape(n, nodes * substeps, nu)
-        spec = mujoco.mjtState.mjSTATE_CTRL.value
-        state, sensed = rollout.rollout(model, self._data, initial, control, control_spec=spec)
+        control = _inputs(model, u.reshape(n, nodes * substeps, nu))
+        state, sensed = rollout.rollout(model, self._data, initial, control, control_spec=_CONTROL)
         # A state of the result stands at the end of its step, a reading at its beginning.
         after = state[:, substeps - 1 :: substeps, 1 : 1 + x.shape[1]]
         states = np.concatenate([x[:, None], after[:, :-1]], axis=1)
@@ -255,6 +259,14 @@ class Simulator:
     def _torque(self, model: mujoco.MjModel, x: Array, u: Array) -> Array:
         """Actuator forces at states; of stateless linear actuators on joints without a simulation."""
         return actuator_torque(model, x, u[:, 0], self._loads)
+
+
+def _inputs(model: mujoco.MjModel, u: Array, force: Array | None = None) -> Array:
+    """What MuJoCo is given in every step, (n, steps, ...), with a force (n, nv) that is held."""
+    held = np.zeros((*u.shape[:2], model.nv))
+    if force is not None:
+        held[:] = force[:, None]
+    return np.concatenate([u[..., : model.nu], held, u[..., model.nu :]], axis=-1)
 
 
 def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np.intp]) -> Array:

@@ -417,7 +417,8 @@ class _Likelihood:
         gram, b = gram * np.outer(sd, sd), b * sd
         there = found.e != 0
         if not np.all(np.isfinite(gram)):
-            return Evaluation(-np.inf, found.e[there], np.log(found.variance[there]))
+            with np.errstate(invalid="ignore"):  # variances that overflowed
+                return Evaluation(-np.inf, found.e[there], np.log(found.variance[there]))
         factor = cho_factor(np.eye(len(b)) + gram, lower=True)
         own = cho_solve(factor, b)
         value = log_likelihood(found) + 0.5 * b @ own - np.log(np.diag(factor[0])).sum()

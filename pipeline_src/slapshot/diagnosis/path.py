@@ -18,13 +18,13 @@ def recorded_path(rig: Rig, segments: Segments) -> Array:
     """States on all nodes, (S, L, nq + nv + na).
 
     Positions and velocities of joints that are observed, and of bodies with a free joint, follow the record;
-    so do rotations of which all four components are observed. What is not observed rests at the model's
-    initial position. Fits move the path to where the model goes.
+    so do rotations of which all four components are observed. What is not observed rests where the model's
+    first keyframe has it, or at its initial position without one. Fits move the path to where the model goes.
     """
     tangent = Tangent(rig.model)
     S, L = segments.shape
     x = np.zeros((S, L, tangent.size))
-    x[..., : tangent.nq] = rig.model.qpos0
+    x[..., : tangent.nq] = rig.model.key_qpos[0] if rig.model.nkey else rig.model.qpos0
     for columns, q, v in _targets(rig):
         for own in segments.runs():
             inside = segments.inside[own]

@@ -149,8 +149,10 @@ class Problem:
         """Where the search for noise begins."""
         nv = self.rig.model.nv
         speed = np.full(nv, max([j.speed for j in self.situation.joints] + [self.situation.speed, 1e-3]))
+        observed = {observation.dof for observation in self.rig.observations}
         for joint in self.situation.joints:
-            speed[joint.v] = joint.speed
+            if joint.v in observed:  # of others the path says nothing
+                speed[joint.v] = joint.speed
         dim = self.simulator.tangent.dim
         first = first_noise(self.segments, self.torque, dim, np.full(nv, POSITION_SPREAD), _TIGHTEN * speed)
         clocks = [self.channels[observation.channel].clock for observation in self.rig.observations]

@@ -1,7 +1,8 @@
 """A rig: a MuJoCo model, and which recorded channel is which part of it.
 
-Controls go to actuators, or as a torque or force to a joint without one (which gets a motor). Observations
-are sensors that are added to the model: what a simulation step returns beside the next state.
+Controls go to actuators, as a torque or force to a joint without one (which gets a motor), or as a pose to a
+mocap body. Observations are sensors that are added to the model: what a simulation step returns beside the
+next state.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +16,7 @@ import numpy as np
 from slapshot.diagnosis.sensors import OWN, SCALAR, add_sensor, check_part
 from slapshot.diagnosis.urdf import is_urdf, readable_urdf
 from slapshot.errors import InputError
-from slapshot.recordings.signals import Channel
+from slapshot.recordings.channels import PLACE, QUATERNION, Channel
 from slapshot.text import reason_of
 
 _QUATERNIONS = (int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjSENS_BALLQUAT))
@@ -23,11 +24,19 @@ _QUATERNIONS = (int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjS
 
 @dataclass(frozen=True)
 class Control:
-    """What drives an actuator: a recorded channel, times a factor, or nothing (0)."""
+    """What an input of the model follows.
 
-    actuator: str
+    Attributes:
+        input: name of an actuator, or of a mocap body and a component of its pose.
+        channel: recorded; None for none.
+        factor: of the channel.
+        rest: value where no channel is recorded.
+    """
+
+    input: str
     channel: str | None
     factor: float = 1.0
+    rest: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +66,8 @@ class Rig:
         name: for the report.
         spec: as the user gave it, with motors for torques that are recorded of joints, without sensors.
         model: compiled, with the sensors of `observations`.
-        controls: one for each actuator, in the model's order.
+        controls: one for each actuator, then for x, y, z of each mocap body, then for their quaternions (w
+            first), each in the model's order.
         observations: in the order of the columns of recorded data.
         free: names of effects (`name` or `name@part`) that belong to the nominal model: refitted with every
             hypothesis.
@@ -141,12 +151,12 @@ def bind(
     bound: dict[str, Control] = {}
     for channel_name, channel in channels.items():
         if channel.role == "control":
-            actuator = _actuator(spec, model, channel_name, channel)
-            if actuator in bound:
+            target = _input(spec, model, channel_name, channel)
+            if target in bound:
                 raise InputError(
-                    f"channels: {bound[actuator].channel} and {channel_name} both drive {actuator}; keep one"
+                    f"channels: {bound[target].channel} and {channel_name} both drive {target}; keep one"
                 )
-            bound[actuator] = Control(actuator, channel_name)
+            bound[target] = Control(target, channel_name)
     plain = spec.copy()
     sensed, added = spec, []
     balanced = {model.body(b).name for b in range(model.nbody) if model.body_simple[b] == 1}
@@ -183,8 +193,8 @@ def bind(
         if compiled.jnt_type[j] in SCALAR:
             sensor = compiled.sensor(f"{OWN}load:{compiled.joint(j).name}")
             load[compiled.jnt_dofadr[j]] = sensor.adr[0]
-    names = [compiled.actuator(i).name for i in range(compiled.nu)]
-    controls = tuple(bound.get(actuator, Control(actuator, None)) for actuator in names)
+    inputs = [Control(compiled.actuator(i).name, None) for i in range(compiled.nu)] + _mocap_poses(compiled)
+    controls = tuple(bound.get(one.input, one) for one in inputs)
     reading = np.zeros((len(observations), compiled.nsensordata))
     for row, observation in enumerate(observations):
         reading[row, observation.address] = 1
@@ -201,11 +211,35 @@ def _name_all(spec: mujoco.MjSpec) -> None:
                 element.name = name if name not in taken else f"{name} without a name"
 
 
-def _actuator(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Channel) -> str:
-    """The actuator that a control drives; a motor is added for the torque of a joint."""
+def _mocap_poses(model: mujoco.MjModel) -> list[Control]:
+    """Inputs for the poses of mocap bodies, which rest where the model has them."""
+    bodies = sorted(
+        (b for b in range(model.nbody) if model.body_mocapid[b] >= 0), key=model.body_mocapid.item
+    )
+    poses = [(PLACE, model.body_pos), (QUATERNION, model.body_quat)]
+    return [
+        Control(f"{model.body(b).name} {component}", None, rest=float(value))
+        for components, pose in poses
+        for b in bodies
+        for component, value in zip(components, pose[b], strict=True)
+    ]
+
+
+def _input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Channel) -> str:
+    """The input that a control drives; a motor is added for the torque of a joint."""
     if channel.actuator is not None:
         check_part(model, "actuator", channel.actuator, name)
         return channel.actuator
+    if channel.body is not None:
+        check_part(model, "body", channel.body, name)
+        if model.body(channel.body).mocapid[0] < 0 or channel.quantity != "position":
+            raise InputError(
+                f"channel {name}: controls body {channel.body} with a {channel.quantity}; only mocap bodies "
+                "are controlled, by their positions; name the joint or actuator that is driven"
+            )
+        return f"{channel.body} {channel.component}"
+    if channel.site is not None:
+        raise InputError(f"channel {name}: a site is no input; name the joint, actuator or mocap body")
     if channel.joint is None:
         check_part(model, "actuator", name, name)
         return name

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.rig import Rig
+from slapshot.diagnosis.rig import Control, Rig
 from slapshot.errors import InputError
 from slapshot.recordings.signals import SignalRecording
 
@@ -23,7 +23,7 @@ SEGMENT_S = 0.5
 
 @dataclass(frozen=True)
 class ControlSignal:
-    """What one actuator was told in one episode.
+    """What one input was told in one episode.
 
     Attributes:
         t: (n,) s, of the samples.
@@ -63,7 +63,7 @@ ControlEdit = Callable[[Array, float], Array]
 
 @dataclass(frozen=True)
 class Segments:
-    """Data of S segments of L nodes; ny channels, nu actuators.
+    """Data of S segments of L nodes; ny channels, nu inputs.
 
     Attributes:
         interval: s between nodes.
@@ -194,7 +194,7 @@ def cut(recording: SignalRecording, rig: Rig, *, segment_s: float = SEGMENT_S, f
         edges = t[0] + np.arange(len(t) * substeps + 1) * (interval / substeps)
         controls.append(
             np.stack(
-                [_signal(recording, c.channel, int(episode)).means(edges) * c.factor for c in rig.controls]
+                [_followed(recording, c, int(episode)).means(edges) * c.factor for c in rig.controls]
                 or [np.zeros(len(edges) - 1)],
                 axis=1,
             )[:, : len(rig.controls)]
@@ -246,9 +246,10 @@ def _on_grid(
     return grid, values, offset
 
 
-def _signal(recording: SignalRecording, channel: str | None, episode: int) -> ControlSignal:
+def _followed(recording: SignalRecording, control: Control, episode: int) -> ControlSignal:
+    channel = control.channel
     if channel is None:
-        return ControlSignal(np.zeros(1), np.zeros(1), False)
+        return ControlSignal(np.zeros(1), np.array([control.rest]), False)
     table = recording.signals[recording.channels[channel].clock]
     table = table[table["episode"] == episode]
     t, value = table["t"].to_numpy(float), table[channel].to_numpy(float)

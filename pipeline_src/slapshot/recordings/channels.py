@@ -15,6 +15,7 @@ Component = Literal["x", "y", "z", "qw", "qx", "qy", "qz"]
 Target = Literal["joint", "actuator", "sensor", "site", "body"]
 
 TARGETS: tuple[Target, ...] = ("joint", "actuator", "sensor", "site", "body")
+PLACE: tuple[Component, ...] = ("x", "y", "z")
 QUATERNION: tuple[Component, ...] = ("qw", "qx", "qy", "qz")
 _RESERVED = ("episode", "t")  # columns that every table of signals has
 

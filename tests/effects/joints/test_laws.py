@@ -5,13 +5,16 @@ so off closed forms. Its dry friction is soft: below some 0.03 rad/s it creeps t
 """
 
 from collections.abc import Callable
+from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.effects.joints.catalogue import joint_effects
+from slapshot.effects.joints.command_delay import CommandDelay
 from slapshot.effects.joints.effect import State
 
 from .rigs import Array, Bench, Commands, bench, reads, tells
@@ -428,6 +431,21 @@ def test_a_lag_answers_a_step_with_an_exponential(constant):
     after = np.maximum(motion.t - 0.1, 0)
     given = motion.t + 2 * (after - constant * -np.expm1(-after / constant))
     assert motion.v() == pytest.approx(given / INERTIA, abs=1e-10)
+
+
+def test_a_mocap_body_is_delayed_as_a_whole():
+    """Two of them beside an actuator: its three coordinates and its quaternion, which stand apart."""
+    bodies = "".join(f'<body name="m{i}" mocap="true"/>' for i in (1, 2))
+    link = '<body><joint name="j"/><geom size=".1"/></body>'
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{bodies}{link}</worldbody>"
+        "<actuator><motor name='m' joint='j'/></actuator></mujoco>"
+    )
+    delays = {d.part: d for d in CommandDelay.instances(SimpleNamespace(model=model))}
+    assert set(delays) == {"m", "m1", "m2"}
+    u = np.arange(20.0)[:, None] + 100 * np.arange(1 + 2 * 7)
+    moved = delays["m2"].control(u, 0.1, np.array([0.2])) != u
+    assert np.flatnonzero(moved.any(axis=0)).tolist() == [4, 5, 6, 11, 12, 13, 14]
 
 
 @pytest.mark.parametrize("name", ["command_delay", "actuator_lag"])

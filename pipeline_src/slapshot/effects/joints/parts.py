@@ -32,14 +32,19 @@ def freely(body: str, law: str) -> str:
 
 
 def of_actuators(kind: Any, rig: Situation, parameter: Parameter) -> Iterator[Any]:
-    """An effect on all actuators, and, of several, on each."""
-    count = rig.model.nu
+    """An effect on all actuators and, of several, on each, and on each mocap body."""
+    model, count = rig.model, rig.model.nu
     if count:
         part = "all actuators" if count > 1 else shown(rig.model.actuator(0).name)
         yield kind(part, tuple(range(count)), parameter)
     if count > 1:
         for i in range(count):
             yield kind(shown(rig.model.actuator(i).name), (i,), parameter)
+    for body in np.flatnonzero(model.body_mocapid >= 0):
+        i, quaternions = int(model.body_mocapid[body]), count + 3 * model.nmocap
+        place = tuple(range(count + 3 * i, count + 3 * i + 3))
+        turn = tuple(range(quaternions + 4 * i, quaternions + 4 * i + 4))
+        yield kind(model.body(body).name, place + turn, parameter)
 
 
 def carriers(model: mujoco.MjModel, body: int) -> list[int]:

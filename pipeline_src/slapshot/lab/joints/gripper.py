@@ -27,7 +27,7 @@ class GripperExecution(Execution):
         """As the environment's reset does; an encoder's zero that is off moves no link."""
         batch, names = self.batch, [self.model.joint(i).name for i in range(self.model.njnt)]
         believed = mujoco.MjModel.from_xml_string(self.rig.xml)
-        start = _start()
+        start = reset_state()
         for i, name in enumerate(names):
             off = self.model.qpos0[i] - believed.qpos0[believed.joint(name).qposadr[0]]
             self.qpos[:, i], self.qvel[:, i] = start[name][0] + off, start[name][1]
@@ -67,8 +67,8 @@ class GripperExecution(Execution):
 
 
 @cache
-def _start() -> dict[str, tuple[float, float]]:
-    """Joint -> position and velocity after the environment's reset."""
+def reset_state() -> dict[str, tuple[float, float]]:
+    """Joint -> position (rad, m) and velocity after the environment's reset."""
     from slapshot.scenes.fetchslide import build_scene
     from slapshot.scenes.fetchslide.gripper import prepare
 

@@ -8,11 +8,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.recordings.channels import QUATERNION, Channel, Component
+from slapshot.recordings.channels import PLACE, QUATERNION, Channel
 
 Array = NDArray[np.float64]
 
-PLACE: tuple[Component, ...] = ("x", "y", "z")
 _ENCODERS, _COMMANDS = "encoders", "commands"  # clocks
 
 

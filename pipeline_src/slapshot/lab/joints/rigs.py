@@ -75,9 +75,11 @@ def _kuka() -> Rig:
 def _fetchslide_arm() -> Rig:
     """FetchSlide's robot, which the environment drags by its gripper; nothing is there to touch.
 
-    Inertias are the bodies' own, so that meshes can go. The environment sets the weld of gripper and mocap
+    Inertias are the bodies' own, so that meshes can go. Where joints that nobody observes are (base, torso,
+    head) stands in the model's keyframe. The environment sets the weld of gripper and mocap
     body when it begins, as is done here; its step is Euler's with 2 ms, both here and in the lab.
     """
+    from slapshot.lab.joints.gripper import reset_state
     from slapshot.scenes.fetchslide import build_scene
     from slapshot.scenes.fetchslide.model import GRIPPER
 
@@ -96,6 +98,8 @@ def _fetchslide_arm() -> Rig:
         weld.data = data
     spec.modelname = "fetchslide_arm"
     spec.meshdir = spec.texturedir = ""
+    model, start = spec.compile(), reset_state()
+    spec.add_key(name="start", qpos=[start[model.joint(i).name][0] for i in range(model.njnt)])
     spec.compile()
     return Rig(
         name="fetchslide_arm",
