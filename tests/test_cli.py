@@ -98,6 +98,19 @@ def test_list_of_another_store(slapshot):
     assert len(slapshot("versions", "list")[1].splitlines()) == 1
 
 
+def test_versions_go_to_another_store_in_one_file(slapshot):
+    made = [recipe for recipe in fill().values() if recipe.stage == "train"]
+    code, out, _ = slapshot("versions", "pack", "models.tar.xz", "--stage", "train")
+    assert (code, out) == (0, f"models.tar.xz: {len(made)} versions\n")
+    Path("elsewhere").mkdir()
+    code, out, _ = slapshot("versions", "unpack", "models.tar.xz", "--store", "elsewhere")
+    assert (code, out) == (0, f"elsewhere: {len(made)} versions added\n")
+    assert all(Store(Path("elsewhere")).is_whole("train", recipe.id) for recipe in made)
+    code, _, errors = slapshot("versions", "unpack", "nothing.tar.xz")
+    assert code == 1
+    assert "nothing.tar.xz is missing" in one_line(errors)
+
+
 def test_diff_shows_the_keys_that_differ_and_no_others(slapshot):
     default, tiny = fill()["train/hockey/kalman"], fill(TINY)["train/hockey/kalman"]
     code, out, _ = slapshot("versions", "diff", default.id, f"train/{tiny.id[:8]}")

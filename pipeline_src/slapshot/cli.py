@@ -17,6 +17,7 @@ from slapshot.errors import InputError, writing
 from slapshot.own_code import own_code_may_run
 from slapshot.plan import Plan, load_plan, make_plan
 from slapshot.scenes.domain import find_domain, is_built_in
+from slapshot.store.archive import pack, unpack
 from slapshot.store.folder import Store
 from slapshot.store.housekeeping import collect_garbage, find_version, flatten
 from slapshot.store.recipe import Recipe
@@ -75,6 +76,8 @@ def _parser() -> argparse.ArgumentParser:
             _verify,
             "are versions whole, and the default ones as in data/pipeline.lock",
         ),
+        ("pack", _pack, "versions in one file, to go on with them on another machine"),
+        ("unpack", _unpack, "put the versions of such a file into the store"),
     ):
         command = versions.add_parser(name, help=text, description=text)
         command.set_defaults(run=run)
@@ -90,6 +93,10 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(
                 "--repair", action="store_true", help="remove what is damaged and all that was made from it"
             )
+        if name in {"pack", "unpack"}:
+            command.add_argument("file", type=Path, help="such as verdicts.tar.xz")
+        if name == "pack":
+            command.add_argument("--stage", action="append", default=[], help="alone; may be repeated")
         if name in {"why", "gc", "verify"}:
             command.add_argument(
                 "--config", type=Path, action="append", help="configuration; may be repeated"
@@ -381,6 +388,18 @@ def _repair(store: Store, plan: Plan) -> int:
     if busy:
         raise InputError(f"{', '.join(busy)}: being made just now; wait until it is, and run this again")
     _say(f"{len(removed)} versions removed" if removed else "nothing is damaged")
+    return 0
+
+
+def _pack(args: argparse.Namespace) -> int:
+    packed = pack(_store(args), args.file, args.stage)
+    _say(f"{args.file}: {len(packed)} versions")
+    return 0
+
+
+def _unpack(args: argparse.Namespace) -> int:
+    added = unpack(_store(args), args.file)
+    _say(f"{args.store}: {len(added)} versions added")
     return 0
 
 

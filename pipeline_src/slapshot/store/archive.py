@@ -1,0 +1,95 @@
+"""Versions in one file, to go on with on another machine what one machine has begun."""
+
+import lzma
+import shutil
+import tarfile
+import tempfile
+from collections.abc import Collection
+from pathlib import Path
+
+from slapshot.errors import InputError, writing
+from slapshot.store.folder import STORE_MARK, Store
+from slapshot.store.version_file import REPAIR, damaged_files
+from slapshot.whole_file import replacing
+
+
+def pack(store: Store, file: Path, stages: Collection[str] = ()) -> list[str]:
+    """Write finished versions to a compressed tar file; one that is there is replaced.
+
+    Args:
+        store: where they are.
+        file: to write.
+        stages: whose versions; of all stages if empty.
+
+    Returns:
+        `stage/id` of each.
+
+    Raises:
+        InputError: a version is damaged, there is none, or the file cannot be written.
+    """
+    folders = [folder for folder in store.folders() if not stages or folder.parent.name in stages]
+    if not folders:
+        raise InputError(
+            f"{store.root}: has no version of {', '.join(stages) or 'any stage'}; make one first"
+        )
+    for folder in folders:
+        if damaged := damaged_files(folder):
+            raise InputError(f"{folder / damaged[0]} is not what was written there; {REPAIR}")
+    with writing(file), replacing(file) as aside, tarfile.open(aside, "w:xz") as archive:
+        for folder in folders:
+            archive.add(folder, arcname=f"{folder.parent.name}/{folder.name}")
+    return [f"{folder.parent.name}/{folder.name}" for folder in folders]
+
+
+def unpack(store: Store, file: Path) -> list[str]:
+    """Put the versions of an archive into a store; those that are whole there stay as they are.
+
+    Each is held against its digests first.
+
+    Returns:
+        `stage/id` of each that was put there.
+
+    Raises:
+        InputError: the file is no archive of versions, or a version in it is damaged: nothing is taken then.
+    """
+    if not file.is_file():
+        raise InputError(f"{file} is missing; name a file that `slapshot versions pack` has written")
+    with writing(store.root):
+        store.root.mkdir(parents=True, exist_ok=True)
+        aside = Store(Path(tempfile.mkdtemp(prefix=".unpacking-", dir=store.root)))
+    try:
+        with writing(store.root):
+            _extract(file, aside.root)
+        folders = list(aside.folders())
+        damaged = [folder for folder in folders if damaged_files(folder)]
+        if not folders or damaged:
+            what = f"{damaged[0].parent.name}/{damaged[0].name} in it is" if damaged else "it is"
+            raise InputError(f"{file}: {what} not what was packed; pack it again, or copy it once more")
+        with writing(store.root):
+            (store.root / STORE_MARK).touch()
+            return [version for folder in folders if (version := _put(store, folder))]
+    finally:
+        shutil.rmtree(aside.root, ignore_errors=True)
+
+
+def _extract(file: Path, folder: Path) -> None:
+    try:
+        with tarfile.open(file, "r:xz") as archive:
+            archive.extractall(folder, filter="data")
+    except (tarfile.TarError, lzma.LZMAError, EOFError) as error:
+        raise InputError(
+            f"{file}: is no whole archive of versions ({error}); pack it again, or copy it once more"
+        ) from None
+
+
+def _put(store: Store, folder: Path) -> str | None:
+    stage, version_id = folder.parent.name, folder.name
+    with store.locked(stage, version_id):
+        if store.is_whole(stage, version_id):
+            return None
+        final = store.folder(stage, version_id)
+        if final.exists():  # but not whole: somebody removed files from it
+            shutil.rmtree(final)
+        folder.rename(final)
+        store.put_mark(stage, version_id)
+    return f"{stage}/{version_id}"
