@@ -1,5 +1,6 @@
-"""Numbers that the README states are those of the published tables. The proof's: tests/proof/test_draw.py."""
+"""Numbers that README and docs state are those of published tables. The proof's: tests/proof/test_draw.py."""
 
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -11,8 +12,19 @@ FIGURES = ROOT / "figures"
 
 @pytest.fixture(scope="module")
 def text() -> str:
-    """The README in one line."""
-    return " ".join((ROOT / "README.md").read_text().split())
+    """README and docs in one line."""
+    files = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    return " ".join(" ".join(file.read_text() for file in files).split())
+
+
+@pytest.mark.parametrize(
+    "file",
+    [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))],
+    ids=lambda file: file.name,
+)
+def test_links_lead_to_what_is_there(file):
+    links = re.findall(r"\]\(([^)#]+)", file.read_text())
+    assert [link for link in links if "://" not in link and not (file.parent / link).exists()] == []
 
 
 def table(name: str) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Page, figures and the README's table, from a proof's tables; what is published is what its tables say."""
+"""Page, figures and the table of docs/proof.md, from tables; what is published is what its tables say."""
 
 import shutil
 from pathlib import Path
@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from matplotlib.testing.compare import compare_images
 from slapshot.errors import InputError
-from slapshot.proof import readme
+from slapshot.proof import docs_table
 from slapshot.proof.case_table import (
     COLUMNS,
     FIRST,
@@ -189,32 +189,40 @@ def test_a_published_proof_is_drawn_anew_from_its_cases_alone(which, tmp_path, m
             assert (tmp_path / name).read_text() == published.read_text(), name
 
 
-def test_the_table_of_the_readme_is_that_of_the_published_proof():
-    """After `snakemake proof`: python -m slapshot.proof.readme."""
-    text = (ROOT / "README.md").read_text()
-    assert text == readme.with_table(text, readme.table(read_measures(ROOT / "figures/proof.csv", FIRST)))
+def test_the_table_of_the_docs_is_that_of_the_published_proof():
+    """After `snakemake proof`: python -m slapshot.proof.docs_table."""
+    text = (ROOT / "docs/proof.md").read_text()
+    assert text == docs_table.with_table(
+        text, docs_table.table(read_measures(ROOT / "figures/proof.csv", FIRST))
+    )
 
 
 def test_another_number_is_another_table():
     measures = read_measures(ROOT / "figures/proof.csv", FIRST)
-    made = readme.table(measures)
+    made = docs_table.table(measures)
     assert "| 1 of 200 | 0.5 % (0.1 to 3) | at most 2 %: met |" in made
     assert "| 8 of 53 | 15 % (8 to 27) | at most 5 %: **missed** |" in made
     alarms = (measures["measure"] == "false_alarm") & (measures["condition"] == "null")
     measures.loc[alarms, "value"] = 0.03
-    assert "| 6 of 200 | 3 % (0.1 to 3) | at most 2 %: **missed** |" in readme.table(measures)
+    assert "| 6 of 200 | 3 % (0.1 to 3) | at most 2 %: **missed** |" in docs_table.table(measures)
     with pytest.raises(InputError, match="no row false_alarm, null"):
-        readme.table(measures[~alarms])
+        docs_table.table(measures[~alarms])
 
 
 @pytest.mark.parametrize(
-    "text", ["nothing", readme.BEGIN, f"{readme.END} {readme.BEGIN}", f"{readme.BEGIN}{readme.END}" * 2]
+    "text",
+    [
+        "nothing",
+        docs_table.BEGIN,
+        f"{docs_table.END} {docs_table.BEGIN}",
+        f"{docs_table.BEGIN}{docs_table.END}" * 2,
+    ],
 )
-def test_a_readme_without_its_marks_is_told(text):
+def test_a_page_without_its_marks_is_told(text):
     with pytest.raises(InputError, match="once each and in this order"):
-        readme.with_table(text, "table")
+        docs_table.with_table(text, "table")
 
 
 def test_between_the_marks_all_is_replaced():
-    text = f"before {readme.BEGIN} old {readme.END} after"
-    assert readme.with_table(text, "new") == f"before {readme.BEGIN}\n\nnew\n\n{readme.END} after"
+    text = f"before {docs_table.BEGIN} old {docs_table.END} after"
+    assert docs_table.with_table(text, "new") == f"before {docs_table.BEGIN}\n\nnew\n\n{docs_table.END} after"

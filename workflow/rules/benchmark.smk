@@ -25,3 +25,13 @@ rule tuning:
         cores=workflow.cores,
     shell:
         "python -m slapshot.benchmark.tuning --cores {params.cores} 2>&1 | tee {log}"
+
+
+rule joint_peers:
+    """Masses of a stand-in arm, fitted by mujoco.sysid and by the diagnosis, to figures/joint_peers.*."""
+    log:
+        "logs/joint_peers.log",
+    # Whole cores to itself, as above.
+    threads: workflow.cores
+    shell:
+        "OPENBLAS_NUM_THREADS=1 python -m slapshot.benchmark.joint_peers 2>&1 | tee {log}"

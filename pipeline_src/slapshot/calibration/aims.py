@@ -46,9 +46,9 @@ def write_page(file: Path, introduction: str, aims: Sequence[Aim], table: pd.Dat
     parts = [
         introduction,
         "## Aims\n",
-        *_markdown(("measure", "aim", "measured", "reached"), lines),
+        *markdown(("measure", "aim", "measured", "reached"), lines),
         "\n## All\n",
-        *_markdown(list(table.columns), rows),
+        *markdown(list(table.columns), rows),
     ]
     file.write_text("\n".join(parts) + "\n")
 
@@ -57,5 +57,6 @@ def _cell(value: object) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
-def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a table."""
     return ["| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *rows)]

@@ -266,12 +266,7 @@ def _arms(
     """
 
     def predicted(step: Step, theta: Array, fitted: bool = True) -> Prediction:
-        fit, hypothesis = step.examination.fit, step.hypothesis
-        path = held_out.first_path(step.problem, problem, windows)
-        noise, _ = held_out.own_noise(step.problem, hypothesis, theta, fit.path, step.examination.noise)
-        precision = fit.precision if fitted else None
-        told = held_out.predict(step.problem, hypothesis, theta, windows, noise, path, precision)
-        return Prediction(hypothesis, theta, told)
+        return predicted_by(step, theta, problem, windows, fitted=fitted)
 
     first = found.nominal
     start, theta = first.hypothesis.start, first.examination.fit.theta
@@ -292,6 +287,26 @@ def _arms(
         report(f"dropped {', '.join(found.since(step.added))}: it does not predict held-out windows better")
         found, last = less, before
     return found, (nominal, refitted, last)
+
+
+def predicted_by(
+    step: Step, theta: Array, nominal: Problem, windows: Segments, *, fitted: bool
+) -> Prediction:
+    """Held-out windows predicted by the hypothesis of a step, with the noise that its values leave.
+
+    Args:
+        step: of a search.
+        theta: values of the hypothesis, which need not be those that were fitted.
+        nominal: the problem of the nominal rig.
+        windows: see `Diagnosis`.
+        fitted: whether the values are as uncertain as the step's fit says; else they are given.
+    """
+    fit, hypothesis = step.examination.fit, step.hypothesis
+    path = held_out.first_path(step.problem, nominal, windows)
+    noise, _ = held_out.own_noise(step.problem, hypothesis, theta, fit.path, step.examination.noise)
+    precision = fit.precision if fitted else None
+    told = held_out.predict(step.problem, hypothesis, theta, windows, noise, path, precision)
+    return Prediction(hypothesis, theta, told)
 
 
 def _verdict(

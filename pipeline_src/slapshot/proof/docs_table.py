@@ -1,4 +1,4 @@
-"""`python -m slapshot.proof.readme`: write the README's table of the proof anew, from figures/proof.csv."""
+"""`python -m slapshot.proof.docs_table`: write the table of docs/proof.md anew, from figures/proof.csv."""
 
 import argparse
 import sys
@@ -10,7 +10,7 @@ from slapshot.errors import InputError, reading, writing
 from slapshot.proof.case_table import FIRST, read_measures
 from slapshot.proof.page import AIMS, percent, reached
 
-BEGIN = "<!-- From figures/proof.csv by `python -m slapshot.proof.readme`; do not edit. -->"
+BEGIN = "<!-- From figures/proof.csv by `python -m slapshot.proof.docs_table`; do not edit. -->"
 END = "<!-- End of the table. -->"
 
 # What was asked -> measure and condition of proof.csv.
@@ -57,7 +57,7 @@ def table(measures: pd.DataFrame) -> str:
 
 
 def with_table(text: str, made: str) -> str:
-    """The README's text with the table between its two marks.
+    """The text of a page with the table between its two marks.
 
     Raises:
         InputError: the marks are not there, once each and in order.
@@ -65,22 +65,22 @@ def with_table(text: str, made: str) -> str:
     head, begin, rest = text.partition(BEGIN)
     _, end, tail = rest.partition(END)
     if not begin or not end or BEGIN in rest or END in head + tail:
-        raise InputError(f"README: needs the lines {BEGIN} and {END}, once each and in this order")
+        raise InputError(f"page: needs the lines {BEGIN} and {END}, once each and in this order")
     return f"{head}{BEGIN}\n\n{made}\n\n{END}{tail}"
 
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(prog="python -m slapshot.proof.readme")
-    parser.add_argument("--readme", type=Path, default=Path("README.md"))
+    parser = argparse.ArgumentParser(prog="python -m slapshot.proof.docs_table")
+    parser.add_argument("--page", type=Path, default=Path("docs/proof.md"))
     parser.add_argument("--measures", type=Path, default=Path("figures/proof.csv"))
     args = parser.parse_args()
     try:
-        with reading(args.readme, "run this in the top folder of the repository"):
-            text = args.readme.read_text()
+        with reading(args.page, "run this in the top folder of the repository"):
+            text = args.page.read_text()
         text = with_table(text, table(read_measures(args.measures, FIRST)))
-        with writing(args.readme):
-            args.readme.write_text(text)
+        with writing(args.page):
+            args.page.write_text(text)
     except InputError as error:
         print(error, file=sys.stderr)
         sys.exit(1)

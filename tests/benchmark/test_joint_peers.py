@@ -1,0 +1,47 @@
+"""The comparison with mujoco.sysid: the peer fits what it is asked to; the page says what was measured."""
+
+import mujoco
+import numpy as np
+import pandas as pd
+from slapshot.benchmark.joint_peers import LINKS, RIG, SCENARIOS, fit_by_sysid, write_comparison
+from slapshot.calibration.bench import bench_named, recorded
+from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.rig import bind
+from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.situation import situation
+from slapshot.effects.joints.catalogue import instances
+from slapshot.lab.joints.rigs import nominal_model
+
+
+def test_the_peer_finds_a_mass_that_is_off():
+    bench = bench_named(RIG)
+    rng = np.random.default_rng(1)
+    drive = bench.draw(3, 1.0, rng)
+    plain = recorded(bench, drive, None, np.zeros(0))
+    nominal = bind(mujoco.MjSpec.from_string(nominal_model(RIG)), bench.channels)
+    segments = cut(plain, nominal)
+    known = instances(situation(nominal, segments, recorded_path(nominal, segments)))
+    mass = next(e for e in known if e.key == "link_mass@fore")
+    noise = 1e-3 * rng.standard_normal((3, 200, 3))
+    recording = recorded(bench, drive, mass, np.array([0.3]), noise)
+    found, widths = fit_by_sysid(recording, nominal, cut(recording, nominal), drive.start)
+    # Its own half-widths of 90 %, of which three are five standard deviations.
+    assert np.all((widths > 0) & (widths < 0.05))
+    np.testing.assert_allclose(found - [0.0, 0.3], 0, atol=3 * widths.max())
+
+
+def test_the_page_holds_medians_and_each_recording(tmp_path):
+    rows = [
+        {
+            "scenario": scenario, "seed": seed, "truth": "link_mass@fore mass_factor 2", "floor_mrad": 2.0,
+            "tool": tool, "seconds": 3.0 * seed, "error_mrad": 4.0, "says": "p = 0.5",
+            **{f"{link}_{part}": 0.1 for link in LINKS for part in ("excess", "half_width")},
+        }
+        for scenario in SCENARIOS for tool in ("one", "other") for seed in (1, 2, 3)
+    ]  # fmt: skip
+    write_comparison(pd.DataFrame(rows), tmp_path)
+    page = (tmp_path / "joint_peers.md").read_text()
+    assert "| a mass is off | one | 6 (3 to 9) | 2 (2 to 2) |" in page
+    assert page.count("upper +0.100 (0.100); fore +0.100 (0.100)") == len(rows)
+    assert "stand-in" in page
+    assert len(pd.read_csv(tmp_path / "joint_peers.csv")) == len(rows)
