@@ -63,7 +63,7 @@ def test_a_rig_file_says_all_that_it_may(folder: Path):
         taken(angle="unknown", drive="unknown"),
     )
     assert (rig.name, rig.free) == ("my rod", ("viscous_friction",))
-    assert [(c.actuator, c.channel) for c in rig.controls] == [("drive", "motor")]
+    assert [(c.input, c.channel) for c in rig.controls] == [("drive", "motor")]
     assert [(o.channel, o.part) for o in rig.observations] == [("angle", "swing")]
     # Both in the model that is simulated and in the one that may be written.
     assert rig.model.opt.timestep == rig.spec.option.timestep == 0.002
@@ -97,7 +97,7 @@ def test_a_binding_replaces_the_target_whole(folder: Path):
     (folder / "rod.xml").write_text(without)
     rig, used = bound(folder, "model: rod.xml\nchannels:\n  motor: {joint: swing}\n", of)
     assert (used.channels["motor"].joint, used.channels["motor"].actuator) == ("swing", None)
-    assert [(c.actuator, c.channel) for c in rig.controls] == [("slapshot:swing", "motor")]
+    assert [(c.input, c.channel) for c in rig.controls] == [("slapshot:swing", "motor")]
     assert of.channels["motor"] is motor  # the recording that was given is left as it is
 
 

@@ -15,7 +15,8 @@ from scipy.linalg import expm
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.effects.joints.command_delay import CommandDelay
-from slapshot.effects.joints.effect import State
+from slapshot.effects.joints.effect import Parameter, State
+from slapshot.effects.joints.saturation import KNEES, Saturation
 
 from .rigs import Array, Bench, Commands, bench, reads, tells
 
@@ -383,6 +384,24 @@ def test_a_velocity_servo_follows_its_command_whatever_its_gain():
     motion = served.moved(served.effect("actuator_gain"), 0.5)
     assert motion.v() == pytest.approx(0.7 * -np.expm1(-4 * 1.5 / INERTIA * motion.t), abs=2e-2)
     assert motion.v()[-1] == pytest.approx(0.7, abs=1e-3)
+
+
+def test_knees_of_a_limit():
+    """By the formula as it is written, and nothing far below the limit."""
+    link = '<body><joint name="j"/><geom size=".1"/></body>'
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{link}</worldbody>"
+        "<actuator><motor name='m' joint='j' gear='3'/></actuator></mujoco>"
+    )
+    limit = Saturation("m", 0, 2.0, Parameter("cut", "1", 0.4, low=0.0, high=0.98, probe=0.2))
+    force = np.array([0.01, -0.6, 0.99, 1.0, -1.5, 40.0])
+    dof, found = limit.knees(model, force[:, None], np.array([0.5]))
+    assert dof == 0
+    for sharpness, column in zip(KNEES, found.T, strict=True):
+        soft = force / (1 + np.abs(force) ** sharpness) ** (1 / sharpness)
+        assert column == pytest.approx(3 * (soft - np.clip(force, -1, 1)), abs=1e-12)
+    assert np.abs(found[0]).max() < 1e-12
+    assert np.abs(found[3]).min() > 0.05
 
 
 @answers("saturation")

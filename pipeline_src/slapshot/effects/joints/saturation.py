@@ -3,9 +3,15 @@
 from collections.abc import Iterator
 
 import mujoco
+import numpy as np
 
 from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation
 from slapshot.effects.joints.parts import shown
+
+KNEES = (
+    6.0,
+    20.0,
+)  # sharpness of an amplifier that gives in before its limit: half a percent at 43 and 79 % of it
 
 
 class Saturation(JointEffect):
@@ -45,3 +51,24 @@ class Saturation(JointEffect):
         if values[0] > 0:
             model.actuator_forcelimited[self._actuator] = 1
             model.actuator_forcerange[self._actuator] = low, high
+
+    def knees(self, model: mujoco.MjModel, force: Array, values: Array) -> tuple[int, Array]:
+        """What amplifiers that give in softly do, F / (1 + |F / L|^p)^(1/p), less what the sharp limit does.
+
+        Args:
+            model: nominal.
+            force: (n, nu) of its actuators, before gears.
+            values: of the effect.
+
+        Returns:
+            Index of the joint in qvel, and (n, sharpnesses) torque, N m or N.
+        """
+        own, limit = force[:, self._actuator], max(self._largest * (1 - float(values[0])), 1e-300)
+        share = np.abs(own / limit)[:, None]
+        # In a form that does not overflow.
+        top = np.maximum(share, 1.0)
+        power = np.array(KNEES)
+        soft = share / (top * ((1 / top) ** power + (share / top) ** power) ** (1 / power))
+        lacking = np.sign(own)[:, None] * limit * (soft - np.minimum(share, 1.0))
+        joint = int(model.actuator_trnid[self._actuator, 0])
+        return int(model.jnt_dofadr[joint]), lacking * float(model.actuator_gear[self._actuator, 0])
