@@ -1,15 +1,19 @@
 """Where a diagnosis begins: the first path, and noise about it."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
+from mujoco import MjSpec
 from scipy.signal import lfilter
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.problem import Problem, examine, first_look
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.segments import cut
+from slapshot.effects.joints.catalogue import instances
 
-from .mechanisms import joint, recording, simulate, told
+from .mechanisms import ARM, PENDULUM, joint, recording, simulate, told
 
 SERVO = """
 <mujoco>
@@ -49,3 +53,36 @@ def test_coloured_noise_is_not_taken_for_errors_of_a_stiff_servo():
     assert float(found.single[0]) == pytest.approx(sd, rel=0.08)
     assert float(found.correlation_s[0]) == pytest.approx(correlation, rel=0.25)
     assert found.law_error < 0.05
+
+
+def test_what_nobody_observed_may_begin_with_any_velocity():
+    t = np.arange(0, 2, 0.01)
+    made = recording(t, {"e": (joint("elbow"), np.sin(5 * t))})
+    rig = bind(MjSpec.from_string(ARM), made.channels)
+    problem = Problem.of(rig, made.channels, cut(made, rig))
+    shoulder, elbow = np.sqrt(problem.first_noise.initial[2:4])
+    assert elbow == pytest.approx(3 * 5 / np.sqrt(2), rel=0.05)  # three rms speeds
+    assert shoulder == elbow
+
+
+def test_a_limit_is_found_whatever_its_knee():
+    """Of 2 N m, reached softly: a sharp limit that does the same work is another one."""
+    rng, sd, limit, interval = np.random.default_rng(7), 1e-3, 2.0, 0.01
+    t, model = np.arange(0, 2, interval), mujoco.MjModel.from_xml_string(PENDULUM)
+    times, readings, commands = [], [], []
+    for _ in range(8):
+        u = 3.0 * np.sin(rng.uniform(2, 9) * t + rng.uniform(0, 2 * np.pi))
+        soft = u / (1 + np.abs(u / limit) ** 10) ** 0.1
+        q, *_ = simulate(model, t, soft[:, None], [0.0], [0.0])
+        times.append(t)
+        readings.append(q[:, 0] + sd * rng.normal(size=len(t)))
+        commands.append(u)
+    channels = {"q": (joint("swing"), readings), "u": (told(actuator="drive"), commands)}
+    made = recording(times, channels)
+    rig = bind(MjSpec.from_string(PENDULUM), made.channels)
+    problem = Problem.of(rig, made.channels, cut(made, rig))
+    noise = replace(problem.first_noise, white=np.array([sd]), force=1e-3)
+    (effect,) = (e for e in instances(problem.situation) if e.name == "saturation")
+    fit = problem.fitter.fit(Hypothesis(rig, (effect,)), np.array([0.3]), problem.path, noise)
+    largest = max(np.abs(u).max() for u in commands)
+    assert abs(largest * (1 - fit.theta[0]) - limit) < 3 * largest * fit.sd[0]

@@ -140,6 +140,7 @@ MAY_IMPORT = {
     "rich",
     "tqdm",
     "slapshot.text",
+    "slapshot.whole_file",
     "pyarrow",
     "slapshot.parquet",
     "slapshot.config",

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.filter import Linear, innovations, smooth
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_force
-from slapshot.diagnosis.law_error import own_law_errors, presliding
+from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.law_error import knees, own_law_errors, presliding
 from slapshot.diagnosis.linear import Linearised, Look, linearise
 from slapshot.diagnosis.noise import ADDED, DRIFT, NOMINAL, Noise, Prior, log_likelihood
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Situation, State
-from slapshot.effects.joints.saturation import Saturation
 
 Array = NDArray[np.float64]
 
@@ -134,23 +133,9 @@ class Fitter:
             more.append((Prior.of(np.ones(W.shape[-1]), ADDED), W, None))
             W = presliding(system, hypothesis, theta, self.rig, state, self.segments.interval)
             more.append((Prior.of(np.ones(W.shape[-1])), W, None))
-            W = self._knees(system, hypothesis, theta, x)
+            W = knees(system, hypothesis, theta, x, self.segments)
             more.append((Prior.of(np.ones(W.shape[-1])), W, None))
         return _wider(system, prior, more)
-
-    def _knees(self, system: Linear, hypothesis: Hypothesis, theta: Array, x: Array) -> Array:
-        """(S, L, n, k) columns of what limits that a hypothesis adds do before they are reached."""
-        S, L, n, _ = system.W.shape
-        columns = [np.zeros((S, L, n, 0))]
-        model, force = self.simulator.rig.model, None
-        for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
-            if isinstance(effect, Saturation) and theta[part][0] > 0:
-                if force is None:
-                    u = self.segments.control()[:, :, 0]
-                    force = actuator_force(model, x, u.reshape(S * L, -1))
-                dof, lacking = effect.knees(model, force, theta[part])
-                columns.append(system.B[..., dof][..., None] * lacking.reshape(S, L, 1, -1))
-        return np.concatenate(columns, axis=-1)
 
     def linearise(
         self,

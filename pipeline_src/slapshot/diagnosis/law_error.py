@@ -11,9 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.diagnosis.filter import Linear
-from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.hypothesis import Hypothesis, actuator_force
 from slapshot.diagnosis.linear import Look
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.diagnosis.segments import Segments
+from slapshot.effects.joints.effect import (
+    Joint,
+    JointEffect,
+    Parameter,
+    Situation,
+    State,
+    on_joint,
+    overrides,
+)
 
 Array = NDArray[np.float64]
 
@@ -190,6 +199,31 @@ def presliding(
         shapes.append(_near(speed, REST, joint))
         columns += [force * (float(np.median(level)) * shape)[..., None] for shape in shapes]
     return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
+
+
+def knees(system: Linear, hypothesis: Hypothesis, theta: Array, x: Array, segments: Segments) -> Array:
+    """Columns of what limits that a hypothesis adds do before they are reached.
+
+    Args:
+        system: with the hypothesis' own columns first.
+        hypothesis: whose effects are limits or not.
+        theta: their values.
+        x: (S * L, nq + nv + na) states of all nodes.
+        segments: whose controls drive them.
+
+    Returns:
+        (S, L, n, k), of each limit one for each sharpness, as large as it makes them.
+    """
+    S, L, n, _ = system.W.shape
+    columns, model = [np.zeros((S, L, n, 0))], hypothesis.rig.model
+    parts = zip(hypothesis.effects, hypothesis.slices, strict=True)
+    limits = [(effect, theta[part]) for effect, part in parts if overrides(effect, "knees")]
+    if limits:
+        force = actuator_force(model, x, segments.control()[:, :, 0].reshape(S * L, -1))
+        for effect, values in limits:
+            dof, lacking = effect.knees(model, force, values)
+            columns.append(system.B[..., dof][..., None] * lacking.reshape(S, L, 1, -1))
+    return np.concatenate(columns, axis=-1)
 
 
 def _added(

@@ -402,6 +402,8 @@ def test_knees_of_a_limit():
         assert column == pytest.approx(3 * (soft - np.clip(force, -1, 1)), abs=1e-12)
     assert np.abs(found[0]).max() < 1e-12
     assert np.abs(found[3]).min() > 0.05
+    # Where nothing is cut off, nothing gives in.
+    assert np.all(limit.knees(model, force[:, None], np.array([0.0]))[1] == 0)
 
 
 @answers("saturation")

@@ -223,6 +223,19 @@ class JointEffect:
         """What is added to the observations, (n, ny)."""
         return None
 
+    def knees(self, model: mujoco.MjModel, force: Array, values: Array) -> tuple[int, Array]:
+        """What a limit of an actuator does before it is reached, beside what it does at it.
+
+        Args:
+            model: nominal.
+            force: (n, nu) of its actuators, before gears.
+            values: of the effect.
+
+        Returns:
+            Index of the joint in qvel, and (n, k) torque, N m or N, in k shapes that it may have.
+        """
+        raise NotImplementedError
+
     def note(self, values: Array) -> str:
         """How to add to a simulation what MJCF cannot hold (`control`, `force`, `observe`), in words.
 

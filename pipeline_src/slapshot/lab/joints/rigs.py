@@ -76,8 +76,8 @@ def _fetchslide_arm() -> Rig:
     """FetchSlide's robot, which the environment drags by its gripper; nothing is there to touch.
 
     Inertias are the bodies' own, so that meshes can go. Where joints that nobody observes are (base, torso,
-    head) stands in the model's keyframe. The environment sets the weld of gripper and mocap
-    body when it begins, as is done here; its step is Euler's with 2 ms, both here and in the lab.
+    head) stands in the model's keyframe. The environment sets the weld of gripper and mocap body when it
+    begins, as is done here; its step is Euler's with 2 ms, both here and in the lab.
     """
     from slapshot.lab.joints.gripper import reset_state
     from slapshot.scenes.fetchslide import build_scene
