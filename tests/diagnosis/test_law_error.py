@@ -1,17 +1,20 @@
 """Errors of the model's own laws: of unit size, and free of a change of the whole law."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.law_error import Law, before_slip, law_errors
+from slapshot.diagnosis.law_error import Friction, Law, law_errors
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.segments import cut
 from slapshot.diagnosis.situation import situation
-from slapshot.effects.joints.effect import Situation, State
+from slapshot.effects.joints.effect import Joint, Situation, State
 
 from .mechanisms import PENDULUM, joint, recording, told
 
+HINGE = Joint("swing", 0, 0, "N m", (), 1.0, (), 1.0, 1.0, 0.0, 1.0)
 WHOLE = 0.2  # size of a change of the whole law
 
 
@@ -108,14 +111,35 @@ def test_what_does_not_vary_is_no_error_of_its_own():
 
 
 @pytest.mark.parametrize("bend", [2e-3, 1e-2])
-def test_after_a_reversal_friction_lacks_twice_the_bend_of_sliding(bend):
-    """Of bristles dz/dx = 1 - z, in bends: from -1, the distance that they lack is the integral of 1 - z."""
+@pytest.mark.parametrize(("forwards", "backwards"), [(1.0, 1.0), (0.7, 0.1)])
+def test_after_a_reversal_friction_lacks_the_bend_of_sliding(bend, forwards, backwards):
+    """Of bristles dz/dx = F - z, in bends: from -B, the distance that they lack is the integral of F - z."""
     interval, speed = 0.005, np.concatenate([np.full(40, -0.5), np.linspace(-0.5, 0.5, 21), np.full(80, 0.5)])
-    late = before_slip(speed[None], interval, bend)[0]
+    level = [np.array([[size]]) for size in (forwards, backwards)]
+    lacks, share = (one[0] for one in Friction(HINGE, speed[None], *level).before_slip(interval, bend))
     following = np.append(speed[1:], speed[-1])
-    lacking = np.sum(late * np.abs(speed + following) / 2) * interval
+    lacking = np.sum(lacks * np.abs(speed + following) / 2) * interval
     # Half a bend's share of one of the parts, of which eight make an interval, is the error of the midpoint.
-    assert lacking == pytest.approx(2 * bend, rel=max(0.5 * 0.5 * interval / 8 / bend, 0.02))
+    rel = max(0.5 * 0.5 * interval / 8 / bend, 0.02)
+    assert lacking == pytest.approx((forwards + backwards) * bend, rel=rel)
     # In steady sliding it decays with the distance.
-    assert late[70] / late[69] == pytest.approx(np.exp(-0.5 * interval / bend), rel=1e-7)
-    assert late[:39] == pytest.approx(0)
+    assert lacks[70] / lacks[69] == pytest.approx(np.exp(-0.5 * interval / bend), rel=1e-7)
+    assert lacks[:39] == pytest.approx(0)
+    # What nobody knows of the beginning is forgotten over one bend: in parts, a geometric series.
+    part = 0.5 * interval / 8 / bend
+    forgotten = np.sum(share * np.abs(speed + following) / 2) * interval
+    assert forgotten == pytest.approx(bend * part / (1 - np.exp(-part)), rel=1e-6)
+
+
+def test_a_friction_is_as_large_before_it_slips_as_in_sliding_either_way_in_each_episode():
+    """A friction of .2 + .1 s forwards and of .4 backwards, in the segment s, of which one never moves."""
+    rng = np.random.default_rng(2)
+    speed = np.repeat(rng.choice((-0.5, 0.5), (3, 40)), 2, axis=1)
+    speed[2] = 0.0
+    size = np.where(speed > 0, 0.2 + 0.1 * np.arange(3)[:, None], 0.4) * (speed != 0)
+    system = SimpleNamespace(B=np.full((3, 80, 2, 1), 0.01))
+    state = State(np.zeros((240, 1)), speed.reshape(-1, 1), np.zeros((240, 1)), np.zeros(240), np.zeros(240))
+    found = Friction.of(system, -np.sign(speed)[..., None] * size[..., None] * system.B[..., 0], state, HINGE)
+    assert found.backwards[:, 0] == pytest.approx(0.4)
+    assert found.forwards[:2, 0] == pytest.approx([0.2, 0.3])
+    assert found.forwards[2, 0] == pytest.approx(np.median(size[speed > 0]))  # as usual in the others

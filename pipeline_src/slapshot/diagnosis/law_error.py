@@ -6,6 +6,7 @@ place or time is no law error.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ _CENTRES, _WIDTH, _NARROW = np.linspace(-6.0, 6.0, 21), 0.6, 0.2
 # Least share of the variance that a component has, and most components of a law. Coarse ones show whether
 # laws err; where they do, a hundredth of their variance, left out, passes for something missing.
 _COARSE, _FINE = (0.02, 8), (1e-5, 120)
+_OWN = (1e-4, 40)  # of a law that a hypothesis adds, which may do far more than the noise
 _WHOLE = 0.2  # size of a change of the whole law, over that of the errors in shape
 LATE_S = (0.005, 0.01, 0.02)  # by which a law may follow its state late, as friction does after a reversal
 # Of the usual speed: where a friction may be anything, and where it may be another than farther from rest.
@@ -50,23 +52,23 @@ class Shapes:
         speed: (n,) in usual speeds.
         load: (n,) in rms loads.
         weight: (n,) squared law.
-        fine: whether all of them are wanted, or the few that matter most.
+        kept: least share of the variance of a component, and most components.
 
     Attributes:
         share: (k,) standard deviation of each component of a function of unit size.
     """
 
-    def __init__(self, speed: Array, load: Array, weight: Array, fine: bool = False) -> None:
+    def __init__(self, speed: Array, load: Array, weight: Array, kept: tuple[float, int] = _COARSE) -> None:
         raw = _bumps(speed, load)
         total = max(float(weight.sum()), 1e-300)
         self._mean = weight @ raw / total
         centred = raw - self._mean
         variance, vectors = np.linalg.eigh((centred * weight[:, None]).T @ centred / total)
         whole = float(np.maximum(variance, 0).sum())
-        least, most = _FINE if fine else _COARSE
-        kept = np.flatnonzero((variance > least * whole) & (variance > _FLAT**2))[::-1][:most]
-        self.share = np.sqrt(variance[kept] / variance[kept].sum()) if len(kept) else np.zeros(0)
-        self._vectors = vectors[:, kept] / np.sqrt(variance[kept])
+        least, most = kept
+        own = np.flatnonzero((variance > least * whole) & (variance > _FLAT**2))[::-1][:most]
+        self.share = np.sqrt(variance[own] / variance[own].sum()) if len(own) else np.zeros(0)
+        self._vectors = vectors[:, own] / np.sqrt(variance[own])
 
     def __call__(self, speed: Array, load: Array) -> Array:
         """(n, k), of unit size where the law acts."""
@@ -85,7 +87,7 @@ class Law:
     def __init__(self, joint: Joint, value: Callable[[State], Array], state: State, fine: bool) -> None:
         self.joint, self.value = joint, value
         self._torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
-        self._shapes = Shapes(*self._usual(state), value(state) ** 2, fine)
+        self._shapes = Shapes(*self._usual(state), value(state) ** 2, _FINE if fine else _COARSE)
         # What is wrong in shape is a little wrong as a whole.
         self.share = np.append(self._shapes.share, _WHOLE)
         self._last: list[tuple[State, Array]] = []
@@ -150,17 +152,94 @@ def own_law_errors(
             continue
         torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
         usual = state.v[:, joint.v] / joint.speed, state.torque[:, joint.v] / torque
-        shapes = Shapes(*usual, weight)
+        shapes = Shapes(*usual, weight, _OWN)
         errors = shapes(*usual).reshape(S, L, 1, -1)
         columns += [law * errors[..., k] * share for k, share in enumerate(shapes.share)]
         # Where a friction holds fast it does nothing, and a share of it would be nothing too.
-        speed = state.v[:, joint.v].reshape(S, L)
         if effect.friction:
-            columns.append(_sized(system.B[..., joint.v] * _near(speed, SLOW, joint)[..., None], total))
+            friction = Friction.of(system, law, state, joint)
+            near = friction.level * friction.near_rest(SLOW)
+            columns.append(_sized(system.B[..., joint.v] * near[..., None], total))
         for nodes in sorted({max(1, round(late / interval)) for late in LATE_S}):
             columns.append(_sized(_late(law, nodes), total))
     columns = [column for column in columns if np.any(column)]
     return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
+
+
+@dataclass(frozen=True)
+class Friction:
+    """What a friction that a hypothesis adds does in sliding.
+
+    Attributes:
+        joint: where.
+        speed: (S, L) of the joint.
+        forwards, backwards: (S, 1) typical friction of a segment in either direction.
+    """
+
+    joint: Joint
+    speed: Array
+    forwards: Array
+    backwards: Array
+
+    @classmethod
+    def of(cls, system: Linear, law: Array, state: State, joint: Joint) -> "Friction":
+        """Of the columns (S, L, n) that a law makes."""
+        # The friction is what it does in the direction of a held force, by least squares.
+        force = system.B[..., joint.v]
+        size = np.abs(np.sum(law * force, axis=-1)) / np.maximum(np.sum(force**2, axis=-1), 1e-300)
+        speed = state.v[:, joint.v].reshape(size.shape)
+        levels = []
+        for sign in (1, -1):
+            slides = sign * speed > joint.step_speed
+            usual = float(np.median(size[slides])) if slides.any() else 0.0
+            own = [
+                np.median(row[moves]) if moves.any() else usual
+                for row, moves in zip(size, slides, strict=True)
+            ]
+            levels.append(np.array(own)[:, None])
+        return cls(joint, speed, *levels)
+
+    @property
+    def level(self) -> Array:
+        """(S, L) friction of a joint that slides as fast or slowly as it moves."""
+        return np.where(self.speed > 0, self.forwards, self.backwards)
+
+    def near_rest(self, slow: float) -> Array:
+        """(S, L) a sign of the speed that is 0 away from rest, farther than a share of the usual speed."""
+        there = self.speed / self.joint.speed
+        return np.asarray(np.tanh(self.speed / self.joint.step_speed) * np.exp(-((there / slow) ** 2)))
+
+    def before_slip(self, interval: float, bend: float) -> tuple[Array, Array]:
+        """Means over the intervals of what lacks of a friction that turns over a distance, as bristles do.
+
+        Args:
+            interval: s from node to node.
+            bend: rad or m, over which it turns.
+
+        Returns:
+            (S, L) of the friction, as much as it does in sliding, less as much as has turned, from the first
+            node on; and the share (S, L) that is left of what it lacked there.
+        """
+        speed = self.speed
+        following = np.concatenate([speed[:, 1:], speed[:, -1:]], axis=1)
+        forwards, backwards = self.forwards[:, 0], -self.backwards[:, 0]
+
+        def sliding(speed: Array) -> Array:
+            return np.where(speed > 0, forwards, np.where(speed < 0, backwards, 0.0))
+
+        bent, left = sliding(speed[:, 0]), np.ones(len(speed))
+        lacks, share = np.zeros_like(speed), np.zeros_like(speed)
+        # A reversal takes less than an interval, within which the speed changes evenly.
+        for t in range(speed.shape[1]):
+            for part in (np.arange(_PARTS) + 0.5) / _PARTS:
+                there = (1 - part) * speed[:, t] + part * following[:, t]
+                lacking = sliding(there) - bent
+                lacks[:, t] += lacking / _PARTS
+                share[:, t] += left / _PARTS
+                decay = np.exp(-np.abs(there) * interval / _PARTS / bend)
+                bent = sliding(there) - lacking * decay
+                left = left * decay
+        return lacks, share
 
 
 def presliding(
@@ -170,7 +249,7 @@ def presliding(
 
     A friction turns with the distance since the last reversal, not at once, and at rest may be more or less,
     whatever it does in motion: that is short, but leaves another speed after every reversal, which is seen
-    long after.
+    long after. Where a segment begins near rest, nobody knows how far it has turned.
 
     Args:
         system: with the hypothesis' own columns first.
@@ -181,23 +260,26 @@ def presliding(
         interval: s from node to node.
 
     Returns:
-        (S, L, n, k), of each friction one for each bend and one near rest, as large as it makes them.
+        (S, L, n, k), of each friction one near rest, for each bend one, and one for each segment that begins
+        near rest, as large as it makes them.
     """
     S, L, n, _ = system.W.shape
     columns = []
     for effect, joint, law in _added(system, hypothesis, theta, rig):
         if not effect.friction:
             continue
-        # The friction is what it does in the direction of a held force, by least squares.
-        force = system.B[..., joint.v]
-        friction = np.abs(np.sum(law * force, axis=-1)) / np.maximum(np.sum(force**2, axis=-1), 1e-300)
-        speed = state.v[:, joint.v].reshape(S, L)
-        level = friction[np.abs(speed) > joint.step_speed]
-        if not len(level):
+        friction, force = Friction.of(system, law, state, joint), system.B[..., joint.v]
+        if not np.any(friction.level):
             continue
-        shapes = [before_slip(speed, interval, bend * joint.travel) for bend in BENDS]
-        shapes.append(_near(speed, REST, joint))
-        columns += [force * (float(np.median(level)) * shape)[..., None] for shape in shapes]
+        columns.append(force * (friction.level * friction.near_rest(REST))[..., None])
+        begins = np.flatnonzero(np.abs(friction.speed[:, 0]) < SLOW * joint.speed)
+        for bend in BENDS:
+            lacks, share = friction.before_slip(interval, bend * joint.travel)
+            columns.append(force * lacks[..., None])
+            for s in begins:
+                first = np.zeros_like(force)
+                first[s] = force[s] * (friction.forwards[s] + friction.backwards[s]) / 2 * share[s][:, None]
+                columns.append(first)
     return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
 
 
@@ -236,25 +318,6 @@ def _added(
             # Parameters of size alone: what they do is in proportion to them.
             sizes = [k for k in range(part.start, part.stop) if effect.parameters[k - part.start].start == 0]
             yield effect, joints[effect.part], system.W[..., sizes] @ theta[sizes]
-
-
-def _near(speed: Array, slow: float, joint: Joint) -> Array:
-    """A sign of the speed that is 0 away from rest."""
-    return np.asarray(np.tanh(speed / joint.step_speed) * np.exp(-((speed / (slow * joint.speed)) ** 2)))
-
-
-def before_slip(speed: Array, interval: float, bend: float) -> Array:
-    """(S, L) means over the intervals: sign of the speed, less the share of a friction that has turned."""
-    following = np.concatenate([speed[:, 1:], speed[:, -1:]], axis=1)
-    bent, late = np.sign(speed[:, 0]), np.zeros_like(speed)
-    # A reversal takes less than an interval, within which the speed changes evenly.
-    for t in range(speed.shape[1]):
-        for part in (np.arange(_PARTS) + 0.5) / _PARTS:
-            there = (1 - part) * speed[:, t] + part * following[:, t]
-            lacking = np.sign(there) - bent
-            late[:, t] += lacking / _PARTS
-            bent = np.sign(there) - lacking * np.exp(-np.abs(there) * interval / _PARTS / bend)
-    return late
 
 
 def _sized(column: Array, total: float) -> Array:

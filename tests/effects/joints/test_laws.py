@@ -213,7 +213,8 @@ def test_friction_warms_away_over_the_session(way, kind):
     free = rotor((0, way * 3.0), joint='frictionloss=".2"', episodes=5, seconds=0.2)
     size, warm, warms_in = 0.4, 0.25, 0.3
     sizes = (size, 0) if kind == "dry" else (0, size)
-    motion = free.moved(free.effect("friction_drift"), *sizes, warm, warms_in)
+    slides_at = 1e-3
+    motion = free.moved(free.effect("friction_drift"), *sizes, warm, warms_in, slides_at)
     # Newton's law of cooling, from the first episode to the last.
     level = warm + (1 - warm) * np.exp(-np.array([0, 0.25, 0.5, 0.75, 1])[:, None] / warms_in)
     assert np.linspace(-0.5, 0.5, 5) == pytest.approx(free.segments.order)
@@ -223,6 +224,16 @@ def test_friction_warms_away_over_the_session(way, kind):
         rate = level * size / INERTIA
         expected = 3.0 * np.exp(-rate * motion.t) + 0.2 / INERTIA * np.expm1(-rate * motion.t) / rate
     assert way * motion.x[:, :, 1] == pytest.approx(expected, abs=1e-2)
+
+
+@answers("friction_drift")
+def test_grease_creeps_before_it_slides():
+    """Far below the speed at which it slides it is a film: speed falls exponentially."""
+    free = rotor((0, 0.01), episodes=5, seconds=0.2)
+    size, slides_at = 0.4, 1.0
+    motion = free.moved(free.effect("friction_drift"), size, 0, 1, 0.3, slides_at)
+    expected = 0.01 * np.exp(-size / slides_at / INERTIA * motion.t)
+    assert motion.x[:, :, 1] == pytest.approx(np.tile(expected, (5, 1)), rel=1e-3)
 
 
 # --- Inertia

@@ -31,6 +31,15 @@ class FrictionDrift(JointEffect):
                 Parameter("viscous", f"{joint.unit} s/{joint.angle_unit}", wet, probe=0.01 * wet),
                 Parameter("warm", "1", 0.3, start=0.2, low=0.0, high=3.0),
                 Parameter("warms_in", "1", 0.2, start=0.3, low=0.05, high=2.0),
+                # Grease creeps where dry bodies stick.
+                Parameter(
+                    "slides_at",
+                    f"{joint.angle_unit}/s",
+                    0.1 * joint.speed,
+                    2 * joint.step_speed,
+                    joint.step_speed,
+                    joint.speed,
+                ),
             )
 
     def __init__(self, joint: Joint, *parameters: Parameter) -> None:
@@ -41,15 +50,15 @@ class FrictionDrift(JointEffect):
         """Friction of the first episode, of which a share is left when warm; warmth comes exponentially."""
         j = self._joint
         v = state.v[:, j.v]
-        dry, viscous, warm, warms_in = values
+        dry, viscous, warm, warms_in, slides_at = values
         level = warm + (1 - warm) * np.exp(-(state.order + 0.5) / warms_in)
-        return on_joint(j, -level * (dry * np.tanh(v / j.step_speed) + viscous * v), state.v.shape[1])
+        return on_joint(j, -level * (dry * np.tanh(v / slides_at) + viscous * v), state.v.shape[1])
 
     def note(self, values: Array) -> str:
         """The law, and how it goes over the session."""
-        j, (dry, viscous, warm, warms_in) = self._joint, values
+        j, (dry, viscous, warm, warms_in, slides_at) = self._joint, values
         return j.note(
             f"-({warm:.4g} + {1 - warm:.4g} exp(-p / {warms_in:.4g})) "
-            f"({dry:.4g} tanh(v / {j.step_speed:.4g}) + {viscous:.4g} v), "
+            f"({dry:.4g} tanh(v / {slides_at:.4g}) + {viscous:.4g} v), "
             "where p goes evenly from 0 in the first episode to 1 in the last"
         )

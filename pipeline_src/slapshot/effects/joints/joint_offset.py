@@ -16,12 +16,12 @@ class JointOffset(JointEffect):
 
     @classmethod
     def instances(cls, rig: Situation) -> Iterator["JointOffset"]:
-        """One a joint; prior: 20 mrad, or 5 mm."""
+        """One a joint; prior: 0.1 rad, or 20 mm: zeros of two conventions differ more."""
         for joint in rig.joints:
             columns = tuple(
                 s.column for s in rig.sensed if s.joint == joint.name and s.quantity == "position"
             )
-            scale = 0.02 if joint.angle_unit == "rad" else 0.005
+            scale = 0.1 if joint.angle_unit == "rad" else 0.02
             parameter = Parameter("offset", joint.angle_unit, scale, probe=1e-4)
             yield cls(joint, columns, parameter, "of the geometry")
             if columns and any(servo(rig.model, a) for a in joint.actuators):
