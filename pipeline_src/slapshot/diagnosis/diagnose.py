@@ -52,6 +52,8 @@ _FEWEST_SEGMENTS = 5
 _FULL = 0.75  # share of two windows that must have been recorded
 _HALF_90, _ONE_SIDED_95 = 1.645, 1.645
 _RESAMPLES = 1000
+# Pushes in a larger share of at least so many episodes are no events: they follow something.
+_EVENTS, _FEWEST_EPISODES = 0.5, 4
 _TOLD_NATS = 2.0  # two standard deviations of what noise makes of it
 
 
@@ -337,7 +339,8 @@ def _verdict(
     if named and not told_apart(arms[1].predictions, arms[2].predictions):
         said = [*said, "no held-out window shows what is named: nothing but the fit speaks for it"]
     left = last.test.p_value
-    flagged = missing and (left < P_VALUE or worse[1] or not named)
+    again = _pushed_again(last, named)
+    flagged = missing and (left < P_VALUE or worse[1] or not named or again is not None)
     headline = "nothing_found"
     if missing:
         headline = "found" if named else "found_not_named"
@@ -348,7 +351,9 @@ def _verdict(
             if named
             else "something is missing, and no name holds"
         )
-        if flagged and worse[1]:
+        if named and again is not None:
+            reason += f": {again}"
+        elif flagged and worse[1]:
             reason += ": held-out windows differ from predictions by more than noise and errors of laws make"
     kinds = problem_kinds(rig)
     units = {kind: recording.channels[rig.observations[c[0]].channel].unit for kind, c in kinds.items()}
@@ -372,7 +377,9 @@ def _verdict(
         location=_location(first) if missing else None,
         effects=[_named(found, effect, last) for effect in named],
         nominal_parameters=[_named(found, effect, last) for effect in found.free],
-        unknown=Unknown(flagged=flagged, p_value=left, description=_unknown(last) if flagged else ""),
+        unknown=Unknown(
+            flagged=flagged, p_value=left, description=again or _unknown(last) if flagged else ""
+        ),
         fit=Fits(
             nominal=fits[0],
             refitted=fits[1],
@@ -528,14 +535,27 @@ def _size(step: Step, effect: JointEffect, values: Array) -> Interval | None:
     return Interval(value=rms, low=rms, high=rms, unit=unit)
 
 
-def _unknown(step: Step) -> str:
+def _pushed_again(step: Step, named: Sequence[JointEffect]) -> str | None:
+    """That pushes come in most of the episodes, in words; None where they do not."""
+    segments = step.problem.segments
+    episodes = len(np.unique(segments.episode))
+    pushed = len(
+        {pulse.order for effect in named if isinstance(effect, ExternalPulse) for pulse in effect.pulses}
+    )
+    if episodes < _FEWEST_EPISODES or pushed <= _EVENTS * episodes:
+        return None
+    return f"pushes come in {pushed} of {episodes} episodes, and follow something that no name explains"
+
+
+def _unknown(step: Step, p_value: float) -> str:
     examined = step.examination
     found = gains(examined.scores, examined.columns)
     free = [i for i, effect in enumerate(examined.effects) if is_free(effect)]
+    seen = "" if p_value < P_VALUE else "only held-out windows show it; "
     if not free:
-        return "something is left that has no free form"
+        return f"{seen}it has no free form"
     best = max(free, key=lambda i: found[i].log_evidence)
-    return f"best described as {_told(examined.effects[best])}"
+    return f"{seen}best described as {_told(examined.effects[best])}"
 
 
 def _noise(recording: SignalRecording, rig: Rig, step: Step) -> dict[str, ChannelNoise]:

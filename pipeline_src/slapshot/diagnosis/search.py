@@ -41,6 +41,7 @@ _BEHIND, _BEHIND_NATS = 0.02, 30.0  # behind the leader, where no candidate is r
 CLASS_NATS = float(np.log(20.0))  # rivals within a factor of twenty cannot be told apart
 _STRUCTURE_JOINTS = 3
 _TRIAL_ROUNDS, _SHOT_SEGMENTS = 6, 12  # for a first look at structures
+_SPREAD, _LEAST_SPREAD = 3.0, 1e-8  # rms of a hidden motion that a first state may lie off; of its variance
 _SHOT_BEHIND = 20.0  # nats behind the law there, where no structure is followed further
 
 Report = Callable[[str], None]
@@ -445,8 +446,25 @@ def _completed(trial: Trial) -> tuple[float, Trial]:
     problem, part = trial.problem.with_steps_for(trial.effect), trial.fit
     every = np.arange(problem.segments.shape[0])
     fit = _shot(problem, part.hypothesis, part.theta, problem.path, trial.noise, every, rounds=4)
-    evidence, fit, noise = _own_evidence(problem, fit, trial.noise)
+    noise = replace(trial.noise, initial=_hidden_spread(problem, trial.noise, fit.path))
+    evidence, fit, noise = _own_evidence(problem, fit, noise)
     return evidence, replace(trial, problem=problem, fit=fit, noise=noise)
+
+
+def _hidden_spread(problem: Problem, noise: Noise, path: Array) -> Array:
+    """(n,) variances of first states, those of what nobody sees being as wide as their motion in a fit.
+
+    A plate that tilts by millirad may stand anywhere in them, not in what a robot's joints move through:
+    evidence loses the logarithm of that ratio in every segment.
+    """
+    tangent, initial = problem.simulator.tangent, noise.initial.copy()
+    inside = path[problem.segments.inside]
+    moved = tangent.subtract(inside, np.broadcast_to(inside.mean(axis=0), inside.shape))
+    for dof in problem.rig.added_dofs:
+        for k in (dof, tangent.nv + dof):
+            wide = (_SPREAD * float(np.sqrt(np.mean(moved[:, k] ** 2)))) ** 2
+            initial[k] = min(initial[k], max(wide, _LEAST_SPREAD * initial[k]))
+    return initial
 
 
 def _few(problem: Problem) -> NDArray[np.intp]:

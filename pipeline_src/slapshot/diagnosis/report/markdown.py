@@ -185,8 +185,6 @@ def _left(verdict: Verdict) -> str:
     text = f"Something is missing {beside}that no name explains"
     if unknown.p_value < P_VALUE:
         text += f" (p = {unknown.p_value:.2g})"
-    elif verdict.effects:
-        text += " and that only held-out windows show"
     return f"{text}: {escaped(unknown.description)}." if unknown.description else f"{text}."
 
 

@@ -68,7 +68,8 @@ def terminal_text(verdict: Verdict) -> str:
             )
         )
     if unknown.flagged:
-        lines.append(_line("left", f"something, p = {unknown.p_value:.2g}; {unknown.description}"))
+        seen = f", p = {unknown.p_value:.2g};" if unknown.p_value < P_VALUE else ":"
+        lines.append(_line("left", f"something{seen} {unknown.description}"))
     elif verdict.effects:
         lines.append(_line("left", f"no test says that anything is left, p = {unknown.p_value:.2g}"))
     channels = [f"{name} {noise_text(noise)}" for name, noise in list(verdict.noise.items())[:2]]
