@@ -140,3 +140,16 @@ def predictions(monkeypatch, likelihoods: list[float], clumsy: int | None = None
         return SimpleNamespace(log_likelihood=value, error=error, floor=ones, predicted=apart * count * ones)
 
     monkeypatch.setattr(held_out, "predict", predict)
+
+
+@pytest.mark.parametrize(
+    ("episodes", "pushed", "again"),
+    [(8, [0, 1, 2, 3, 4], True), (8, [0, 1, 2, 3], False), (8, [0] * 5, False), (3, [0, 1, 2], False)],
+)
+def test_pushes_in_most_episodes_are_no_events(episodes, pushed, again):
+    of = arm_situation()[2]
+    order = np.linspace(-0.5, 0.5, episodes)
+    push = ExternalPulse(of.joints[0], [Pulse(e, float(order[e]), 0.1, 0.2) for e in pushed])
+    step = SimpleNamespace(problem=SimpleNamespace(segments=SimpleNamespace(episode=np.arange(episodes))))
+    told = diagnose._pushed_again(step, [push, *Spring.instances(of)])
+    assert (told is not None) == again

@@ -378,7 +378,7 @@ def _verdict(
         effects=[_named(found, effect, last) for effect in named],
         nominal_parameters=[_named(found, effect, last) for effect in found.free],
         unknown=Unknown(
-            flagged=flagged, p_value=left, description=again or _unknown(last) if flagged else ""
+            flagged=flagged, p_value=left, description=again or _unknown(last, left) if flagged else ""
         ),
         fit=Fits(
             nominal=fits[0],

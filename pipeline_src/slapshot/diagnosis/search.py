@@ -144,14 +144,14 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
         return Search(tuple(steps), tuple(free))
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MOST_EFFECTS:
         try:
-            step = _extended(steps[-1], rng, report)
+            before = steps[-1]
+            step = _extended(before, rng, report)
+            law = before if step is None else step
+            if len(steps) == 1 and law.test.p_value < P_VALUE:
+                step = _structured(before, law, rng, report) or step
             if step is None:
                 break
             steps.append(step)
-            if len(steps) == 2 and step.test.p_value < P_VALUE:
-                other = _structured(steps[0], step, rng, report)
-                if other is not None:
-                    steps[-1] = other
         except np.linalg.LinAlgError:
             # What was found so far stands, and its test says that something is left.
             report("a refit diverges: the search ends")
@@ -368,7 +368,7 @@ def first_values(examined: Examination, index: int, values: Array) -> Array:
 
 
 def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Report) -> Step | None:
-    """A model with a state of its own in place of the rival; None where none is better."""
+    """A model with a state of its own in place of the law that gained most (if any did); None if none beats it."""
     problem, examined = before.problem, before.examination
     statistic = {j.name: 0.0 for j in problem.situation.joints}
     for effect, value in zip(examined.effects, before.test.statistics, strict=True):
