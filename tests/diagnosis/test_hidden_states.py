@@ -5,10 +5,7 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.search import _hidden_spread, _tried, nominal_step
-from slapshot.diagnosis.segments import cut
 
 from .mechanisms import PENDULUM, joint, recording, simulate, told
 

@@ -22,7 +22,7 @@ from slapshot.diagnosis.law_error import SLOW
 from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise, fit_noise, fit_process_force
 from slapshot.diagnosis.problem import Examination, Problem, examine, first_look
 from slapshot.diagnosis.pulses import pushes
-from slapshot.diagnosis.shooting import shoot
+from slapshot.diagnosis.shooting import shoot, simulate
 from slapshot.diagnosis.structure import same_effects
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect
@@ -368,7 +368,14 @@ def first_values(examined: Examination, index: int, values: Array) -> Array:
 
 
 def _structured(before: Step, rival: Step, rng: np.random.Generator, report: Report) -> Step | None:
-    """A model with a state of its own in place of the law that gained most (if any did); None if none beats it."""
+    """A model with a state of its own in place of the law that gained most; None where none is better.
+
+    Args:
+        before: without either.
+        rival: with that law; `before` itself where no law gains enough.
+        rng: for p-values.
+        report: told what is being done.
+    """
     problem, examined = before.problem, before.examination
     statistic = {j.name: 0.0 for j in problem.situation.joints}
     for effect, value in zip(examined.effects, before.test.statistics, strict=True):
@@ -446,25 +453,35 @@ def _completed(trial: Trial) -> tuple[float, Trial]:
     problem, part = trial.problem.with_steps_for(trial.effect), trial.fit
     every = np.arange(problem.segments.shape[0])
     fit = _shot(problem, part.hypothesis, part.theta, problem.path, trial.noise, every, rounds=4)
-    noise = replace(trial.noise, initial=_hidden_spread(problem, trial.noise, fit.path))
-    evidence, fit, noise = _own_evidence(problem, fit, noise)
+    path, initial = _at_rest(problem, fit, trial.noise)
+    evidence, fit, noise = _own_evidence(
+        problem, replace(fit, path=path), replace(trial.noise, initial=initial)
+    )
     return evidence, replace(trial, problem=problem, fit=fit, noise=noise)
 
 
-def _hidden_spread(problem: Problem, noise: Noise, path: Array) -> Array:
-    """(n,) variances of first states, those of what nobody sees being as wide as their motion in a fit.
+def _at_rest(problem: Problem, fit: Fit, noise: Noise) -> tuple[Array, Array]:
+    """A fit's motion from where nothing is deflected, and variances of first states about it.
 
-    A plate that tilts by millirad may stand anywhere in them, not in what a robot's joints move through:
-    evidence loses the logarithm of that ratio in every segment.
+    Those of what nobody sees are as wide as it moves then. A plate that tilts by millirad may stand anywhere
+    in them, not in what a robot's joints move through: evidence loses the logarithm of that ratio in every
+    segment. And about an axis that nothing loads it does not tilt.
+
+    Returns:
+        (S, L, nx) and (n,).
     """
-    tangent, initial = problem.simulator.tangent, noise.initial.copy()
-    inside = path[problem.segments.inside]
-    moved = tangent.subtract(inside, np.broadcast_to(inside.mean(axis=0), inside.shape))
-    for dof in problem.rig.added_dofs:
-        for k in (dof, tangent.nv + dof):
-            wide = (_SPREAD * float(np.sqrt(np.mean(moved[:, k] ** 2)))) ** 2
-            initial[k] = min(initial[k], max(wide, _LEAST_SPREAD * initial[k]))
-    return initial
+    model, tangent, initial, first = (
+        problem.rig.model, problem.simulator.tangent, noise.initial.copy(), fit.path[:, 0].copy()
+    )  # fmt: skip
+    # Where in a state, and where in a change of it.
+    hidden = [(int(model.jnt_qposadr[model.dof_jntid[dof]]), dof) for dof in problem.rig.added_dofs]
+    hidden += [(tangent.nq + dof, tangent.nv + dof) for dof in problem.rig.added_dofs]
+    first[:, [at for at, _ in hidden]] = 0
+    path, _ = simulate(problem.simulator, fit.hypothesis, fit.theta, problem.segments, first)
+    for at, k in hidden:
+        wide = _SPREAD**2 * float(np.mean(path[problem.segments.inside][:, at] ** 2))
+        initial[k] = min(initial[k], max(wide, _LEAST_SPREAD * initial[k]))
+    return path, initial
 
 
 def _few(problem: Problem) -> NDArray[np.intp]:
