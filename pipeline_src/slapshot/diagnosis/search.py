@@ -40,6 +40,7 @@ _AGAIN = 4  # rounds under the process force of its own
 _BEHIND, _BEHIND_NATS = 0.02, 30.0  # behind the leader, where no candidate is refitted to everything
 CLASS_NATS = float(np.log(20.0))  # rivals within a factor of twenty cannot be told apart
 _STRUCTURE_JOINTS = 3
+_STRUCTURE_STEPS = 2  # in which structures are tried: alone, and beside the law that gained most
 _TRIAL_ROUNDS, _SHOT_SEGMENTS = 6, 12  # for a first look at structures
 _SPREAD, _LEAST_SPREAD = 3.0, 1e-8  # rms of a hidden motion that a first state may lie off; of its variance
 _SHOT_BEHIND = 20.0  # nats behind the law there, where no structure is followed further
@@ -147,7 +148,8 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
             before = steps[-1]
             step = _extended(before, rng, report)
             law = before if step is None else step
-            if len(steps) == 1 and law.test.p_value < P_VALUE:
+            split = any(effect.hidden_state for effect in before.hypothesis.effects)
+            if len(steps) <= _STRUCTURE_STEPS and not split and law.test.p_value < P_VALUE:
                 step = _structured(before, law, rng, report) or step
             if step is None:
                 break
