@@ -17,6 +17,7 @@ from slapshot.diagnosis.noise import CLIP, Noise, fit_noise
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.problem import NUISANCE, Problem
 from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.shooting import simulate
 from slapshot.diagnosis.structure import moved_path
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 WINDOW_S = 0.5
 _ROUNDS = 5
 _STILL = 1e-3  # of the noise, by which a path may still move
+_MOVING = 1.0  # of the noise, by which the last step of a path may still move it
+_WORSE = 2.0  # factor by which errors of a segment may grow in a step
 _RESAMPLES = 1000
 _NO_WEIGHT = 1e12  # factor on the variance of what is not to be used
 
@@ -99,6 +102,8 @@ def predict(
     own = noise.elsewhere(problem.rates(windows, path))
     fitter = Fitter(problem.fitter.simulator, before, problem.torque)
     path, coloured = _without_parameters(fitter, hypothesis, theta, path, own)
+    later, _ = simulate(fitter.simulator, hypothesis, theta, windows.later(half), path[:, half])
+    path = np.concatenate([path[:, :half], np.where(np.isfinite(later), later, path[:, half:])], axis=1)
     found = fitter.linearise(hypothesis, theta, path)
     system, predicted = found.system.without_columns(), found.predicted
     quiet = replace(own, force=1e-6)
@@ -138,18 +143,36 @@ def _without_parameters(
     noise: Noise,
     known: Linear | None = None,
 ) -> tuple[Array, Array]:
-    """Smoothed path and coloured noise with the values held; `known` is a system about a path nearby."""
-    system = known
+    """Smoothed path and coloured noise with the values held; `known` is a system about a path nearby.
+
+    Where a step leads to a path that cannot be, as across a gap of teeth, a segment takes a shorter one.
+    """
+    system, covariances = known, noise.covariances(fitter.segments.interval)
+    there = np.isfinite(fitter.segments.y).sum(axis=(1, 2))
+    best, least, share = path, np.full(len(path), np.inf), np.ones(len(path))
+    step, coloured = (
+        np.zeros((*path.shape[:2], fitter.simulator.tangent.dim)),
+        np.zeros(fitter.segments.y.shape),
+    )
+    moved = np.zeros(len(path))
     for number in range(_ROUNDS):
         # A path nearby has nearly the same derivatives.
         jacobian = system if known is not None or number > 1 else None
         system = fitter.linearise(hypothesis, theta, path, jacobian=jacobian).system.without_columns()
-        delta, _, coloured = smooth(system, noise.covariances(fitter.segments.interval))
-        path = fitter.simulator.tangent.add(path, delta)
-        moved = np.einsum("stcn,stn->stc", system.C, delta) / noise.white
+        squares = np.sum(innovations(system, covariances).e ** 2, axis=(1, 2))
+        good = (squares < _WORSE * np.maximum(least, there)) | (number == 0)
+        best = np.where(good[:, None, None], path, best)
+        least, share = np.where(good, np.minimum(squares, least), least), np.where(good, 1.0, share / 4)
+        delta, _, smoothed = smooth(system, covariances)
+        step[good], coloured[good] = delta[good], smoothed[good]
+        taken = share[:, None, None] * step
+        path = fitter.simulator.tangent.add(best, taken)
+        moved = np.sqrt(
+            np.mean((np.einsum("stcn,stn->stc", system.C, taken) / noise.white) ** 2, axis=(1, 2))
+        )
         if np.sqrt(np.mean(moved**2)) < _STILL:
             break
-    return path, coloured
+    return np.where((moved < _MOVING)[:, None, None], path, best), coloured
 
 
 def own_noise(

@@ -131,6 +131,11 @@ class Segments:
         kept = ("y", "shift", "inside", "time", "episode", "first", "order")
         return replace(self, **{name: getattr(self, name)[some] for name in kept})
 
+    def later(self, node: int) -> "Segments":
+        """The same from a node on."""
+        cut = {name: getattr(self, name)[:, node:] for name in ("y", "shift", "inside", "time")}
+        return replace(self, **cut, first=self.first + node)
+
     def finer(self, steps: int) -> "Segments":
         """The same with each model step in several."""
         if steps == 1:
