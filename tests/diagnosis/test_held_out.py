@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mujoco import MjSpec
+from slapshot.diagnosis import held_out
 from slapshot.diagnosis.diagnose import split
 from slapshot.diagnosis.held_out import Predictions, first_path, predict
 from slapshot.diagnosis.noise import Noise
@@ -139,3 +140,24 @@ def test_errors_as_large_as_expected_are_no_excess():
     wild[::3, 0] = 1e6
     wild[:, 1] = np.nan
     assert replace(some, error=wild).excess(rng)[0] < 1.2
+
+
+def test_a_step_that_cannot_be_is_not_taken(monkeypatch):
+    """Of one window the first step leads nowhere: others do not see it, and its path stays what it was."""
+    of = made(1)
+    before, calls = predicted(of), []
+
+    def smooth(*arguments):
+        delta, force, coloured = held_out_smooth(*arguments)
+        calls.append(1)
+        if len(calls) == 1:
+            delta[0] *= 1e200
+        return delta, force, coloured
+
+    held_out_smooth = held_out.smooth
+    monkeypatch.setattr(held_out, "smooth", smooth)
+    after = predicted(of)
+    np.testing.assert_allclose(after.predicted[1:], before.predicted[1:], atol=1e-3 * WHITE)
+    # Velocities of the recorded path are as noisy as its readings are, over two intervals.
+    speed = WHITE / np.sqrt(2) / 0.01
+    assert np.abs(after.predicted[0] - before.predicted[0]).max() < 4 * (WHITE + 0.5 * speed)

@@ -265,3 +265,14 @@ def test_a_control_without_value_is_refused():
     made.signals["encoder"].loc[made.signals["encoder"]["episode"] == 1, "drive"] = np.nan
     with pytest.raises(InputError, match=r"^episode 1: channel drive has no value; leave the episode out$"):
         cut(made, rig_of(made))
+
+
+def test_a_later_part_has_the_controls_of_its_own_times():
+    t = np.arange(100) * 0.01
+    made = swinging(t, control=np.cos(3 * t))
+    segments = cut(made, rig_of(made), segment_s=0.4)
+    later = segments.later(15)
+    assert later.shape == (segments.shape[0], 25)
+    np.testing.assert_array_equal(later.time, segments.time[:, 15:])
+    there = later.inside
+    np.testing.assert_array_equal(later.control()[there], segments.control()[:, 15:][there])

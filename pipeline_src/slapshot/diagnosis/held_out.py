@@ -135,6 +135,7 @@ def predict(
     return Predictions(error, predicted[:, half:], floor[:, half:], expected, log_likelihoods)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _without_parameters(
     fitter: Fitter,
     hypothesis: Hypothesis,
