@@ -1,15 +1,24 @@
 """What has a state of its own is compared with laws fairly: its first states are no freer than they move."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 from mujoco import MjSpec
+from slapshot.diagnosis import held_out
 from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import bind
+from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.structure import same_effects
+from slapshot.effects.joints.catalogue import instances
 
 from .mechanisms import PENDULUM, joint, recording, simulate, told
 
 COMPLIANCE = 2e-3  # rad/(N m)
+ROTOR = PENDULUM.replace('damping="0.05"', 'damping="0.05" armature="0.05"')
 # A rod on a plate that tilts, of an inertia that hardly matters.
 SOFT = (
     PENDULUM.replace(
@@ -45,3 +54,34 @@ def test_a_soft_base_is_named_and_measured(taken):
     half = (compliance.high - compliance.low) / 2
     assert abs(compliance.value - COMPLIANCE) < 1.57 * half < 0.2 * COMPLIANCE
     assert not verdict.unknown.flagged
+
+
+def test_on_which_side_of_its_play_a_gear_is_told_by_the_data_before_a_window(monkeypatch):
+    """A rod whose motor has play, its values given: errors of a held-out window are those of the readings."""
+    rng, t, white = np.random.default_rng(4), np.arange(0, 2, 0.01), 1e-3
+    u = [rng.uniform(0.5, 1.0) * np.sin(rng.uniform(5, 9) * t + rng.uniform(0, 6)) for _ in range(4)]
+    blank = {"q": (joint("swing"), [np.sin(5 * t)] * 4), "u": (told(actuator="drive"), u)}
+    nominal = recording([t] * 4, blank)
+    rig = bind(MjSpec.from_string(ROTOR), nominal.channels)
+    problem = Problem.of(rig, nominal.channels, cut(nominal, rig))
+    effect = next(e for e in problem.catalogue if e.key == "backlash@swing (read at the link)")
+    values = np.array([0.05, 0.05])
+    moved = problem.restructured(effect, problem.path)
+    hypothesis = Hypothesis(moved.rig, same_effects((effect,), instances(moved.situation)))
+    model = hypothesis.compiled(values, 1e-3)
+    readings = []
+    for part in u:
+        q, *_ = simulate(model, t, part[:, None], [rng.uniform(-1, 1), 0.0], [0.0, 0.0])
+        readings.append(q.sum(axis=1) + white * rng.normal(size=len(t)))
+    taken = recording([t] * 4, blank | {"q": (joint("swing"), readings)})
+    windows = cut(taken, rig, segment_s=1.0)
+    noise = replace(moved.first_noise, white=np.array([white]), coloured=np.zeros(1), force=1e-6)
+
+    def errors() -> float:
+        path = held_out.first_path(moved, problem, windows)
+        return held_out.predict(moved, hypothesis, values, windows, noise, path).rms(np.array([0]))
+
+    found = errors()
+    monkeypatch.setattr(held_out, "_rough", lambda hypothesis: False)
+    assert found < 2 * white
+    assert errors() > 2 * found

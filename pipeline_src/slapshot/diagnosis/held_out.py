@@ -17,7 +17,7 @@ from slapshot.diagnosis.noise import CLIP, Noise, fit_noise
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.problem import NUISANCE, Problem
 from slapshot.diagnosis.segments import Segments
-from slapshot.diagnosis.shooting import simulate
+from slapshot.diagnosis.shooting import shoot, simulate
 from slapshot.diagnosis.structure import moved_path
 
 Array = NDArray[np.float64]
@@ -26,6 +26,7 @@ WINDOW_S = 0.5
 _ROUNDS = 5
 _STILL = 1e-3  # of the noise, by which a path may still move
 _MOVING = 1.0  # of the noise, by which the last step of a path may still move it
+_SHOT_ROUNDS = 15
 _WORSE = 2.0  # factor by which errors of a segment may grow in a step
 _RESAMPLES = 1000
 _NO_WEIGHT = 1e12  # factor on the variance of what is not to be used
@@ -101,6 +102,8 @@ def predict(
     before = replace(windows, y=masked)
     own = noise.elsewhere(problem.rates(windows, path))
     fitter = Fitter(problem.fitter.simulator, before, problem.torque)
+    if _rough(hypothesis):
+        path = _shot(fitter, hypothesis, theta, path, own)
     path, coloured = _without_parameters(fitter, hypothesis, theta, path, own)
     later, _ = simulate(fitter.simulator, hypothesis, theta, windows.later(half), path[:, half])
     path = np.concatenate([path[:, :half], np.where(np.isfinite(later), later, path[:, half:])], axis=1)
@@ -133,6 +136,22 @@ def predict(
         spread = spread + np.einsum("wtck,kl,wtcl->wtc", own_part, np.linalg.inv(precision), own_part)
     expected = np.sqrt(floor[:, half:] ** 2 + spread)
     return Predictions(error, predicted[:, half:], floor[:, half:], expected, log_likelihoods)
+
+
+def _rough(hypothesis: Hypothesis) -> bool:
+    """Whether a model has states that smoothing does not find from afar: on which side a gear's teeth lie."""
+    return any(effect.hidden_state for effect in hypothesis.effects)
+
+
+def _shot(fitter: Fitter, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise) -> Array:
+    """A path from the first states that explain each segment best by themselves."""
+    path = path.copy()
+    for one in np.arange(len(path))[:, None]:
+        segments, own = fitter.segments.select(one), noise.select(one)
+        path[one] = shoot(
+            fitter.simulator, hypothesis, theta, segments, path[one], own, _SHOT_ROUNDS, held=True
+        ).path
+    return path
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -185,6 +204,8 @@ def own_noise(
         nothing: tuple[Look, ...] = ()
         prior = prior_of(Hypothesis(problem.rig), nothing)
         noise = fit_noise(system, prior, noise, problem.segments, problem.kinds, near=True)
+        if _rough(hypothesis):
+            break
         path, _ = _without_parameters(problem.fitter, hypothesis, theta, path, noise, system)
     return noise, path
 

@@ -65,6 +65,7 @@ def shoot(
     path: Array,
     noise: Noise,
     rounds: int = 12,
+    held: bool = False,
 ) -> Fit:
     """Fit values and first states by Levenberg and Marquardt's method.
 
@@ -76,9 +77,10 @@ def shoot(
         path: (S, L, nx), whose first states are those of the segments, with the noise's initial variances.
         noise: of the observations; its process force counts as none.
         rounds: at most.
+        held: whether the values are given, and first states alone are fitted.
     """
     tangent, S = simulator.tangent, segments.shape[0]
-    p, dim = len(theta), tangent.dim
+    p, dim = 0 if held else len(theta), tangent.dim
     theta, start = hypothesis.within(theta), path[:, 0]
     first = start.copy()
     whiten, logdet = _whitening(segments, noise)
@@ -98,7 +100,8 @@ def shoot(
     now, damping = cost(e, theta, first), 1e-3
     converged, moved, evidence = False, np.inf, -np.inf
     positive = np.array([q.start > 0 and q.low >= 0 for q in hypothesis.parameters], bool)
-    precision = np.diag(hypothesis.prior_sd**-2.0)
+    prior = hypothesis.prior_sd[:p] ** -2.0
+    precision = np.diag(prior)
     for number in range(rounds + 1):
         Z = np.empty((S, e.shape[1], p))
         for k in range(p):
@@ -119,8 +122,7 @@ def shoot(
         own = np.matmul(scaled.transpose(0, 2, 1), scaled) + np.eye(dim)
         cross = np.matmul(scaled.transpose(0, 2, 1), Z)
         b_own = np.einsum("sni,sn->si", scaled, e) - off
-        prior = hypothesis.prior_sd**-2.0
-        b = np.einsum("snk,sn->k", Z, e) - prior * (theta - hypothesis.start)
+        b = np.einsum("snk,sn->k", Z, e) - prior * (theta - hypothesis.start)[:p]
         information = np.einsum("snk,snl->kl", Z, Z) + np.diag(prior)
         solved = np.linalg.solve(own, np.concatenate([cross, b_own[..., None]], axis=2))
         precision = information - np.einsum("sik,sil->kl", cross, solved[..., :p])
@@ -132,21 +134,23 @@ def shoot(
         for _ in range(_DAMPINGS):
             damped = own + damping * np.einsum("sii->si", own)[:, :, None] * np.eye(dim)
             solved = np.linalg.solve(damped, np.concatenate([cross, b_own[..., None]], axis=2))
-            schur = information + damping * np.diag(np.diag(information))
-            schur = schur - np.einsum("sik,sil->kl", cross, solved[..., :p])
-            # What is positive by nature, such as a compliance, is moved by factors.
-            grade = np.where(positive, np.maximum(theta, _LEAST * hypothesis.start), 1.0)
-            ahead = b - np.einsum("sik,si->k", cross, solved[..., p])
-            step = np.linalg.solve(schur * np.outer(grade, grade), ahead * grade) if p else b
-            factor = np.exp(np.where(positive, np.clip(step, -1.0, 1.0), 0.0))
-            target = hypothesis.within(np.where(positive, grade * factor, theta + step))
-            delta = (solved[..., p] - solved[..., :p] @ (target - theta)) * spread
+            target, delta = theta, solved[..., p] * spread
+            if p:
+                schur = information + damping * np.diag(np.diag(information))
+                schur = schur - np.einsum("sik,sil->kl", cross, solved[..., :p])
+                # What is positive by nature, such as a compliance, is moved by factors.
+                grade = np.where(positive, np.maximum(theta, _LEAST * hypothesis.start), 1.0)
+                ahead = b - np.einsum("sik,si->k", cross, solved[..., p])
+                step = np.linalg.solve(schur * np.outer(grade, grade), ahead * grade)
+                factor = np.exp(np.where(positive, np.clip(step, -1.0, 1.0), 0.0))
+                target = hypothesis.within(np.where(positive, grade * factor, theta + step))
+                delta = (solved[..., p] - solved[..., :p] @ (target - theta)) * spread
             states = tangent.add(first, delta)
             tried, trace = residual(target, states)
             value = cost(tried, target, states)
             if value < now:
-                sd = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.ones(0)
-                moved = float(np.max(np.abs(target - theta) / sd, initial=0.0))
+                sd = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
+                moved = float(np.max(np.abs(target - theta)[:p] / sd, initial=0.0))
                 converged = now - value < STILL and moved < 1
                 theta, first, e, x, now = target, states, tried, trace, value
                 damping = max(damping / 10, 1e-8)
