@@ -5,15 +5,20 @@ CONFIG ?= config/default.yaml
 INSTALL := $(VENV)/bin/python -m pip install --quiet --no-build-isolation
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: figures test lint setup
+.PHONY: figures test test-fast lint setup
 .DEFAULT_GOAL := figures
 
 figures: setup
 	@slapshot config -- "$(CONFIG)"
 	snakemake figures --configfile "$(CONFIG)"
 
+# A file of tests stays on one core: its fixtures are made once.
 test: setup lint
-	pytest
+	pytest -n auto --dist loadfile
+
+# Without those that run Snakemake.
+test-fast: setup
+	pytest -n auto --dist loadfile -m "not slow and not workflow"
 
 lint: setup
 	ruff check .
