@@ -8,8 +8,10 @@ from snakemake.utils import min_version
 
 from slapshot.config import read_config
 from slapshot.errors import InputError
-from slapshot.plan import FIGURES, make_plan
+from slapshot.plan import FIGURES, STAGES, make_plan
+from slapshot.plan.marks import Marks
 from slapshot.plan.proof import FRESH
+from slapshot.plan.time_left import TimeLeft
 from slapshot.store.folder import Store
 
 min_version("9.0")
@@ -23,24 +25,8 @@ container: "docker://python:3.11-slim"
 
 
 include: "workflow/rules/common.smk"
-include: "workflow/rules/scene.smk"
-include: "workflow/rules/trajectories.smk"
-include: "workflow/rules/rollouts.smk"
-include: "workflow/rules/lab.smk"
-include: "workflow/rules/adaptation.smk"
-include: "workflow/rules/regression.smk"
-include: "workflow/rules/uncertainty.smk"
-include: "workflow/rules/policy.smk"
-include: "workflow/rules/proposals.smk"
-include: "workflow/rules/refinement.smk"
-include: "workflow/rules/claims.smk"
-include: "workflow/rules/viewer.smk"
-include: "workflow/rules/diagnosis.smk"
-include: "workflow/rules/proof.smk"
-include: "workflow/rules/joint_proof.smk"
-include: "workflow/rules/calibration.smk"
-include: "workflow/rules/circle.smk"
-include: "workflow/rules/figures.smk"
+include: "workflow/rules/stages.smk"
+include: "workflow/rules/publish.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmark.smk"
 

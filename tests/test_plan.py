@@ -15,7 +15,7 @@ from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.errors import InputError
 from slapshot.lab.joints import cases as joint_cases
 from slapshot.lab.joints.order import Condition, Order
-from slapshot.plan import CLAIMS, FIGURES, ON_DEMAND, STAGES, make_plan
+from slapshot.plan import CLAIMS, FIGURES, STAGES, make_plan
 from slapshot.proof.cases import Case, write_cases
 from slapshot.store.closure import code_digest, imported_libraries
 from slapshot.store.recipe import Recipe, file_digest, make_recipe
@@ -217,7 +217,7 @@ def test_the_plan_holds_every_stage_once_for_each_instance(config):
     plan = make_plan(config)
     assert set(plan.recipes) == ALL
     assert {recipe.stage for recipe in plan.recipes.values()} == set(STAGES)
-    assert set(ON_DEMAND) < set(STAGES)
+    assert {STAGES[plan.recipes[label].stage].on_demand for label in set(ALL) - plan.on_demand} == {False}
     assert all(plan.by_id(r.stage, r.id) == r for r in plan.recipes.values())
     assert plan.ids()["figure"] == {plan.recipes[label].id for label in ALL if label.startswith("figure/")}
     assert len(plan.ids()["figure"]) == len(FIGURES)
@@ -238,7 +238,7 @@ def test_upstream_comes_first_and_is_part_of_the_plan(config):
 def test_code_that_is_read_once_gives_the_recipe_that_reading_it_each_time_gives(config):
     plan = make_plan(config)
     recipe = plan.recipes["verdict/full/f1"]
-    modules = [STAGES["verdict"], *modules_of_results()]
+    modules = [STAGES["verdict"].module, *modules_of_results()]
     above = {role: plan.by_id(*pair) for role, pair in recipe.upstream.items()}
     assert make_recipe("verdict", modules, recipe.config, above) == recipe
 
@@ -388,7 +388,7 @@ def test_every_effect_on_joints_belongs_to_the_code_of_a_verdict_on_joints(confi
     make_plan(config)
     effects = {effect.__module__ for effect in joint_effects().values()}
     for stage in ("joint_verdict", "joint_score"):
-        (modules,) = {modules for modules in asked if STAGES[stage] in modules}
+        (modules,) = {modules for modules in asked if STAGES[stage].module in modules}
         assert effects <= set(modules)
 
 

@@ -98,6 +98,14 @@ class Workspace:
     def folder(self, version: Version) -> Path:
         return self.root / "data/store" / version.stage / version.id
 
+    def log(self, version: Version) -> Path:
+        (file,) = (self.root / "logs" / version.stage).glob(f"*{version.id}.log")
+        return file
+
+    def mark(self, version: Version) -> Path:
+        (file,) = (self.root / "data/marks" / version.stage).glob(f"*{version.id}")
+        return file
+
     def whole(self) -> dict[str, tuple[int, int]]:
         """stage/id of all versions that the store calls whole -> what changes when one is made again.
 

@@ -235,14 +235,14 @@ def _config(args: argparse.Namespace) -> int:
 
 
 def _list(args: argparse.Namespace) -> int:
-    table = _table("stage", "id", "made at", "took", "from")
+    table = _table("what", "id", "made at", "took", "from")
     store = _store(args)
     _say_unreadable(store)
     for _, version in store.versions():
         recipe = version["recipe"]
         sources = _sources([(stage, i[:6]) for stage, i in recipe["upstream"].values()])
         table.add_row(
-            recipe["stage"],
+            printable(str(version.get("label") or recipe["stage"])),
             version["id"],
             printable(str(version["made_at"])),
             f"{version['seconds']:.0f} s",

@@ -54,12 +54,13 @@ def stage_command(stage: str, produce: Callable[[Run], None], resume: bool = Fal
     parser.add_argument("--store", type=Path, default=Path("data/store"))
     parser.add_argument("--cores", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--log", type=Path, help="file that gets a copy of all messages")
+    parser.add_argument("--label", help="what the version is, for people")
     args = parser.parse_args()
     store = Store(args.store)
     try:
-        set_up_logging(stage, args.log)
-        for recipe in _recipes(stage, args.recipe, args.config):
-            make_version(store, recipe, produce, args.cores, resume)
+        set_up_logging(args.label or stage, args.log)
+        for label, recipe in _recipes(stage, args.recipe, args.config).items():
+            make_version(store, recipe, produce, args.cores, resume, args.label or label)
     except InputError as error:
         log.debug("%s", traceback.format_exc())
         log.error("%s", error)
@@ -74,7 +75,12 @@ def stage_command(stage: str, produce: Callable[[Run], None], resume: bool = Fal
 
 
 def make_version(
-    store: Store, recipe: Recipe, produce: Callable[[Run], None], cores: int, resume: bool = False
+    store: Store,
+    recipe: Recipe,
+    produce: Callable[[Run], None],
+    cores: int,
+    resume: bool = False,
+    label: str = "",
 ) -> Path:
     """Make one version unless it is there, or wait for the process that makes it; return its folder."""
     name = recipe.stage, recipe.id
@@ -85,29 +91,29 @@ def make_version(
             inputs = store.inputs(recipe)
             with store.locked(*name):
                 if not store.is_whole(*name):  # nor did another process make it in the meantime
-                    with store.new_version(recipe, resume) as out:
+                    with store.new_version(recipe, resume, label) as out:
                         produce(Run(config=recipe.config, inputs=inputs, out=out, cores=cores))
                     made = True
-        store.put_mark(*name)
     log.info("%s %s", recipe.id, "made" if made else "is already whole")
     return folder
 
 
-def _recipes(stage: str, recipe: str | None, config: Path | None) -> list[Recipe]:
+def _recipes(stage: str, recipe: str | None, config: Path | None) -> dict[str, Recipe]:
+    """By label, where the configuration is given."""
     if recipe is not None:
-        return [Recipe.from_json(recipe)]
+        return {"": Recipe.from_json(recipe)}
     # By name: a stage's result does not depend on how configurations are checked and planned.
-    load_plan = import_module("slapshot.plan").load_plan
-    return list(load_plan(config).of_stage(stage).values())
+    load_plan, in_words = import_module("slapshot.plan").load_plan, import_module("slapshot.plan").in_words
+    return {in_words(label): made for label, made in load_plan(config).of_stage(stage).items()}
 
 
-def set_up_logging(stage: str, file: Path | None) -> None:
-    """Messages to the terminal, and with all details to `file`."""
+def set_up_logging(label: str, file: Path | None) -> None:
+    """Messages to the terminal, each after `label`, and with all details to `file`."""
     log.setLevel(logging.DEBUG)
     log.propagate = False  # libraries put handlers on the root logger, which would say everything twice
     console = logging.StreamHandler()
     console.setLevel(logging.INFO)
-    console.setFormatter(logging.Formatter(f"[{stage}] %(message)s"))
+    console.setFormatter(logging.Formatter(f"[{label.replace('%', '%%')}] %(message)s"))
     log.addHandler(console)
     logging.raiseExceptions = False  # a disk that fills up gets its one line, not a traceback a message
     if file is not None:

@@ -1,6 +1,5 @@
 """Hours of jobs that wait for one another, where the answer is known by hand."""
 
-import re
 from pathlib import Path
 
 import pandas as pd
@@ -106,14 +105,6 @@ def test_hours_are_told_for_two_cores_and_for_those_that_there_are(paper):
         for what in ("critical_path_hours", "hours")
     ]
     assert [m.value for m in stage_hours("x", jobs, 16) if m.measure == "x_rollouts_hours"] == [1 / 16]
-
-
-def test_jobs_are_as_wide_as_their_rules_say():
-    rules = "\n".join(file.read_text() for file in sorted((ROOT / "workflow/rules").glob("*.smk")))
-    threads = dict(re.findall(r"rule (\w+)_version:.*?threads: (\S+)\n", rules, re.DOTALL))
-    long = {"train" if stage.startswith("train_") else stage for stage in COSTS}
-    for stage in long | {"refined_rollouts", "refined_train"}:
-        assert threads[stage] == ("workflow.cores" if stage in WIDE else "1"), stage
 
 
 def test_published_hours_add_up(scales):

@@ -39,7 +39,7 @@ def test_whenever_it_is_killed_it_goes_on_and_the_content_is_that_of_an_unbroken
     found = other.whole()
     assert {name: found.get(name) for name in kept} == kept
     rollouts = of_stage(versions, "rollouts")
-    log = (other.root / "logs/rollouts" / f"{rollouts.id}.log").read_text()
+    log = other.log(rollouts).read_text()
     assert not shards or f"rollouts/{rollouts.id}" in kept or "shards are there already" in log
     assert set(found) == {f"{v.stage}/{v.id}" for v in versions.values()}
     different = {

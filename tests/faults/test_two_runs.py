@@ -48,6 +48,7 @@ def test_a_run_leaves_alone_the_mark_of_what_another_has_made_since_it_began(wor
     versions = both.plan()
     lost = few(versions, both.whole())
     first, second = [version for label, version in versions.items() if label in lost][:2]
+    mark = both.mark(second)
     for version in (first, second):
         shutil.rmtree(both.folder(version))
 
@@ -59,8 +60,7 @@ def test_a_run_leaves_alone_the_mark_of_what_another_has_made_since_it_began(wor
             waiting = f"waiting for another process that makes {first.stage}/{first.id}"
             running.wait_until(lambda: waiting in running.said(), "it waits for the first version")
             shutil.copytree(workspace.folder(second), both.folder(second))
-            store.put_mark(second.stage, second.id)
-            mark = store.mark(second.stage, second.id)
+            mark.touch()
             os.link(mark, tmp_path / "mark")
             lock.close()
             assert running.wait() == 0, running.said()

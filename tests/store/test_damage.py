@@ -97,7 +97,7 @@ def test_a_version_under_another_name_is_not_what_was_written(store, other):
 
 def as_earlier_code_wrote_it(folder: Path) -> None:
     version = json.loads((folder / VERSION_FILE).read_text())
-    for key in ("bytes", "inputs", "checksum"):
+    for key in ("bytes", "inputs", "label", "checksum"):
         del version[key]
     (folder / VERSION_FILE).write_text(canonical_json(version) + "\n")
 

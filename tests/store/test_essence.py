@@ -164,7 +164,7 @@ def module_names() -> Iterator[tuple[str, Path]]:
 
 
 def everything_that_makes_results() -> dict[str, Path]:
-    roots = {*STAGES.values(), *FIGURES.values(), *CLAIMS.values()}
+    roots = {*(stage.module for stage in STAGES.values()), *FIGURES.values(), *CLAIMS.values()}
     scenes = {name for name, _ in module_names() if name.startswith("slapshot.scenes.")}
     effects = {name for name, _ in module_names() if name.startswith("slapshot.effects.")}
     return module_closure(*roots, *scenes, *effects)
@@ -233,7 +233,7 @@ def test_an_input_error_ends_a_stage():
 def test_libraries_are_those_that_the_code_imports():
     assert "numba" in imported_libraries("slapshot.effects.slide_law")
     for stage in ("verdict", "diagnosis", "findings"):
-        assert {"mujoco", "numba", "numpy", "scipy"} <= imported_libraries(STAGES[stage])
+        assert {"mujoco", "numba", "numpy", "scipy"} <= imported_libraries(STAGES[stage].module)
     assert imported_libraries("slapshot.store.lock", "slapshot.progress") == set()
     assert imported_libraries("slapshot.scenes.fetchslide") >= {"gymnasium-robotics", "mujoco"}
-    assert "torch" not in imported_libraries(STAGES["coverage"])
+    assert "torch" not in imported_libraries(STAGES["coverage"].module)

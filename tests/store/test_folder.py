@@ -1,7 +1,6 @@
 """Version folders: whole or absent, whatever happens to the process that makes them."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -150,25 +149,6 @@ def test_an_unreadable_version_file_is_not_a_whole_version(store):
     folder = produce(store)
     (folder / VERSION_FILE).write_text('{"id":')
     assert not store.is_whole(RECIPE.stage, RECIPE.id)
-
-
-def test_stale_marks_are_dropped_and_others_stay(store):
-    produce(store)
-    gone, unwanted = "a" * 12, "b" * 12
-    for version_id in (RECIPE.id, gone, unwanted):
-        store.put_mark("rollouts", version_id)
-    store.drop_stale_marks({"rollouts": {RECIPE.id, gone}, "train": {"c" * 12}})
-    marks = sorted(p.name for p in store.root.glob("*/*.ok"))
-    assert marks == sorted([f"{RECIPE.id}.ok", f"{unwanted}.ok"])
-
-
-def test_a_mark_that_is_there_is_not_written_again(store):
-    produce(store)
-    store.put_mark("rollouts", RECIPE.id)
-    mark = store.mark("rollouts", RECIPE.id)
-    os.utime(mark, (1, 1))
-    store.put_mark("rollouts", RECIPE.id)
-    assert mark.stat().st_mtime == 1
 
 
 def test_inputs_are_folders_by_role(store):

@@ -67,7 +67,6 @@ def test_garbage_is_removed_and_what_is_asked_for_stays(littered):
         f"train/{unwanted.id}",
         f"train/{unwanted.id}/weights",
         f"train/{unwanted.id}/version.json",
-        f"train/{unwanted.id}.ok",
         f"rollouts/.partial-{'b' * 12}",
         f"rollouts/.partial-{'b' * 12}/parts",
         f"rollouts/.partial-{'b' * 12}/parts/hits-000",
@@ -114,7 +113,7 @@ def test_only_what_the_store_made_is_garbage(store, make, tmp_path):
     before = snapshot(store)
     removed = collect_garbage(store, {}, really=True)
     assert [folder.name for folder, _ in removed] == [unwanted.id]
-    gone = {f"train/{unwanted.id}{rest}" for rest in ("", ".ok", "/payload", "/version.json")}
+    gone = {f"train/{unwanted.id}{rest}" for rest in ("", "/payload", "/version.json")}
     assert before - snapshot(store) == gone
     assert (outside / "version.json").read_text() == "{}"
     assert {name: (store.root / name).read_text() for name in foreign} == foreign

@@ -137,7 +137,6 @@ def test_who_wants_a_version_that_is_being_made_waits_and_makes_it_only_if_that_
     assert made_by == ["second" if fails else "first"]
     assert damaged_files(store.folder(RECIPE.stage, RECIPE.id)) == []
     assert hidden(store) == []
-    assert store.mark(RECIPE.stage, RECIPE.id).exists()
 
 
 def test_who_waits_goes_on_when_the_other_process_is_killed(store, caplog):

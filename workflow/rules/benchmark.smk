@@ -1,7 +1,7 @@
 rule benchmark:
     """Speed, memory and error of the stages, as ratios measured in one run (default configuration)."""
     input:
-        marks("swings"),
+        of_figures("swings"),
         mark_of("viewer/hockey"),
         of_figures("verdict"),
     log:
@@ -17,7 +17,7 @@ rule benchmark:
 rule tuning:
     """The same search of the learning rate for every method (default configuration)."""
     input:
-        marks("rollouts"),
+        of_figures("rollouts"),
     log:
         "logs/tuning.log",
     threads: workflow.cores

@@ -1,4 +1,4 @@
-# The plan turns the configuration into recipes; a rule's only wildcard is the id of a version.
+# The plan turns the configuration into recipes; a rule's only wildcard is a version: what it is, and its id.
 
 shell.prefix("set -euo pipefail; ")
 
@@ -27,22 +27,22 @@ try:
 except InputError as error:
     raise WorkflowError(str(error)) from None
 
-store.drop_stale_marks(plan.ids())
+marks = Marks(Path("data/marks"), plan)
+marks.refresh(store)
+
+# Snakemake says how many jobs are done; how long the rest takes, it cannot know.
+time_left = TimeLeft(store, workflow.cores or 1)
+logger.addFilter(time_left)
 
 
-def marks(*stages):
-    """Marks of all versions of some stages."""
-    return [
-        str(store.mark(recipe.stage, recipe.id))
-        for stage in stages
-        for recipe in plan.of_stage(stage).values()
-    ]
+onstart:
+    time_left.say()
 
 
 def of_figures(stage=None):
     """Marks of what belongs to the figures, of one stage or of all."""
     recipes = plan.of_figures().values()
-    return [str(store.mark(r.stage, r.id)) for r in recipes if stage in (None, r.stage)]
+    return [str(marks.of(r)) for r in recipes if stage in (None, r.stage)]
 
 
 def of_domain(domain):
@@ -51,28 +51,41 @@ def of_domain(domain):
     return [mark_of(label) for label in labels]
 
 
+def marks_of(stage):
+    """Marks of what the target of a stage makes: of those that figures need, no version made on demand."""
+    if not stage.on_demand:
+        return of_figures(stage.name)
+    return [str(marks.of(recipe)) for recipe in plan.of_stage(stage.name).values()]
+
+
 def version(stage):
     """Pattern of the mark of a stage's versions.
 
     To be updated, because Snakemake removes any other output before a job: of two runs at once, one would
     take away the mark of a version that the other has made, and jobs that need it would wait in vain.
     """
-    return update(str(store.mark(stage, "{id}")))
+    return update(str(marks.pattern(stage)))
 
 
 def upstream(stage):
     """Input function: marks of the versions that a version reads."""
 
     def find(wildcards):
-        recipe = plan.by_id(stage, wildcards.id)
-        return [str(store.mark(*pair)) for pair in recipe.upstream.values()]
+        return [
+            str(mark) for mark in marks.above(marks.recipe(stage, wildcards.version))
+        ]
 
     return find
 
 
 def recipe(stage):
     """Params function: the recipe, in one canonical string."""
-    return lambda wildcards: plan.by_id(stage, wildcards.id).to_json()
+    return lambda wildcards: marks.recipe(stage, wildcards.version).to_json()
+
+
+def label(stage):
+    """Params function: what the version is, in words."""
+    return lambda wildcards: marks.label(marks.recipe(stage, wildcards.version))
 
 
 def mark_of(label):
@@ -81,7 +94,7 @@ def mark_of(label):
         raise WorkflowError(
             f"the configuration asks for no {label}; see `cases` and `recordings` in it"
         )
-    return str(store.mark(plan.recipes[label].stage, plan.recipes[label].id))
+    return str(marks.of(plan.recipes[label]))
 
 
 def folder_of(label):

@@ -13,7 +13,7 @@ import torch
 from slapshot.benchmark.measures import Measure, seconds
 from slapshot.benchmark.schedule import Job, core_seconds, critical_path, makespan
 from slapshot.command import Run
-from slapshot.plan import Plan
+from slapshot.plan import STAGES, Plan
 from slapshot.policy.simulator import Simulator
 from slapshot.scenes.randomisation import draw_conditions
 from slapshot.scenes.scene import Scene
@@ -22,7 +22,7 @@ from slapshot.trajectories.fit import train
 from slapshot.trajectories.swings import SPLITS
 from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
 
-WIDE = frozenset({"swings", "rollouts", "refined_rollouts"})  # stages that take all cores, as their rules say
+WIDE = frozenset(name for name, stage in STAGES.items() if stage.all_cores)
 LEAST_CORES = 2  # hours are told for so many, too
 
 _TASKS = 256  # demonstrations that are timed

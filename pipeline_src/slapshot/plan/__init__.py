@@ -13,19 +13,19 @@ from slapshot.errors import InputError
 from slapshot.plan.acting import add_acting
 from slapshot.plan.adaptation import add_method, add_regression, add_uncertainty
 from slapshot.plan.calibration import add_calibration
-from slapshot.plan.catalogue import CLAIMS, FIGURES, ON_DEMAND, STAGES
 from slapshot.plan.diagnosis import add_diagnoses
 from slapshot.plan.joint_proof import add_joint_proof
 from slapshot.plan.proof import add_proof
-from slapshot.plan.recipes import Plan
+from slapshot.plan.recipes import Plan, in_words
 from slapshot.plan.refinement import add_refinement
 from slapshot.plan.results import add_claims, add_figures, add_viewer
 from slapshot.plan.retraining import add_retraining
 from slapshot.plan.simulation import add_labs, add_simulation
+from slapshot.plan.stages import CLAIMS, FIGURES, STAGES, Stage
 from slapshot.validation import ProblemAtError, key_of
 from slapshot.yaml_file import Loc
 
-__all__ = ["CLAIMS", "FIGURES", "ON_DEMAND", "STAGES", "Plan", "load_plan", "make_plan"]
+__all__ = ["CLAIMS", "FIGURES", "STAGES", "Plan", "Stage", "in_words", "load_plan", "make_plan"]
 
 
 def load_plan(path: Path | None = None) -> Plan:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.errors import InputError
-from slapshot.plan.catalogue import ON_DEMAND, STAGES
+from slapshot.plan.stages import STAGES
 from slapshot.store.recipe import Recipe, file_digest, make_recipe
 
 
@@ -34,7 +34,7 @@ class Plan:
         on_demand: bool = False,
     ) -> None:
         """Add one recipe; `upstream` maps a role to the label of an earlier one."""
-        if on_demand or stage in ON_DEMAND:
+        if on_demand or STAGES[stage].on_demand:
             self.on_demand.add(label)
         above = {role: self.recipes[up] for role, up in (upstream or {}).items()}
         self.recipes[label] = replace(
@@ -48,7 +48,7 @@ class Plan:
         """Stage, code and libraries alone: code is read once for the hundreds of cases of a proof."""
         key = (stage, *modules)
         if key not in self._bare:
-            self._bare[key] = make_recipe(stage, [STAGES[stage], *modules], {}, {})
+            self._bare[key] = make_recipe(stage, [STAGES[stage].module, *modules], {}, {})
         return self._bare[key]
 
     def of_stage(self, stage: str) -> dict[str, Recipe]:
@@ -80,3 +80,8 @@ class Plan:
     def ids(self) -> dict[str, set[str]]:
         """Stage -> ids."""
         return {stage: {r.id for r in self.of_stage(stage).values()} for stage in STAGES}
+
+
+def in_words(label: str) -> str:
+    """A label as people read it: `train hockey/kalman`."""
+    return label.replace("/", " ", 1)

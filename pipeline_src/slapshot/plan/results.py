@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from slapshot.adaptation.names import method_settings
-from slapshot.plan.catalogue import CLAIMS, FIGURES
 from slapshot.plan.recipes import Plan
 from slapshot.plan.simulation import rig_labels, stand_ins
 from slapshot.plan.sources import Sources
+from slapshot.plan.stages import CLAIMS, FIGURES
 from slapshot.validation import ProblemAtError
 from slapshot.yaml_file import Loc
 

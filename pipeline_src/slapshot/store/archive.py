@@ -91,5 +91,4 @@ def _put(store: Store, folder: Path) -> str | None:
         if final.exists():  # but not whole: somebody removed files from it
             shutil.rmtree(final)
         folder.rename(final)
-        store.put_mark(stage, version_id)
     return f"{stage}/{version_id}"

@@ -1,9 +1,8 @@
 """Version folders: written aside, renamed when complete, so that a folder that exists is whole.
 
 Layout under the store's root: `<stage>/<id>/` holds the payload and version.json;
-`<stage>/.partial-<id>/` is work in progress; `<stage>/<id>.ok` is a mark for Snakemake, which would
-delete and half-create the folders themselves. `.slapshot-store` says that the folder is a store, and
-that versions may be removed from it.
+`<stage>/.partial-<id>/` is work in progress. `.slapshot-store` says that the folder is a store, and that
+versions may be removed from it.
 """
 
 import fcntl
@@ -17,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from slapshot.errors import InputError, writing
+from slapshot.errors import InputError
 from slapshot.store.lock import held
 from slapshot.store.recipe import ID_LENGTH, Recipe
 from slapshot.store.version_file import (
@@ -47,10 +46,6 @@ class Store:
     def folder(self, stage: str, version_id: str) -> Path:
         """Where that version is, or would be."""
         return self.root / stage / version_id
-
-    def mark(self, stage: str, version_id: str) -> Path:
-        """The file whose existence tells Snakemake that the version is there."""
-        return self.root / stage / f"{version_id}.ok"
 
     def partial(self, stage: str, version_id: str) -> Path:
         """The folder in which the version is made."""
@@ -94,26 +89,6 @@ class Store:
         version = self.find(stage, version_id)
         folder = self.folder(stage, version_id)
         return version is not None and all((folder / name).is_file() for name in version["content"])
-
-    def put_mark(self, stage: str, version_id: str) -> None:
-        """Tell Snakemake that the version is there."""
-        mark = self.mark(stage, version_id)
-        if not mark.exists():  # a finished store may be read-only
-            mark.write_text(f"{version_id}\n")
-
-    def drop_stale_marks(self, versions: dict[str, set[str]]) -> None:
-        """Remove marks of versions whose folder is gone, so that they are made again.
-
-        Raises:
-            InputError: there is such a mark, but it cannot be removed.
-        """
-        for stage, ids in versions.items():
-            for version_id in ids:
-                mark = self.mark(stage, version_id)
-                # In this order: a version that another process finishes right now is whole before its mark.
-                if mark.exists() and not self.is_whole(stage, version_id):
-                    with writing(mark):
-                        mark.unlink(missing_ok=True)
 
     def inputs(self, recipe: Recipe) -> dict[str, Path]:
         """Role -> folder of the versions that a recipe reads, each held against its digests.
@@ -166,12 +141,10 @@ class Store:
                 yield folder, version
 
     def remove(self, stage: str, version_id: str) -> None:
-        """Remove a version, or what an interrupted run left of it, with its mark.
+        """Remove a version, or what an interrupted run left of it.
 
         Whenever this is interrupted, what is left is not taken for a whole version and can be removed.
         """
-        # The mark goes first: a mark without its version would hide that it is gone.
-        self.mark(stage, version_id).unlink(missing_ok=True)
         folder = self.folder(stage, version_id)
         if folder.is_dir() and not folder.is_symlink():
             for path in folder.iterdir():
@@ -181,7 +154,7 @@ class Store:
             _remove(path)
 
     @contextmanager
-    def new_version(self, recipe: Recipe, resume: bool = False) -> Iterator[Path]:
+    def new_version(self, recipe: Recipe, resume: bool = False, label: str = "") -> Iterator[Path]:
         """A folder to write the payload to; when the block ends without error it becomes the version.
 
         Hold the version's lock meanwhile: two processes must not write to one folder.
@@ -189,6 +162,7 @@ class Store:
         Args:
             recipe: what the version is made from.
             resume: keep what an interrupted run left there, and what this one leaves if it fails.
+            label: what the version is, in words.
         """
         final = self.folder(recipe.stage, recipe.id)
         partial = self.partial(recipe.stage, recipe.id)
@@ -204,7 +178,7 @@ class Store:
         started = time.time()
         try:
             yield partial
-            write_version_file(partial, recipe, inputs, time.time() - started)
+            write_version_file(partial, recipe, inputs, time.time() - started, label)
             _sync(partial)
         except BaseException as error:
             # Bad input leaves nothing to go on from; a crash, a full disk or Ctrl-C does, if the stage can.

@@ -7,10 +7,12 @@
 | content | file -> digest of what it says, which is the same however it is stored: what a lock compares |
 | bytes | file -> sha256 of its bytes: read at the disk's speed, and any flipped bit changes it |
 | inputs | role -> digest of the content of the version upstream, as it was when this one was made |
+| label | what it is in words, for people: it decides nothing |
 | seconds, made_at | how long it took, and when it was finished |
 | checksum | sha256 of all the rest, for the file is held against itself, too |
 
-Versions of earlier code have neither `bytes`, `inputs` nor `checksum`: they are held against `content`.
+Versions of earlier code have no `label`, or neither `bytes`, `inputs` nor `checksum`: these are held against
+`content`.
 """
 
 import hashlib
@@ -33,10 +35,13 @@ REPAIR = (
 )
 
 _BEFORE_CHECKSUMS = {"id", "recipe", "content", "seconds", "made_at"}
-_KEYS = _BEFORE_CHECKSUMS | {"bytes", "inputs", "checksum"}
+_BEFORE_LABELS = _BEFORE_CHECKSUMS | {"bytes", "inputs", "checksum"}
+_KEYS = _BEFORE_LABELS | {"label"}
 
 
-def write_version_file(folder: Path, recipe: Recipe, inputs: Mapping[str, str], seconds: float) -> None:
+def write_version_file(
+    folder: Path, recipe: Recipe, inputs: Mapping[str, str], seconds: float, label: str
+) -> None:
     """Write the version.json of a folder whose payload is complete.
 
     Args:
@@ -44,6 +49,7 @@ def write_version_file(folder: Path, recipe: Recipe, inputs: Mapping[str, str], 
         recipe: what it was made from.
         inputs: role -> digest of the content of what it was made from.
         seconds: that it took.
+        label: what it is, in words.
     """
     paths = {p.relative_to(folder).as_posix(): p for p in sorted(folder.rglob("*")) if p.is_file()}
     version = {
@@ -52,6 +58,7 @@ def write_version_file(folder: Path, recipe: Recipe, inputs: Mapping[str, str], 
         "content": {name: content_digest(path) for name, path in paths.items()},
         "bytes": {name: file_digest(path) for name, path in paths.items()},
         "inputs": dict(inputs),
+        "label": label,
         "seconds": round(seconds, 1),
         "made_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
@@ -102,7 +109,7 @@ def digest_of_content(version: Mapping[str, Any]) -> str:
 
 
 def _is_as_written(version: Any, text: str, folder: Path) -> bool:
-    if not isinstance(version, dict) or set(version) not in (_KEYS, _BEFORE_CHECKSUMS):
+    if not isinstance(version, dict) or set(version) not in (_KEYS, _BEFORE_LABELS, _BEFORE_CHECKSUMS):
         return False
     if not isinstance(version["recipe"], dict) or not isinstance(version["content"], dict):
         return False

@@ -1,0 +1,39 @@
+# Every stage of the table in slapshot.plan.stages: a target for all its versions, and a rule that makes one.
+
+for stage in STAGES.values():
+
+    if stage.target is not None:
+
+        rule:
+            name:
+                stage.target or stage.name
+            input:
+                marks_of(stage),
+
+        workflow.get_rule(stage.target or stage.name).docstring = stage.says
+
+    rule:
+        name:
+            f"{stage.name}_version"
+        input:
+            ancient(upstream(stage.name)),
+        output:
+            version(stage.name),
+        log:
+            f"logs/{stage.name}/{{version}}.log",
+        benchmark:
+            f"logs/{stage.name}/{{version}}.tsv"
+        # What takes all cores goes first: it cannot fill one beside another job.
+        priority: int(stage.all_cores)
+        threads: workflow.cores if stage.all_cores else 1
+        params:
+            recipe=recipe(stage.name),
+            label=label(stage.name),
+            # Rendering finds its own GL library.
+            environment="env -u MUJOCO_GL " if stage.renders else "",
+            module=stage.module.removesuffix(".__main__"),
+        message:
+            "{params.label}"
+        shell:
+            "NUMBA_NUM_THREADS={threads} {params.environment}python -m {params.module} --recipe {params.recipe:q} "
+            "--label {params.label:q} --cores {threads} --log {log} && touch {output}"
