@@ -427,7 +427,7 @@ def test_without_a_gl_library_only_what_renders_fails_and_names_the_package(work
         rendered = figure(versions, "F6")
         assert workspace.to_do() == jobs_of(versions, rendered)
         done = workspace.snakemake("figures", good=False)
-        assert "[figure] no GL library to render with: install libegl1" in done.stdout
+        assert "] no GL library to render with: install libegl1" in done.stdout
         assert manifest_ids(workspace) == shown_ids(versions) - {f"figure/{versions[n].id}" for n in rendered}
     workspace.snakemake("figures")
     assert manifest_ids(workspace) == shown_ids(workspace.plan())
