@@ -488,6 +488,16 @@ def test_rivals_states_and_free_parameters_are_told():
     assert "| viscous friction at elbow | coefficient | 17.3 mN m s/rad |" in markdown(NOTHING)
 
 
+def test_many_pushes_are_counted_in_the_headline():
+    push = BACKLASH.model_copy(update={"name": "external_pulse", "phrase": "a push from outside at elbow"})
+    few = FOUND.model_copy(update={"effects": [BACKLASH, push, push, push]})
+    assert headline(few).count("a push from outside at elbow") == 3
+    many = FOUND.model_copy(update={"effects": [push, BACKLASH, push, push, push]})
+    assert headline(many).startswith(f"Something is missing: {BACKLASH.phrase}")
+    assert "and 4 pushes" in headline(many)
+    assert "from outside" not in headline(many)
+
+
 def test_what_else_a_law_is_called_is_told():
     other = "Coulomb friction of 0.8 N m and a constant offset of -0.4 N m"
     found = FOUND.model_copy(update={"effects": [BACKLASH.model_copy(update={"same_as": other})]})

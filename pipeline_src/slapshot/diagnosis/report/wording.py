@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from slapshot.diagnosis.verdict import ChannelNoise, Interval, NamedEffect, NamedParameter, Verdict
 from slapshot.effects.joints.catalogue import joint_effects
+from slapshot.effects.joints.external_pulse import ExternalPulse
 from slapshot.text import printable
 
 MODELS = {
@@ -23,6 +24,7 @@ VARIABLES = {
     "time": "the time since the episode began",
     "session": "the course of the session, episode by episode",
 }
+_FEW_PUSHES = 3  # that a headline names one by one
 _PREFIXES = ((1e-4, "µ", 1e6), (0.1, "m", 1e3))  # below the first number; the prefix, its factor
 _SMALLEST = 1e-9  # below: powers of ten
 _PREFIXED = re.compile(r"(rad|m|s|N|kg)(?=$|[ /])")  # units whose first part takes a prefix
@@ -38,11 +40,20 @@ def headline(verdict: Verdict) -> str:
         return "Nothing found: no test says that the nominal model lacks anything"
     if verdict.headline == "found":
         further = verdict.unknown is not None and verdict.unknown.flagged
-        names = listed([named(effect) for effect in verdict.effects])
+        names = listed(_in_short(verdict.effects))
         return f"Something is missing: {names}" + (", and something that no name explains" if further else "")
     location = verdict.location
     at = "" if location is None or not location.part else f" at {location.part}"
     return f"Something is missing{at} that no effect of the catalogue explains"
+
+
+def _in_short(effects: Sequence[NamedEffect]) -> list[str]:
+    """Effects in a sentence; many pushes are counted, since the page says when each was."""
+    pushes = [effect for effect in effects if effect.name == ExternalPulse.name]
+    if len(pushes) <= _FEW_PUSHES:
+        return [named(effect) for effect in effects]
+    rest = [named(effect) for effect in effects if effect.name != ExternalPulse.name]
+    return [*rest, f"{len(pushes)} pushes"]
 
 
 def named(effect: NamedEffect) -> str:
