@@ -8,10 +8,10 @@ from snakemake.utils import min_version
 
 from slapshot.config import read_config
 from slapshot.errors import InputError
-from slapshot.plan import FIGURES, STAGES, make_plan
-from slapshot.plan.marks import Marks
-from slapshot.plan.proof import FRESH
-from slapshot.plan.time_left import TimeLeft
+from slapshot.dag import FIGURES, STAGES, make_plan
+from slapshot.dag.marks import Marks
+from slapshot.dag.proof import FRESH
+from slapshot.dag.time_left import TimeLeft
 from slapshot.store.folder import Store
 
 min_version("9.0")

@@ -9,9 +9,9 @@ import pytest
 from recordings.builder import make_recording
 from slapshot import cli
 from slapshot.config import load_config
-from slapshot.plan import make_plan
+from slapshot.dag import make_plan
 from slapshot.recordings.write import write_recording
-from slapshot.store.closure import code_digest, imported_libraries
+from slapshot.store.code_dependencies import code_digest, imported_libraries
 from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 from slapshot.config import load_config
+from slapshot.dag import Plan, make_plan
+from slapshot.dag.marks import Marks
 from slapshot.errors import InputError
-from slapshot.plan import Plan, make_plan
-from slapshot.plan.marks import Marks
 from slapshot.store.folder import Store
 
 

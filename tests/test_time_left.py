@@ -3,7 +3,7 @@
 import logging
 
 import pytest
-from slapshot.plan.time_left import TimeLeft
+from slapshot.dag.time_left import TimeLeft
 
 
 class Made:
@@ -25,7 +25,7 @@ def event(name: str, **of: object) -> logging.LogRecord:
 @pytest.fixture
 def clock(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("slapshot.plan.time_left.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("slapshot.dag.time_left.time.monotonic", lambda: now[0])
     return now
 
 

@@ -26,7 +26,7 @@ _PLAN = """
 import json, sys
 from pathlib import Path
 from slapshot.config import load_config
-from slapshot.plan import make_plan
+from slapshot.dag import make_plan
 recipes = make_plan(load_config(Path(sys.argv[1]))).of_figures()
 print(json.dumps({label: [r.stage, r.id, list(r.upstream.values())] for label, r in recipes.items()}))
 """

@@ -13,13 +13,13 @@ from rich.console import Console
 from rich.table import Table
 
 from slapshot.config import DEFAULT_CONFIG, read_config
+from slapshot.dag import Plan, load_plan, make_plan
 from slapshot.errors import InputError, writing
 from slapshot.own_code import own_code_may_run
-from slapshot.plan import Plan, load_plan, make_plan
 from slapshot.scenes.domain import find_domain, is_built_in
 from slapshot.store.archive import pack, unpack
 from slapshot.store.folder import Store
-from slapshot.store.housekeeping import collect_garbage, find_version, flatten
+from slapshot.store.garbage_collection import collect_garbage, find_version, flatten
 from slapshot.store.recipe import Recipe
 from slapshot.store.verify import compare, find_problems, make_lock, problem_of, remove_damaged
 from slapshot.store.version_file import REPAIR, read_version_file

@@ -103,7 +103,7 @@ def _recipes(stage: str, recipe: str | None, config: Path | None) -> dict[str, R
     if recipe is not None:
         return {"": Recipe.from_json(recipe)}
     # By name: a stage's result does not depend on how configurations are checked and planned.
-    load_plan, in_words = import_module("slapshot.plan").load_plan, import_module("slapshot.plan").in_words
+    load_plan, in_words = import_module("slapshot.dag").load_plan, import_module("slapshot.dag").in_words
     return {in_words(label): made for label, made in load_plan(config).of_stage(stage).items()}
 
 

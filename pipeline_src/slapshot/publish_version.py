@@ -7,9 +7,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from slapshot.blind_validation.case_table import merge_measures
 from slapshot.command import set_up_logging
 from slapshot.errors import InputError, writing
-from slapshot.proof.case_table import merge_measures
 from slapshot.publish import copy_file
 from slapshot.store.version_file import REPAIR, damaged_files, read_version_file
 

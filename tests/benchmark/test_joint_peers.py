@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 from slapshot.benchmark.joint_peers import LINKS, RIG, SCENARIOS, fit_by_sysid, write_comparison
-from slapshot.calibration.bench import bench_named, recorded
+from slapshot.calibration.rig_simulator import rig_simulator_named, recorded
 from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.segments import cut
@@ -14,7 +14,7 @@ from slapshot.lab.joints.rigs import nominal_model
 
 
 def test_the_peer_finds_a_mass_that_is_off():
-    bench = bench_named(RIG)
+    bench = rig_simulator_named(RIG)
     rng = np.random.default_rng(1)
     drive = bench.draw(3, 1.0, rng)
     plain = recorded(bench, drive, None, np.zeros(0))

@@ -7,7 +7,7 @@ import pytest
 from slapshot.benchmark.scale import LEAST_CORES, WIDE, long_jobs, stage_hours
 from slapshot.benchmark.schedule import Job, core_seconds, critical_path, makespan
 from slapshot.config import load_config
-from slapshot.plan import make_plan
+from slapshot.dag import make_plan
 
 ROOT = Path(__file__).parents[2]
 HOUR = 3600.0

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 from slapshot.calibration import stage_coverage_table, stage_law_intervals
-from slapshot.calibration.bench import INTERVAL, Drive, bench_named, recorded
 from slapshot.calibration.coverage import BENCHES, Law, drawn, intervals, laws
 from slapshot.calibration.coverage_table import coverage_aims, coverage_table
+from slapshot.calibration.rig_simulator import INTERVAL, Drive, rig_simulator_named, recorded
 from slapshot.command import Run
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.segments import cut
@@ -77,7 +77,7 @@ def test_every_variant_has_the_simplest_rig_that_it_shows_on():
 
 @pytest.mark.parametrize("name", BENCHES)
 def test_motions_of_the_rigs_are_finite_and_differ(name):
-    bench = bench_named(name)
+    bench = rig_simulator_named(name)
     drive = bench.draw(5, 0.2, np.random.default_rng(0))
     recording = recorded(bench, drive, None, np.zeros(0))
     table = recording.signals[next(iter(bench.channels.values())).clock]
@@ -88,7 +88,7 @@ def test_motions_of_the_rigs_are_finite_and_differ(name):
 
 
 def test_a_thrown_ball_with_drag_flies_as_its_equation_says():
-    bench = bench_named("ball")
+    bench = rig_simulator_named("ball")
     start = np.zeros((1, 13))
     start[0, [2, 3, 7, 9]] = 1.0, 1.0, 3.0, 2.0
     drive = Drive(start, np.zeros((1, 100, 0)))

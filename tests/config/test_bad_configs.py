@@ -12,9 +12,9 @@ import pytest
 from bad_configs import DELETE, ROOT, Bad, base, mistakes
 from slapshot import cli
 from slapshot.config import check_config, read_config
+from slapshot.dag import Plan, load_plan, make_plan
 from slapshot.errors import InputError
-from slapshot.plan import Plan, load_plan, make_plan
-from slapshot.store.closure import code_digest
+from slapshot.store.code_dependencies import code_digest
 from slapshot.validation import key_of
 from slapshot.yaml_file import Loc
 

@@ -11,9 +11,9 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from slapshot.config import check_config, load_config, merge
+from slapshot.dag import make_plan
 from slapshot.errors import InputError
-from slapshot.plan import make_plan
-from slapshot.store.closure import code_digest
+from slapshot.store.code_dependencies import code_digest
 from slapshot.yaml_file import read_yaml
 from snakemake.utils import update_config
 

@@ -32,7 +32,7 @@ from .mechanisms import BRICK, HANGER, PENDULUM, joint, place, recording, simula
 Observed = dict[str, tuple[Channel, np.ndarray]]
 
 
-class Bench(NamedTuple):
+class RigSimulator(NamedTuple):
     """A rig with data and noise, and what fits them."""
 
     rig: Rig
@@ -60,7 +60,7 @@ def bench(
     *,
     force: float = 1e-6,
     nuisance: tuple[Look, ...] = (),
-) -> Bench:
+) -> RigSimulator:
     """What a diagnosis makes of a recording, the noise of its observations being known."""
     made = recording(t, data)
     rig = bind(MjSpec.from_string(text), made.channels)
@@ -73,7 +73,7 @@ def bench(
         white=np.array(white), coloured=np.zeros(ny), correlation_s=np.ones(ny), force=force, torque=torque,
         initial=initial, weight=np.ones_like(segments.y),
     )  # fmt: skip
-    return Bench(rig, segments, path, noise, Fitter(Simulator(rig), segments, torque, nuisance))
+    return RigSimulator(rig, segments, path, noise, Fitter(Simulator(rig), segments, torque, nuisance))
 
 
 def swinging(
@@ -86,7 +86,7 @@ def swinging(
     finer: int = 1,
     force: float = 1e-6,
     nuisance: tuple[Look, ...] = (),
-) -> Bench:
+) -> RigSimulator:
     """A driven rod, simulated by the true model, as another has it."""
     rng, t = np.random.default_rng(seed), np.arange(round(seconds * 100)) * 0.01
     u = 1.5 * np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t)[:, None] + rng.normal(size=(len(t), 1))

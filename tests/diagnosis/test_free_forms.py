@@ -74,7 +74,7 @@ def test_names_and_units(unit: str, angle: str):
     for form in forms:
         assert form.name.startswith(FREE)
         assert is_free(form)
-        assert len(form.starts) == BUMPS
+        assert len(form.initial_values) == BUMPS
         assert {p.unit for p in form.parameters} == {unit if isinstance(form, FreeForce) else angle}
         assert all(p.start == 0 and p.scale > p.probe > 0 for p in form.parameters)
     assert not any(map(is_free, _named(rig(joint(unit), 4))))

@@ -29,7 +29,7 @@ DIRECT = ROD.replace(f'armature="{ROTOR}"', "")
 SPLIT = [(kind, variant) for kind in (JointElasticity, Backlash) for variant in (0, 1)]
 
 
-class Bench:
+class RigSimulator:
     """A driven rod, recorded for two episodes, and a rig that an effect restructured."""
 
     def __init__(self, kind: type[JointEffect], variant: int = 0, text: str = ROD) -> None:
@@ -69,7 +69,7 @@ def rest(model: mujoco.MjModel, torque: float) -> mujoco.MjData:
 
 @pytest.mark.parametrize(("kind", "added"), [(JointElasticity, 1), (Backlash, 1), (BaseCompliance, 2)])
 def test_masses_stay_as_they_are(kind: type[JointEffect], added: int):
-    of = Bench(kind)
+    of = RigSimulator(kind)
     old, new = of.nominal.model, of.rig.model
     assert new.nv == old.nv + added
     np.testing.assert_array_equal(new.body("rod").mass, old.body("rod").mass)
@@ -97,7 +97,7 @@ def by_runge_and_kutta(model: mujoco.MjModel) -> mujoco.MjModel:
 @pytest.mark.parametrize("variant", [0, 1])
 def test_a_stiff_spring_moves_as_one_joint_does(variant: int):
     """Momentum: motor = nominal - LINK/(LINK + ROTOR) deflection, which is at most 2 load/stiffness."""
-    of = Bench(JointElasticity, variant, FLOATING)
+    of = RigSimulator(JointElasticity, variant, FLOATING)
     compliance = of.effect.parameters[0].low
     t = np.arange(100) * 0.01
     u = 1.5 * np.sin(6 * t)[:, None]
@@ -112,7 +112,7 @@ def test_a_stiff_spring_moves_as_one_joint_does(variant: int):
 
 def test_on_a_stiff_base_a_robot_moves_as_on_the_world():
     """The motor's torque is all that tilts the plate; the rod's own angle in the world does not change."""
-    of = Bench(BaseCompliance, text=DIRECT)
+    of = RigSimulator(BaseCompliance, text=DIRECT)
     compliance = of.effect.parameters[0].low
     t = np.arange(100) * 0.01
     u = 1.5 * np.sin(6 * t)[:, None]
@@ -131,7 +131,7 @@ def test_on_a_stiff_base_a_robot_moves_as_on_the_world():
 
 
 def test_a_spring_bends_by_load_over_stiffness():
-    of = Bench(JointElasticity)
+    of = RigSimulator(JointElasticity)
     compliance = of.effect.parameters[0].start
     damped = of.model(compliance, 20.0)
     damped.dof_damping[0] = 2.0
@@ -142,7 +142,7 @@ def test_a_spring_bends_by_load_over_stiffness():
 
 
 def test_play_is_taken_up_by_the_load():
-    of = Bench(Backlash)
+    of = RigSimulator(Backlash)
     gap = of.effect.parameters[0].start
     damped = of.model(gap, 1.0)
     damped.dof_damping[0] = 2.0
@@ -155,7 +155,7 @@ def test_play_is_taken_up_by_the_load():
 
 
 def test_a_base_tilts_by_load_over_stiffness():
-    of = Bench(BaseCompliance, text=DIRECT)
+    of = RigSimulator(BaseCompliance, text=DIRECT)
     compliance = of.effect.parameters[0].start
     damped = of.model(compliance, 5.0)
     damped.dof_damping[int(damped.joint("swing").dofadr[0])] = 2.0
@@ -167,7 +167,7 @@ def test_a_base_tilts_by_load_over_stiffness():
 
 @pytest.mark.parametrize(("kind", "variant"), SPLIT)
 def test_an_encoder_at_the_link_reads_motor_and_deflection(kind: type[JointEffect], variant: int):
-    of = Bench(kind, variant)
+    of = RigSimulator(kind, variant)
     assert of.effect.reads_link is bool(variant)
     x = np.array([[0.4, -0.003, 1.1, 0.2]])  # motor and deflection, then their velocities
     _, seen, _ = Simulator(of.rig).run(of.model(0.01, 0.1), x, np.zeros((1, 1, 1)))
@@ -176,7 +176,7 @@ def test_an_encoder_at_the_link_reads_motor_and_deflection(kind: type[JointEffec
 
 @pytest.mark.parametrize(("kind", "variant"), [*SPLIT, (BaseCompliance, 0)])
 def test_a_moved_path_keeps_what_is_observed(kind: type[JointEffect], variant: int):
-    of = Bench(kind, variant)
+    of = RigSimulator(kind, variant)
     moved = moved_path(of.nominal, of.rig, of.effect, of.segments, of.path)
     model = of.rig.model
     x = moved.reshape(-1, moved.shape[-1])
@@ -194,7 +194,7 @@ def test_a_moved_path_keeps_what_is_observed(kind: type[JointEffect], variant: i
 
 
 def test_scales_and_effects_are_brought_over():
-    of = Bench(BaseCompliance)
+    of = RigSimulator(BaseCompliance)
     moved = moved_situation(of.scales, of.rig)
     (before,), (after,) = of.scales.joints, moved.joints
     swing = of.rig.model.joint("swing")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from slapshot.effects.effect import Array, Effect
-from slapshot.effects.slide_law import Acting, Tracks, slide
+from slapshot.effects.slide_law import ActiveEffect, Tracks, slide
 from slapshot.scenes.domain import load_domain
 from slapshot.scenes.scene import Scene, SceneInfo
 from slapshot.trajectories.motion import Motion
@@ -191,7 +191,7 @@ def slid(
     acting = []
     if effect is not None:
         full = {name: np.full(count, value) for name, value in (effect.neutral() | values).items()}
-        acting = [Acting(effect, np.arange(count), full)]
+        acting = [ActiveEffect(effect, np.arange(count), full)]
     return slide(
         np.array(launches, float),
         np.tile((friction, friction, 1e-6), (count, 1)),

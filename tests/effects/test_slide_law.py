@@ -5,7 +5,7 @@ import pytest
 from slapshot.effects.effect import GRAVITY
 from slapshot.effects.linear_drag import LinearDrag
 from slapshot.effects.offcentre_mass import OffcentreMass
-from slapshot.effects.slide_law import STEP, Acting, slide
+from slapshot.effects.slide_law import STEP, ActiveEffect, slide
 from slapshot.effects.tilt import Tilt
 from slapshot.effects.turned_anisotropy import TurnedAnisotropy
 from slapshot.rollouts.slide import slide as rollouts_slide
@@ -28,7 +28,7 @@ def friction(n, x=0.35, y=0.3, torsional=0.006):
 
 
 def everywhere(effect, n, **values):
-    return Acting(effect, np.arange(n), {k: np.full(n, float(v)) for k, v in values.items()})
+    return ActiveEffect(effect, np.arange(n), {k: np.full(n, float(v)) for k, v in values.items()})
 
 
 def test_without_spin_and_anisotropy_the_distance_is_v_squared_over_2_mu_g(launches):
@@ -88,7 +88,7 @@ def test_anisotropy_turned_by_45_degrees_is_that_along_the_axes_seen_from_45_deg
 
 def test_an_effect_acts_on_its_rows_alone(launches):
     rows = np.array([3, 7, 20])
-    some = Acting(Tilt(), rows, {"slope_x": np.full(3, 0.01), "slope_y": np.zeros(3)})
+    some = ActiveEffect(Tilt(), rows, {"slope_x": np.full(3, 0.01), "slope_y": np.zeros(3)})
     plain, tilted = (slide(launches, friction(40), RADIUS, 3.0, a) for a in ([], [some]))
     changed = np.abs(plain.rests - tilted.rests).max(1) > 1e-9
     np.testing.assert_array_equal(np.flatnonzero(changed), rows)

@@ -9,9 +9,9 @@ import torch
 from slapshot.command import Run
 from slapshot.lab.__main__ import produce
 from slapshot.lab.board import FLAT
-from slapshot.lab.concealed.kind import Concealed, Setting
-from slapshot.lab.concealed.registry import KINDS
-from slapshot.lab.parting import nearest_pose
+from slapshot.lab.concealed.hidden_effect import Concealed, NominalMotion
+from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
+from slapshot.lab.release_detection import nearest_pose
 from slapshot.lab.rig import Camera, ObjectTruth, Rig, Scatter
 from slapshot.scenes.domain import load_domain
 from slapshot.scenes.scene import Scene
@@ -159,19 +159,19 @@ def plain_rig() -> Rig:
 
 
 @pytest.fixture(scope="session")
-def setting(lab_scene, motions) -> Setting:
+def setting(lab_scene, motions) -> NominalMotion:
     """Where things happen, as a rehearsal would find it."""
     rests = np.random.default_rng(3).uniform([0.9, -0.4], [1.6, 0.4], (12, 2))
     poses = np.array([nearest_pose(lab_scene, motion) for motion in motions[:6]])
-    return Setting(lab_scene, np.array([1.65, 0.0]), poses, rests)
+    return NominalMotion(lab_scene, np.array([1.65, 0.0]), poses, rests)
 
 
 @pytest.fixture(scope="session")
 def conceal(setting, plain_rig) -> Callable[..., Rig]:
-    """Kind, amplitude, parts of its shape -> the rig that conceals this alone."""
+    """HiddenEffect, amplitude, parts of its shape -> the rig that conceals this alone."""
 
     def _conceal(name: str, amplitude: float, **shape: Any) -> Rig:
-        kind = KINDS[name]
+        kind = HIDDEN_EFFECTS[name]
         drawn = kind.draw(setting, np.random.default_rng(0)) | shape
         return replace(plain_rig, concealed=(Concealed(kind, amplitude, drawn),))
 

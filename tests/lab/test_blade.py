@@ -7,13 +7,13 @@ import pytest
 from slapshot.errors import InputError
 from slapshot.lab.blade import compile_rig
 from slapshot.lab.blade_truth import BladeTruth
-from slapshot.lab.hit import TIMESTEP, Bench
-from slapshot.lab.stroke import Chance
+from slapshot.lab.hit import TIMESTEP, RigSimulator
+from slapshot.lab.hit_types import HitNoise
 
 SOFT = BladeTruth(segments=3, stiffness=20.0, twist_stiffness=None, damping_ratio=0.1)
 TWISTING = replace(SOFT, segments=4, twist_stiffness=60.0)
 BLADES = [SOFT, TWISTING, replace(SOFT, segments=2)]
-NOTHING = Chance(np.zeros(2), 1.0, np.zeros(7), 1.0)
+NOTHING = HitNoise(np.zeros(2), 1.0, np.zeros(7), 1.0)
 
 
 def arm_inertia(model, pose):
@@ -103,7 +103,7 @@ def test_stiffness_without_end_is_the_rigid_blade(lab_scene, motions, plain_rig)
     # What is left at 800 N m/rad is the slack of its springs, F l^2 / k = 20 N (0.03 m)^2 / 800 = 0.02 mm
     # against the 3 mm of the contact, and that two segments' contacts hop otherwise than one's: 3 %.
     def travels(blade):
-        bench = Bench(lab_scene, replace(plain_rig, blade=blade))
+        bench = RigSimulator(lab_scene, replace(plain_rig, blade=blade))
         rests = [bench.hit(motion, "puck", NOTHING).rest[0] for motion in motions[:3]]
         return np.array(rests) - lab_scene.info.start[0]
 

@@ -11,12 +11,12 @@ from slapshot.config.lab import ConcealedKind
 from slapshot.effects.catalogue import catalogue
 from slapshot.errors import InputError
 from slapshot.lab.concealed.draw import draw_concealed
-from slapshot.lab.concealed.kind import Concealed
-from slapshot.lab.concealed.registry import KINDS
-from slapshot.lab.concealed.rehearsal import Rehearsal
-from slapshot.lab.hit import Bench
+from slapshot.lab.concealed.effect_size_calibration import Rehearsal
+from slapshot.lab.concealed.hidden_effect import Concealed
+from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
+from slapshot.lab.hit import RigSimulator
+from slapshot.lab.hit_types import HitNoise, HitSpec
 from slapshot.lab.rig import Scatter
-from slapshot.lab.stroke import Chance, Stroke
 from slapshot.recordings.read import read_recording
 
 UNCATALOGUED = {"attracting_spot", "tether", "pulsing_fan", "curved_blade", "crooked_arm"}
@@ -25,7 +25,7 @@ FAINT = {"blade_friction"}
 SMALL = {"hits": 2, "repeats": {"commands": 0, "times": 0}, "blade": None, "friction_field": None}
 TABLES = ("hits", "tracks", "commands", "joints")
 ASKED = 0.25  # of the scatter; some kinds cannot do much more with hits straight ahead
-NOTHING = Chance(np.zeros(2), 1.0, np.zeros(7), 1.0)
+NOTHING = HitNoise(np.zeros(2), 1.0, np.zeros(7), 1.0)
 
 
 def truth_of(folder):
@@ -40,7 +40,7 @@ def same(one, other):
 @pytest.fixture(scope="module")
 def rehearsal(lab_scene, plain_rig, motions):
     scatter = Scatter(0.015, 0.025, (0.012, 0.002, 0.012, 0.002, 0.012, 0.002, 0.02), 0.03)
-    strokes = [Stroke(motions[i], "puck", NOTHING, float(i)) for i in range(2)]
+    strokes = [HitSpec(motions[i], "puck", NOTHING, float(i)) for i in range(2)]
     return Rehearsal(
         lab_scene, replace(plain_rig, scatter=scatter), strokes, np.random.default_rng(0), cores=2
     )
@@ -48,13 +48,13 @@ def rehearsal(lab_scene, plain_rig, motions):
 
 @pytest.fixture(scope="module")
 def null_hit(lab_scene, plain_rig, motions):
-    return Bench(lab_scene, plain_rig).hit(motions[0], "puck", NOTHING)
+    return RigSimulator(lab_scene, plain_rig).hit(motions[0], "puck", NOTHING)
 
 
 def test_every_effect_of_the_catalogue_has_a_counterpart_that_means_the_same(rehearsal):
     effects = catalogue()
-    assert set(KINDS) == set(effects) | UNCATALOGUED
-    for name, kind in KINDS.items():
+    assert set(HIDDEN_EFFECTS) == set(effects) | UNCATALOGUED
+    for name, kind in HIDDEN_EFFECTS.items():
         assert kind.name == name
         assert kind.catalogued == (name in effects)
         shape = kind.draw(rehearsal.setting, np.random.default_rng(0))
@@ -68,26 +68,26 @@ def test_every_effect_of_the_catalogue_has_a_counterpart_that_means_the_same(reh
 
 
 def test_the_schema_knows_the_kinds():
-    assert list(get_args(ConcealedKind)) == list(KINDS)
+    assert list(get_args(ConcealedKind)) == list(HIDDEN_EFFECTS)
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", HIDDEN_EFFECTS)
 def test_little_of_a_kind_is_little_else(lab_scene, conceal, motions, null_hit, name):
     # What contact makes of any change, however small, is 3 mm: the object hops from other places. Another
     # step of integration, and another algorithm for a cylinder than for a box, are such changes.
-    kind = KINDS[name]
+    kind = HIDDEN_EFFECTS[name]
     rig = conceal(name, max(kind.least, 1e-3 * kind.usual))
     assert json.dumps(rig.concealed[0].truth())
-    hit = Bench(lab_scene, rig).hit(motions[0], "puck", NOTHING)
+    hit = RigSimulator(lab_scene, rig).hit(motions[0], "puck", NOTHING)
     seen = rig.seen(hit.track, 0.5)
     far = 0.01 if kind.strikes else 1e-3
     assert np.linalg.norm(seen[-1, 1:] - null_hit.rest[:2]) < far
     assert np.all(np.isfinite(seen))
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", HIDDEN_EFFECTS)
 def test_every_kind_shifts_what_happens_by_what_is_asked(rehearsal, name):
-    kind = KINDS[name]
+    kind = HIDDEN_EFFECTS[name]
     shape = kind.draw(rehearsal.setting, np.random.default_rng(1))
     found = rehearsal.find(kind, shape, ASKED)
     assert 0 < found.amplitude <= kind.largest
@@ -103,7 +103,7 @@ def test_every_kind_shifts_what_happens_by_what_is_asked(rehearsal, name):
 
 
 def test_more_than_is_possible_is_bounded_and_says_so(rehearsal):
-    kind = KINDS["camera_time"]
+    kind = HIDDEN_EFFECTS["camera_time"]
     found = rehearsal.find(kind, kind.draw(rehearsal.setting, np.random.default_rng(1)), 50.0)
     assert found.bounded
     assert found.amplitude == kind.largest
@@ -114,11 +114,11 @@ def test_more_than_is_possible_is_bounded_and_says_so(rehearsal):
 
 
 def test_a_displacement_needs_scatter(lab_scene, plain_rig, motions):
-    strokes = [Stroke(motions[0], "puck", NOTHING)]
+    strokes = [HitSpec(motions[0], "puck", NOTHING)]
     still = Rehearsal(lab_scene, plain_rig, strokes, np.random.default_rng(0), 1)
     assert still.scatter == 0.0
     with pytest.raises(InputError, match="needs scatter"):
-        still.find(KINDS["tilt"], {}, 1.0)
+        still.find(HIDDEN_EFFECTS["tilt"], {}, 1.0)
     entry = {"kind": "camera_scale", "amplitude": 0.02}
     (scaled,) = draw_concealed([entry], still, np.random.default_rng(0))
     assert scaled.displacement is None
@@ -140,12 +140,12 @@ def test_to_take_one_kind_away_leaves_the_others(rehearsal):
 def test_none_of_everything_is_the_recording_of_the_null_rig(make):
     null, nothing = (
         make("null", **SMALL),
-        make("nothing", **SMALL, concealed=[{"kind": name, "amplitude": 0} for name in KINDS]),
+        make("nothing", **SMALL, concealed=[{"kind": name, "amplitude": 0} for name in HIDDEN_EFFECTS]),
     )
     same(*(read_recording(folder / "recording") for folder in (null, nothing)))
     truths = [truth_of(folder) for folder in (null, nothing)]
     assert truths[0]["concealed"] == []
-    assert [c["kind"] for c in truths[1]["concealed"]] == list(KINDS)
+    assert [c["kind"] for c in truths[1]["concealed"]] == list(HIDDEN_EFFECTS)
     assert {c["displacement"] for c in truths[1]["concealed"]} == {0.0}
     for one, other in zip(truths[0]["hits"], truths[1]["hits"], strict=True):
         assert one == {key: value for key, value in other.items() if key != "quirk"}
@@ -175,7 +175,7 @@ def test_a_recording_says_neither_what_is_concealed_nor_the_seed(make):
     folder = make("sealed", seed=seed, **SMALL, concealed=entries) / "recording"
     (null,) = [make("null", **SMALL) / "recording"]
     assert sorted(p.name for p in folder.iterdir()) == sorted(p.name for p in null.iterdir())
-    words = [name.encode() for name in KINDS] + [str(seed).encode(), b"displacement", b"amplitude"]
+    words = [name.encode() for name in HIDDEN_EFFECTS] + [str(seed).encode(), b"displacement", b"amplitude"]
     for file in folder.iterdir():
         content = file.read_bytes()
         assert not [word for word in words if word in content], file.name

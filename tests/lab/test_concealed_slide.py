@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from slapshot.lab.ground import EVEN, GRAVITY, push, rise, weight
 from slapshot.lab.slide import _run, slide
+from slapshot.lab.surface import EVEN, GRAVITY, push, rise, weight
 
 RADIUS = 0.0381
 MU = 0.3

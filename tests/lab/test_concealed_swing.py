@@ -6,15 +6,15 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.lab.blade import compile_rig, striker_pairs
-from slapshot.lab.hit import TIMESTEP, Bench
-from slapshot.lab.stroke import Chance, Stroke
+from slapshot.lab.hit import TIMESTEP, RigSimulator
+from slapshot.lab.hit_types import HitNoise, HitSpec
 
-NOTHING = Chance(np.zeros(2), 1.0, np.zeros(7), 1.0)
+NOTHING = HitNoise(np.zeros(2), 1.0, np.zeros(7), 1.0)
 
 
 def launch_of(scene, rig, motion, **chance):
-    bench = Bench(scene, rig)
-    return bench.launches([Stroke(motion, "puck", replace(NOTHING, **chance))])[0]
+    bench = RigSimulator(scene, rig)
+    return bench.launches([HitSpec(motion, "puck", replace(NOTHING, **chance))])[0]
 
 
 def heading(launch):

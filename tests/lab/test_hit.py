@@ -4,17 +4,17 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.lab.board import draw_height
-from slapshot.lab.hit import Bench
+from slapshot.lab.hit import RigSimulator
+from slapshot.lab.hit_types import HitNoise, draw_hit_noise
 from slapshot.lab.rig import ObjectTruth, Scatter
-from slapshot.lab.stroke import Chance, draw_chance
 from slapshot.scenes.scene import set_condition
 
-NOTHING = Chance(np.zeros(2), 1.0, np.zeros(7), 1.0)
+NOTHING = HitNoise(np.zeros(2), 1.0, np.zeros(7), 1.0)
 
 
 @pytest.fixture(scope="module")
 def bench(lab_scene, plain_rig):
-    return Bench(lab_scene, plain_rig)
+    return RigSimulator(lab_scene, plain_rig)
 
 
 def rest_in_mujoco(scene, motion, truth, timestep=2e-4):
@@ -78,7 +78,7 @@ def test_track_is_one_motion(bench, motions, lab_scene):
 
 def test_order_of_hits_does_not_matter(bench, motions, lab_scene, plain_rig):
     objects = {"puck": plain_rig.objects["puck"], "other": ObjectTruth(0.17, 0.4, 0.4, 0.01)}
-    both = Bench(lab_scene, replace(plain_rig, objects=objects))
+    both = RigSimulator(lab_scene, replace(plain_rig, objects=objects))
     first = both.hit(motions[1], "puck", NOTHING)
     both.hit(motions[2], "other", replace(NOTHING, friction=1.2))
     again = both.hit(motions[1], "puck", NOTHING)
@@ -114,7 +114,7 @@ def test_an_object_that_is_missed_stays(bench, motions, lab_scene):
     assert hit.rest[:2] == pytest.approx(np.add(lab_scene.info.start, away.start_error), abs=1e-3)
     # Even where the board slopes, for friction holds it.
     bumpy = replace(bench._rig, height=draw_height(0.01, (0.3, 1.5), 12, np.random.default_rng(0)))
-    hit = Bench(lab_scene, bumpy).hit(motions[0], "puck", away)
+    hit = RigSimulator(lab_scene, bumpy).hit(motions[0], "puck", away)
     assert hit.rest[:2] == pytest.approx(np.add(lab_scene.info.start, away.start_error), abs=1e-3)
 
 
@@ -125,7 +125,7 @@ def test_an_uneven_board_moves_the_rest_point(bench, lab_scene, motions):
     number = 2 * np.pi / 300
     tilt = np.array([[0.0, number, slope / number, np.pi / 2]])  # h = -s y, down towards +y
     flat = bench.hit(motions[0], "puck", NOTHING)
-    tilted = Bench(lab_scene, replace(bench._rig, height=tilt)).hit(motions[0], "puck", NOTHING)
+    tilted = RigSimulator(lab_scene, replace(bench._rig, height=tilt)).hit(motions[0], "puck", NOTHING)
     time = flat.end - flat.launch_time
     assert 0.3 < (tilted.rest[1] - flat.rest[1]) / (9.81 * slope * time**2 / 2) < 1.5
     assert tilted.rest[0] == pytest.approx(flat.rest[0], abs=0.02)
@@ -134,7 +134,7 @@ def test_an_uneven_board_moves_the_rest_point(bench, lab_scene, motions):
 def test_scatter_has_the_sizes_asked_for():
     scatter = Scatter(0.02, 0.03, (0.01, 0.0, 0.02), 0.05)
     rng = np.random.default_rng(0)
-    chances = [draw_chance(scatter, rng) for _ in range(2000)]
+    chances = [draw_hit_noise(scatter, rng) for _ in range(2000)]
     for found, expected in (
         (np.array([c.start_error for c in chances]), np.array([0.02, 0.02])),
         (np.log([c.pace for c in chances]), np.array(0.03)),

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from slapshot.effects.slide_law import slide as diagnosed_slide
 from slapshot.lab.commands import Diverse
-from slapshot.lab.hit import TIMESTEP, Bench
-from slapshot.lab.stroke import Chance, Stroke
+from slapshot.lab.hit import TIMESTEP, RigSimulator
+from slapshot.lab.hit_types import HitNoise, HitSpec
 from slapshot.rollouts.slide import slide as rollouts_slide
 from slapshot.scenes.domain import load_domain
 from slapshot.scenes.scene import set_condition
@@ -41,13 +41,13 @@ def rig(plain_rig):
 def strokes(lab_scene):
     source = Diverse(lab_scene, load_domain("hockey"), ALL_WAYS)
     commands = source.draw(HITS, SafetyCheck(lab_scene), np.random.default_rng(0))
-    nothing = Chance(np.zeros(2), 1.0, np.zeros(7), 1.0)
-    return [Stroke(command.motion, "puck", nothing) for command in commands]
+    nothing = HitNoise(np.zeros(2), 1.0, np.zeros(7), 1.0)
+    return [HitSpec(command.motion, "puck", nothing) for command in commands]
 
 
 @pytest.fixture(scope="module")
 def hits(lab_scene, rig, strokes):
-    return Bench(lab_scene, rig, cores=2).hits(strokes)
+    return RigSimulator(lab_scene, rig, cores=2).hits(strokes)
 
 
 @pytest.fixture(scope="module")

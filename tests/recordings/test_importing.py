@@ -15,11 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from slapshot.errors import InputError
 from slapshot.recordings.commands import run_import, say_imported
+from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
 from slapshot.recordings.importing.importer import ImportSummary, import_tracks
 from slapshot.recordings.importing.mapping import load_mapping
 from slapshot.recordings.motion import find_episodes, find_slide
-from slapshot.recordings.oddities import odd_things
 from slapshot.recordings.read import read_recording
 
 from .slide_tracks import RATE_HZ, slide, write_csv, write_mapping
@@ -453,7 +453,7 @@ def test_the_real_box_is_imported_and_its_oddities_are_seen(tmp_path: Path) -> N
     assert recording.hits["rest_x"].notna().all()
     assert recording.tracks is not None
     assert recording.tracks.groupby("hit")["t"].max().max() < 5
-    texts = "\n".join(map(str, odd_things(recording)))
+    texts = "\n".join(map(str, quality_warnings(recording)))
     for words in ("no clock", "long and short steps alternate", "rises again", "friction differs from hit"):
         assert words in texts
 

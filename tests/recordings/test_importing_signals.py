@@ -12,8 +12,8 @@ from slapshot.errors import InputError
 from slapshot.recordings.commands import run_check, run_import
 from slapshot.recordings.importing.signal_importer import SignalSummary, import_signals
 from slapshot.recordings.importing.signal_mapping import is_signal_mapping, load_signal_mapping
-from slapshot.recordings.odd_signals import odd_signals
 from slapshot.recordings.signal_measures import measure_all
+from slapshot.recordings.signal_quality import odd_signals
 from slapshot.recordings.signals import SignalRecording, read_signals
 
 from .signal_builder import write_signal_mapping

@@ -15,7 +15,7 @@ from slapshot.trajectories.vae import TrajectoryVae
 ROOT = Path(__file__).parents[2]
 
 
-class Bench:
+class RigSimulator:
     """A domain's first stages, run for real at a small size."""
 
     def __init__(self, name: str, root: Path) -> None:
@@ -51,15 +51,15 @@ class Bench:
 
 
 @pytest.fixture(scope="session")
-def fetchslide(tmp_path_factory) -> Bench:
-    return Bench("fetchslide", tmp_path_factory.mktemp("fetchslide"))
+def fetchslide(tmp_path_factory) -> RigSimulator:
+    return RigSimulator("fetchslide", tmp_path_factory.mktemp("fetchslide"))
 
 
 @pytest.fixture(scope="session")
-def hockey(tmp_path_factory) -> Bench:
-    return Bench("hockey", tmp_path_factory.mktemp("hockey"))
+def hockey(tmp_path_factory) -> RigSimulator:
+    return RigSimulator("hockey", tmp_path_factory.mktemp("hockey"))
 
 
 @pytest.fixture(params=["hockey", "fetchslide"])
-def bench(request) -> Bench:
+def bench(request) -> RigSimulator:
     return request.getfixturevalue(request.param)

@@ -20,11 +20,11 @@ from safetensors.numpy import save_file
 from slapshot import cli
 from slapshot.command import Run, make_version
 from slapshot.config import load_config
+from slapshot.dag import make_plan
 from slapshot.errors import InputError
 from slapshot.parquet import write_table
-from slapshot.plan import make_plan
 from slapshot.scenes import __main__ as scene_stage
-from slapshot.store.closure import code_digest, imported_libraries
+from slapshot.store.code_dependencies import code_digest, imported_libraries
 from slapshot.store.folder import STORE_MARK, Store
 from slapshot.store.recipe import Recipe, canonical_json
 from slapshot.store.verify import find_problems, problem_of, remove_damaged

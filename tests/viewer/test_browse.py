@@ -16,8 +16,8 @@ from rerun.chunk import RrdReader
 from slapshot import cli
 from slapshot.benchmark import gallery as benchmark
 from slapshot.config import load_config
+from slapshot.dag import make_plan
 from slapshot.errors import InputError
-from slapshot.plan import make_plan
 from slapshot.store.folder import Store
 from slapshot.viewer import browse
 from slapshot.viewer.gallery import serve

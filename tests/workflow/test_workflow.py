@@ -311,7 +311,7 @@ def test_an_edited_module_reruns_exactly_what_imports_it(workspace, file, stages
 def test_comments_and_modules_that_no_result_depends_on_rerun_nothing(workspace):
     with (
         workspace.edited("config/configuration.py", no_operation),
-        workspace.edited("plan/results.py", no_operation),
+        workspace.edited("dag/results.py", no_operation),
         workspace.edited("publish.py", no_operation),
         workspace.edited("adaptation/scoring.py", comment),
         workspace.edited("scenes/scene.py", comment),

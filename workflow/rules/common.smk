@@ -20,7 +20,7 @@ try:
     config = checked.values
     if config["proof"] == "fresh" and not FRESH.exists():
         # Here, because the kinds of physics take long to import.
-        from slapshot.proof.lists import draw_file
+        from slapshot.blind_validation.lists import draw_file
 
         draw_file("full", FRESH)
     plan = make_plan(config, checked.where)

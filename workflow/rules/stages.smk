@@ -1,4 +1,4 @@
-# Every stage of the table in slapshot.plan.stages: a target for all its versions, and a rule that makes one.
+# Every stage of the table in slapshot.dag.stages: a target for all its versions, and a rule that makes one.
 
 for stage in STAGES.values():
 

@@ -47,7 +47,7 @@ class RecordedTask:
 
 
 def recorded_tasks(run: Run) -> Iterator[RecordedTask]:
-    """All tasks in the recordings that a recipe names (see `slapshot.plan.adaptation.add_recorded`).
+    """All tasks in the recordings that a recipe names (see `slapshot.dag.adaptation.add_recorded`).
 
     Raises:
         InputError: a recording cannot be read, or its hits have no latents of the trajectory model.

@@ -22,8 +22,8 @@ from slapshot.benchmark.measures import (
 from slapshot.benchmark.peers import need_sysid, peer_measures
 from slapshot.benchmark.scale import hours
 from slapshot.config import load_config
+from slapshot.dag import make_plan
 from slapshot.errors import InputError
-from slapshot.plan import make_plan
 from slapshot.scenes.scene import Scene
 from slapshot.store.folder import Store
 from slapshot.trajectories.swings import Swings

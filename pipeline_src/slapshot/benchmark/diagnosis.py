@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.benchmark.measures import Measure
+from slapshot.blind_validation.cases import read_cases
+from slapshot.dag import make_plan
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.rig_file import setting_of
 from slapshot.diagnosis.pucks.signatures import Signatures
-from slapshot.plan import make_plan
-from slapshot.proof.cases import read_cases
 from slapshot.recordings.read import read_recording
 from slapshot.scenes.scene import Scene
 from slapshot.store.folder import Store

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from slapshot.benchmark.measures import Measure
 from slapshot.config import merge
+from slapshot.dag import make_plan
 from slapshot.diagnosis.pucks.held_out import FittedScene, first_frames, predict_held_out, split_hits
 from slapshot.diagnosis.pucks.noise import estimate_noise
 from slapshot.diagnosis.pucks.slide_fit import SlideFitter
@@ -29,7 +30,6 @@ from slapshot.effects.tilt import Tilt
 from slapshot.errors import InputError
 from slapshot.lab.__main__ import record
 from slapshot.lab.commands import Pool
-from slapshot.plan import make_plan
 from slapshot.recordings.read import read_recording
 from slapshot.scenes.scene import Scene
 from slapshot.store.folder import Store

@@ -13,7 +13,7 @@ import torch
 from slapshot.benchmark.measures import Measure, seconds
 from slapshot.benchmark.schedule import Job, core_seconds, critical_path, makespan
 from slapshot.command import Run
-from slapshot.plan import STAGES, Plan
+from slapshot.dag import STAGES, Plan
 from slapshot.policy.simulator import Simulator
 from slapshot.scenes.randomisation import draw_conditions
 from slapshot.scenes.scene import Scene

@@ -16,7 +16,7 @@ import torch
 from slapshot.adaptation.names import method_settings
 from slapshot.adaptation.train import train_ensemble
 from slapshot.config import load_config
-from slapshot.plan import load_plan
+from slapshot.dag import load_plan
 from slapshot.store.folder import Store
 
 RATES = (0.0005, 0.001, 0.002, 0.004)

@@ -7,7 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.calibration.bench import INTERVAL, WHITE_NOISE, Bench, Drive, bench_named, recorded
+from slapshot.calibration.rig_simulator import (
+    INTERVAL,
+    WHITE_NOISE,
+    Drive,
+    RigSimulator,
+    recorded,
+    rig_simulator_named,
+)
 from slapshot.diagnosis.diagnose import named_parameter
 from slapshot.diagnosis.inference.selection import gains
 from slapshot.diagnosis.problem import Examination, Problem, examine
@@ -39,7 +46,7 @@ def laws(effect: str) -> list[Law]:
     """All variants of an effect of the catalogue."""
     found: dict[str, Law] = {}
     for name in [_NEEDS[effect]] if effect in _NEEDS else BENCHES:
-        bench = bench_named(name)
+        bench = rig_simulator_named(name)
         drive = bench.draw(6, 1.0, np.random.default_rng(0))
         for one in _instances(_nominal(bench, drive).situation, effect, drive):
             variant = "" if effect == ExternalPulse.name else one.variant
@@ -58,7 +65,7 @@ def intervals(law: Law, seed: int, episodes: int, seconds: float) -> Iterator[di
     """
     # Each law draws for itself: else all would be moved alike and have the same noise.
     rng = np.random.default_rng([seed, *f"{law.effect} {law.variant}".encode()])
-    bench = bench_named(law.bench)
+    bench = rig_simulator_named(law.bench)
     drive = bench.draw(episodes, seconds, rng)
     nominal = _nominal(bench, drive)
     effect = _chosen(law, nominal.situation, drive)
@@ -110,7 +117,7 @@ def drawn(effect: JointEffect, rng: np.random.Generator) -> Array:
     return np.array(values)
 
 
-def _nominal(bench: Bench, drive: Drive) -> Problem:
+def _nominal(bench: RigSimulator, drive: Drive) -> Problem:
     """Of the motion of the nominal model."""
     recording = recorded(bench, drive, None, np.zeros(0))
     return Problem.of(bench.rig, bench.channels, cut(recording, bench.rig))

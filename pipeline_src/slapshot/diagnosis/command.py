@@ -15,9 +15,9 @@ from slapshot.diagnosis.verdict import versioned
 from slapshot.effects.joints.catalogue import import_joint_effects
 from slapshot.errors import InputError, check_writable, writing
 from slapshot.progress import Steps
-from slapshot.recordings.odd_signals import findings_of
+from slapshot.recordings.signal_quality import warnings_of
 from slapshot.recordings.signals import read_signals
-from slapshot.store.closure import code_digest
+from slapshot.store.code_dependencies import code_digest
 from slapshot.store.content import content_digest
 from slapshot.text import printable
 
@@ -44,7 +44,7 @@ def run_diagnose(args: argparse.Namespace) -> int:
     with Steps() as steps:
         diagnosis = diagnose(
             recording, rig, seed=args.seed, threads=os.cpu_count() or 1,
-            findings=findings_of(recording), report=steps,
+            findings=warnings_of(recording), report=steps,
         )  # fmt: skip
     versions = {
         "slapshot": version("slapshot"),

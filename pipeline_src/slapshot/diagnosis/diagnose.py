@@ -40,7 +40,7 @@ from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, State, overrides
 from slapshot.effects.joints.external_pulse import ExternalPulse
 from slapshot.errors import InputError
-from slapshot.recordings.odd_pairs import derived_velocities
+from slapshot.recordings.channel_pair_quality import derived_velocities
 from slapshot.recordings.signal_measures import measure
 from slapshot.recordings.signals import SignalRecording
 

@@ -52,7 +52,7 @@ def looks_at(effects: Sequence[JointEffect]) -> list[Look]:
     looks = []
     for effect in effects:
         start = np.array([parameter.start for parameter in effect.parameters])
-        for values in effect.starts:
+        for values in effect.initial_values:
             which = int(np.argmax(np.abs(np.array(values) - start)))
             probe = values[which] - start[which]
             looks.append(Look(effect, values, float(probe), effect.parameters[which].scale))

@@ -251,7 +251,7 @@ def examine(
     """
     fitter = problem.fitter
     present = {effect.key for effect in hypothesis.effects}
-    effects = tuple(e for e in problem.catalogue if e.starts and e.key not in present)
+    effects = tuple(e for e in problem.catalogue if e.initial_values and e.key not in present)
     own = len(hypothesis.parameters)
     fixed = own + len(NUISANCE)
     looks = looks_at(effects)

@@ -272,8 +272,8 @@ def _raced(
     for effect, first in candidates:
         hypothesis = base.with_effect(effect)
         starts: tuple[Array, ...] = (first, -first) if effect.both_signs else (first,)
-        if len(effect.starts) > len(effect.parameters):
-            starts = tuple(np.array(start) for start in effect.starts)
+        if len(effect.initial_values) > len(effect.parameters):
+            starts = tuple(np.array(start) for start in effect.initial_values)
         fits = [
             fitter.fit(hypothesis, np.concatenate([theta, start]), path, noise, _RACE_ROUNDS, known=system)
             for start in starts

@@ -27,7 +27,7 @@ _NO_SLIP = 1e-9  # m/s: keeps s from 0
 
 
 @dataclass(frozen=True)
-class Acting:
+class ActiveEffect:
     """An effect that acts on some of the hits.
 
     Attributes:
@@ -40,11 +40,11 @@ class Acting:
     rows: NDArray[np.int64]
     values: Mapping[str, Array]
 
-    def of(self, keep: NDArray[np.bool_], place: NDArray[np.int64]) -> "Acting":
+    def of(self, keep: NDArray[np.bool_], place: NDArray[np.int64]) -> "ActiveEffect":
         """On those hits alone that are kept; `place` is where a hit stands afterwards."""
         mine = keep[self.rows]
         values = {name: value[mine] for name, value in self.values.items()}
-        return Acting(self.effect, place[self.rows[mine]], values)
+        return ActiveEffect(self.effect, place[self.rows[mine]], values)
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def slide(
     friction: Array,
     radius: float,
     duration: float,
-    acting: Sequence[Acting] = (),
+    acting: Sequence[ActiveEffect] = (),
     order: Array | None = None,
     step: float = STEP,
 ) -> Tracks:
@@ -163,10 +163,10 @@ class _Law:
     torsional: Array
     radius: float
     centre: Array | None
-    acting: Sequence[Acting]
+    acting: Sequence[ActiveEffect]
 
     @classmethod
-    def of(cls, count: int, friction: Array, radius: float, acting: Sequence[Acting]) -> "_Law":
+    def of(cls, count: int, friction: Array, radius: float, acting: Sequence[ActiveEffect]) -> "_Law":
         cross = np.zeros(count)
         centre = np.zeros((2, count))
         moved = False

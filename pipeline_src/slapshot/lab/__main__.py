@@ -14,11 +14,11 @@ from slapshot.errors import InputError
 from slapshot.lab.camera import observe
 from slapshot.lab.commands import Diverse, Latents, Pool, Session, Source, draw_session
 from slapshot.lab.concealed.draw import check_concealed, draw_concealed
-from slapshot.lab.concealed.rehearsal import Rehearsal
-from slapshot.lab.hit import TOGETHER, Bench
+from slapshot.lab.concealed.effect_size_calibration import Rehearsal
+from slapshot.lab.hit import BATCH_SIZE, RigSimulator
+from slapshot.lab.hit_types import Hit, HitNoise, HitSpec, draw_hit_noise
 from slapshot.lab.rig import Rig, draw_rig, truth_dict
-from slapshot.lab.streams import recording_streams, stream_for
-from slapshot.lab.stroke import Chance, Hit, Stroke, draw_chance
+from slapshot.lab.rng_streams import recording_streams, stream_for
 from slapshot.lab.tables import commanded, hits_table, joint_table, read_encoders, tracks_table
 from slapshot.progress import progress
 from slapshot.recordings.format import ObjectInfo, Recording
@@ -102,10 +102,10 @@ def record(
         strokes = [_with_quirks(strokes[i], rig, streams[i][3]) for i in range(count)]
         truths = [c.truth() | {"scatter_m": rehearsal.scatter} for c in concealed]
 
-    keep, bench = settings["keep"], Bench(scene, rig, cores=cores)
+    keep, bench = settings["keep"], RigSimulator(scene, rig, cores=cores)
     hits: list[Hit] = []
-    for first in progress(range(0, count, TOGETHER), -(-count // TOGETHER), "lab, parts of a session"):
-        hits += bench.hits(strokes[first : first + TOGETHER], arm=keep == "full")
+    for first in progress(range(0, count, BATCH_SIZE), -(-count // BATCH_SIZE), "lab, parts of a session"):
+        hits += bench.hits(strokes[first : first + BATCH_SIZE], arm=keep == "full")
     sightings = [
         observe(hit.track, rig.camera, streams[i][1], rig.seen(hit.track, strokes[i].place))
         for i, hit in enumerate(hits)
@@ -140,14 +140,14 @@ def record(
     write_recording(recording, out / "recording")
 
 
-def _stroke(rig: Rig, session: Session, i: int, rng: np.random.Generator) -> Stroke:
+def _stroke(rig: Rig, session: Session, i: int, rng: np.random.Generator) -> HitSpec:
     """Hit `i` of the session, with what chance does to it."""
     command = session.commands[session.command[i]]
     place = i / max(1, len(session.command) - 1)
-    return Stroke(command.motion, session.object_ids[i], draw_chance(rig.scatter, rng), place)
+    return HitSpec(command.motion, session.object_ids[i], draw_hit_noise(rig.scatter, rng), place)
 
 
-def _with_quirks(stroke: Stroke, rig: Rig, rng: np.random.Generator) -> Stroke:
+def _with_quirks(stroke: HitSpec, rig: Rig, rng: np.random.Generator) -> HitSpec:
     """With a random number for every concealed kind, whatever the others are."""
     quirk = {c.kind.name: float(stream_for(rng, c.kind.name).normal()) for c in rig.concealed}
     return replace(stroke, chance=replace(stroke.chance, quirk=quirk))
@@ -168,7 +168,7 @@ def _weigh(scene: Scene, rig: Rig, scale_sd: float, rng: np.random.Generator) ->
 
 
 def _sealed(
-    rig: Rig, concealed: list[dict[str, Any]], session: Session, strokes: list[Stroke], hits: list[Hit]
+    rig: Rig, concealed: list[dict[str, Any]], session: Session, strokes: list[HitSpec], hits: list[Hit]
 ) -> bytes:
     """truth.json: the rig, and of every hit what chance did and what really happened (SI units)."""
     of_hits = [
@@ -187,7 +187,7 @@ def _sealed(
     return (json.dumps(truth, indent=1, sort_keys=True) + "\n").encode()
 
 
-def _chance_dict(chance: Chance) -> dict[str, Any]:
+def _chance_dict(chance: HitNoise) -> dict[str, Any]:
     known = {
         "start_error_m": chance.start_error.tolist(),
         "pace": chance.pace,

@@ -15,12 +15,12 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from slapshot.lab.blade import compile_rig, striker_pairs
-from slapshot.lab.ground import feel
-from slapshot.lab.parting import StrikerPath
-from slapshot.lab.path import ExecutedPath
+from slapshot.lab.executed_trajectory import ExecutedPath
+from slapshot.lab.hit_types import Hit, HitNoise, HitSpec, Launch
+from slapshot.lab.release_detection import StrikerPath
 from slapshot.lab.rig import Rig
 from slapshot.lab.slide import GRAVITY, slide
-from slapshot.lab.stroke import Chance, Hit, Launch, Stroke
+from slapshot.lab.surface import feel
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 
@@ -35,12 +35,12 @@ FLAT = 1e-3  # m above the board: what hops no higher slides
 # once, which takes m g t, is right where w is 0, but for w = 5 cm/s wrong by mu w, 1 % of its speed.
 LEVEL = 0.01
 MOVING = 0.01  # m/s: slower objects have not been hit yet
-TOGETHER = 64  # hits simulated at a time; what Python does in between is then shared among them
+BATCH_SIZE = 64  # hits simulated at a time; what Python does in between is then shared among them
 _ROLLING = 1e-4  # placeholder: contacts of dimension 4 do not use it
 _PLANAR = [0, 1, 3]  # x, y, yaw among x, y, z, yaw
 
 
-class Bench:
+class RigSimulator:
     """The rig, on which hits can be executed; what one does depends neither on the others nor on cores."""
 
     def __init__(self, scene: Scene, rig: Rig, timestep: float = TIMESTEP, cores: int = 1) -> None:
@@ -57,20 +57,20 @@ class Bench:
         self._striker_pairs = striker_pairs(model, scene)
         self._start = np.array(info.start)
 
-    def hit(self, motion: Motion, object_id: str, chance: Chance) -> Hit:
+    def hit(self, motion: Motion, object_id: str, chance: HitNoise) -> Hit:
         """Execute one motion on an object that was put at the scene's start, but for the start error."""
-        return self.hits([Stroke(motion, object_id, chance)])[0]
+        return self.hits([HitSpec(motion, object_id, chance)])[0]
 
-    def hits(self, strokes: Sequence[Stroke], arm: bool = True) -> list[Hit]:
+    def hits(self, strokes: Sequence[HitSpec], arm: bool = True) -> list[Hit]:
         """Execute strokes; without `arm`, joints end where the object is launched."""
         return self.settle(strokes, self.launches(strokes, arm))
 
-    def settle(self, strokes: Sequence[Stroke], launches: Sequence[Launch]) -> list[Hit]:
+    def settle(self, strokes: Sequence[HitSpec], launches: Sequence[Launch]) -> list[Hit]:
         """Let objects that were launched slide to rest."""
         with ThreadPoolExecutor(self._cores) as pool:
             return list(pool.map(self._settle, strokes, launches))
 
-    def _settle(self, stroke: Stroke, launch: Launch) -> Hit:
+    def _settle(self, stroke: HitSpec, launch: Launch) -> Hit:
         friction, period = self._friction(stroke), self._scene.info.control_period
         slid = slide(
             launch.state,
@@ -93,16 +93,16 @@ class Bench:
             end=end,
         )
 
-    def launches(self, strokes: Sequence[Stroke], arm: bool = True) -> list[Launch]:
+    def launches(self, strokes: Sequence[HitSpec], arm: bool = True) -> list[Launch]:
         """Simulate in MuJoCo; without `arm` only until the object is launched."""
         found: list[Launch] = []
-        for first in range(0, len(strokes), TOGETHER):
-            found += self._strike(strokes[first : first + TOGETHER], arm)
+        for first in range(0, len(strokes), BATCH_SIZE):
+            found += self._strike(strokes[first : first + BATCH_SIZE], arm)
         return found
 
     @cached_property
     def _batch(self) -> Batch:
-        return Batch(self._model, nsim=TOGETHER, nthread=self._cores)
+        return Batch(self._model, nsim=BATCH_SIZE, nthread=self._cores)
 
     @cached_property
     def _qpos(self) -> Array:
@@ -112,8 +112,8 @@ class Bench:
     def _qvel(self) -> Array:
         return self._batch.bind("qvel")
 
-    def _strike(self, strokes: Sequence[Stroke], arm: bool) -> list[Launch]:
-        """Launches of at most TOGETHER strokes."""
+    def _strike(self, strokes: Sequence[HitSpec], arm: bool) -> list[Launch]:
+        """Launches of at most BATCH_SIZE strokes."""
         info, period = self._scene.info, self._scene.info.control_period
         paths = [self._path(stroke) for stroke in strokes]
         ends = np.array([round((path.duration + SETTLE) / period) for path in paths])
@@ -158,7 +158,7 @@ class Bench:
             for i in range(len(strokes))
         ]  # fmt: skip
 
-    def _path(self, stroke: Stroke) -> ExecutedPath:
+    def _path(self, stroke: HitSpec) -> ExecutedPath:
         chance = stroke.chance
         return ExecutedPath(
             stroke.motion,
@@ -169,7 +169,7 @@ class Bench:
             self._rig.settling,
         )
 
-    def _friction(self, stroke: Stroke) -> Array:
+    def _friction(self, stroke: HitSpec) -> Array:
         """(3,) along x, along y, and torsional in m."""
         truth = self._rig.objects[stroke.object_id]
         factor = stroke.chance.friction * self._rig.friction_factor(stroke.place)
@@ -177,7 +177,7 @@ class Bench:
 
     def _place(
         self,
-        strokes: Sequence[Stroke],
+        strokes: Sequence[HitSpec],
         paths: Sequence[ExecutedPath],
         strikers: Sequence[StrikerPath],
         mass: Array,

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from slapshot.lab.blade import Edit
 from slapshot.lab.blade_truth import BladeTruth
 from slapshot.lab.board import FLAT, draw_height, draw_log_friction
-from slapshot.lab.concealed.kind import Concealed
-from slapshot.lab.ground import Ground
-from slapshot.lab.path import Filter
+from slapshot.lab.concealed.hidden_effect import Concealed
+from slapshot.lab.executed_trajectory import Filter
 from slapshot.lab.ranges import draw_number, pair_of
+from slapshot.lab.surface import Ground
 
 Array = NDArray[np.float64]
 

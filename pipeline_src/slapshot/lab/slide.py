@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from slapshot.errors import InputError
 from slapshot.lab.board import gradient
-from slapshot.lab.ground import EVEN, GRAVITY, Ground, groove, log_place, push, rise, weight
+from slapshot.lab.surface import EVEN, GRAVITY, Ground, groove, log_place, push, rise, weight
 
 Array = NDArray[np.float64]
 

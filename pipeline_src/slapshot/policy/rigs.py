@@ -8,12 +8,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from slapshot.acting.choose import LARGEST_LATENT
-from slapshot.acting.goals import goals_of
-from slapshot.acting.rigs import Robot, robot_of
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks
 from slapshot.command import Run, stage_command
+from slapshot.goal_reaching.choose import LARGEST_LATENT
+from slapshot.goal_reaching.goals import goals_of
+from slapshot.goal_reaching.rigs import Robot, robot_of
 from slapshot.parquet import write_table
 from slapshot.policy.adapt import update
 from slapshot.policy.network import GaussianPolicy, load_policy

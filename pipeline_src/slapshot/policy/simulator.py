@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.acting.choose import LARGEST_LATENT
+from slapshot.goal_reaching.choose import LARGEST_LATENT
 from slapshot.rollouts.hits import HitCollector, Hits
 from slapshot.scenes.domain import load_part
 from slapshot.scenes.randomisation import CONDITION_PARAMETERS, draw_start_errors

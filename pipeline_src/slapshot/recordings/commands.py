@@ -4,15 +4,15 @@ import argparse
 from pathlib import Path
 
 from slapshot.recordings.__main__ import describe
+from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.describe_signals import describe_signals
-from slapshot.recordings.finding import Finding
 from slapshot.recordings.importing.importer import ImportSummary, import_tracks
 from slapshot.recordings.importing.signal_importer import SignalSummary, import_signals
 from slapshot.recordings.importing.signal_mapping import is_signal_mapping
-from slapshot.recordings.odd_signals import odd_signals
-from slapshot.recordings.oddities import odd_things
+from slapshot.recordings.quality_warning import QualityWarning
 from slapshot.recordings.read import format_version, read_recording
 from slapshot.recordings.signal_measures import measure_all
+from slapshot.recordings.signal_quality import odd_signals
 from slapshot.recordings.signals import SIGNAL_FORMAT_VERSION, read_signals
 from slapshot.text import printable
 
@@ -51,7 +51,7 @@ def run_check(args: argparse.Namespace) -> int:
     else:
         recording = read_recording(folder)
         print(describe(recording))
-        print(say_findings(odd_things(recording)))
+        print(say_findings(quality_warnings(recording)))
     return 0
 
 
@@ -73,7 +73,7 @@ def say_signals(summary: SignalSummary) -> str:
     return "\n".join(printable(line) for line in lines)
 
 
-def say_findings(findings: list[Finding]) -> str:
+def say_findings(findings: list[QualityWarning]) -> str:
     """What is odd, one finding a line."""
     if not findings:
         return "odd            nothing was found"

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from slapshot.recordings.odd_signals import clock_sampling
 from slapshot.recordings.signal_measures import Measured
+from slapshot.recordings.signal_quality import clock_sampling
 from slapshot.recordings.signals import SignalRecording
 from slapshot.text import printable
 

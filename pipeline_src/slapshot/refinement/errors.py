@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import torch
 
-from slapshot.acting.rigs import robot_of, sampled_hits
 from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.adaptation.evaluate import error_table
 from slapshot.adaptation.recorded import recorded_tasks
 from slapshot.adaptation.scoring import errors_against_samples
 from slapshot.command import Run, stage_command
+from slapshot.goal_reaching.rigs import robot_of, sampled_hits
 from slapshot.parquet import write_table
 
 log = logging.getLogger("slapshot")

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.effects.effect import Effect
-from slapshot.effects.slide_law import Acting
+from slapshot.effects.slide_law import ActiveEffect
 from slapshot.effects.slide_law import slide as slide_with_effects
 from slapshot.rollouts.contact import ContactSimulator
 from slapshot.rollouts.hits import Hits, Outcomes
@@ -68,7 +68,7 @@ class AugmentedCollector:
             return rests[:, :2], rests[:, 3]
         rows = np.arange(len(states))
         acting = [
-            Acting(effect, rows, {name: np.full(len(rows), value) for name, value in values.items()})
+            ActiveEffect(effect, rows, {name: np.full(len(rows), value) for name, value in values.items()})
             for effect, values in self._sliding
         ]
         tracks = slide_with_effects(states, friction, self._radius, SHORT, acting)

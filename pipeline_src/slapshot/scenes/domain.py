@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from slapshot.errors import InputError
 from slapshot.own_code import import_own
 from slapshot.scenes.settings import SceneSettings
-from slapshot.store.closure import find_source
+from slapshot.store.code_dependencies import find_source
 
 if TYPE_CHECKING:  # planning reads this module and must not need MuJoCo
     from slapshot.scenes.scene import Scene

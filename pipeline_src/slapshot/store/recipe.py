@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from slapshot.store.closure import code_digest, imported_libraries
+from slapshot.store.code_dependencies import code_digest, imported_libraries
 
 SCHEMA_VERSION = 1
 ID_LENGTH = 12

@@ -9,8 +9,8 @@ from pathlib import Path
 from threading import Event
 from urllib.parse import urlsplit
 
+from slapshot.dag import load_plan
 from slapshot.errors import InputError
-from slapshot.plan import load_plan
 from slapshot.store.folder import Store
 from slapshot.viewer.gallery import HOST, serve
 from slapshot.viewer.names import HITS_FOLDER, LAYOUT_FILE, SCENE_FILE, read_index

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 from slapshot.effects.catalogue import catalogue
-from slapshot.effects.slide_law import Acting, slide
+from slapshot.effects.slide_law import ActiveEffect, slide
 from slapshot.recordings.format import ObjectInfo, Recording
 
 RADIUS = 0.0381
@@ -39,7 +39,7 @@ def recording(
     mu[:, :2] *= np.exp(rng.normal(0, friction_sd, hits))[:, None]
     order = np.arange(hits) / max(hits - 1, 1) - 0.5
     acting = [
-        Acting(known[name], np.arange(hits), {k: np.full(hits, x) for k, x in values.items()})
+        ActiveEffect(known[name], np.arange(hits), {k: np.full(hits, x) for k, x in values.items()})
         for name, values in (effects or {}).items()
     ]
     slides = [a for a in acting if a.effect.acts_on_slide]

@@ -12,7 +12,7 @@ from slapshot.diagnosis.pucks.search import Search
 from slapshot.diagnosis.pucks.slide_model import SlideModel
 from slapshot.diagnosis.pucks.tracks import rest_tracks
 from slapshot.effects.catalogue import catalogue
-from slapshot.effects.slide_law import Acting, slide
+from slapshot.effects.slide_law import ActiveEffect, slide
 
 from .synthetic import CAMERA, RADIUS, recording
 
@@ -50,7 +50,7 @@ def fitter(rng, hits=150, effects=None):
     order = np.arange(hits) / (hits - 1) - 0.5
     rows = np.arange(hits)
     acting = [
-        Acting(catalogue()[name], rows, {k: np.full(hits, x) for k, x in values.items()})
+        ActiveEffect(catalogue()[name], rows, {k: np.full(hits, x) for k, x in values.items()})
         for name, values in (effects or {}).items()
     ]
     rests = slide(launches, np.tile(FRICTION, (hits, 1)), RADIUS, 0.1, acting, order).rests

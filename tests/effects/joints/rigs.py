@@ -37,7 +37,7 @@ def tells(actuator: str) -> Channel:
 
 
 @dataclass(frozen=True)
-class Bench:
+class RigSimulator:
     """A rig, and how it is moved: all episodes begin in one state and have the same commands.
 
     Attributes:
@@ -126,7 +126,7 @@ class Bench:
 class Motion:
     """What a hypothesis does at the nodes: states x, observations y, actuator torques; (episodes, L, n)."""
 
-    bench: Bench
+    bench: RigSimulator
     x: Array
     y: Array
     torque: Array
@@ -148,16 +148,16 @@ class Motion:
 def bench(
     xml: str, channels: dict[str, Channel], start: Sequence[float] = (), commands: Commands = lambda t: [],
     **rest: float,
-) -> Bench:  # fmt: skip
+) -> RigSimulator:  # fmt: skip
     """A bench; without a start it begins at the model's reference, at rest."""
     rig = bind(mujoco.MjSpec.from_string(f"<mujoco>{_OPTIONS}{xml}</mujoco>"), channels)
     model = rig.model
     x = np.concatenate([model.qpos0, np.zeros(model.nv + model.na)])
     x[: len(start)] = start
-    return Bench(rig, channels, x, commands, **rest)
+    return RigSimulator(rig, channels, x, commands, **rest)
 
 
-def arm() -> Bench:
+def arm() -> RigSimulator:
     """Two hinges with position servos, in a vertical plane."""
     return bench(
         """<worldbody><body name="upper"><joint name="shoulder" axis="0 1 0" damping=".2" frictionloss=".1"
@@ -179,7 +179,7 @@ def arm() -> Bench:
     )
 
 
-def pendulum() -> Bench:
+def pendulum() -> RigSimulator:
     """A hinge with a geared motor and another without a gear, and one that hangs from it."""
     return bench(
         """<worldbody><body pos="0 0 1"><joint name="axle" axis="0 1 0" damping=".05"/>
@@ -202,7 +202,7 @@ def pendulum() -> Bench:
     )
 
 
-def slide() -> Bench:
+def slide() -> RigSimulator:
     """A cart with a velocity servo, and a lift with a rope and a recorded force; gravity is along -y."""
     return bench(
         """<option gravity="0 -9.81 0" integrator="implicitfast"/>
@@ -225,7 +225,7 @@ def slide() -> Bench:
     )
 
 
-def ball() -> Bench:
+def ball() -> RigSimulator:
     """A ball that flies."""
     return bench(
         """<worldbody><body name="ball"><freejoint/><geom size=".03" mass=".05"/></body></worldbody>""",
@@ -234,7 +234,7 @@ def ball() -> Bench:
     )
 
 
-def chain() -> Bench:
+def chain() -> RigSimulator:
     """Seven hinges with servos, each across the one before, with inertias about axes of their own."""
     links, ends = "", ""
     for i in range(7):
@@ -261,7 +261,7 @@ def chain() -> Bench:
 BENCHES = {"arm": arm, "pendulum": pendulum, "slide": slide, "ball": ball, "chain": chain}
 
 
-def few(bench: Bench) -> list[JointEffect]:
+def few(bench: RigSimulator) -> list[JointEffect]:
     """All instances that the model can bear as it is; of many forms at one part the first and the last."""
     kept = {}
     for effect in bench.effects:

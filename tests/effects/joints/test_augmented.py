@@ -12,7 +12,7 @@ from slapshot.diagnosis.structure import restructured
 from slapshot.effects.joints.effect import Array, JointEffect, overrides
 from slapshot.errors import InputError
 
-from .rigs import Bench, arm, bench, few, has_note, one_sd, pendulum, reads, slide, tells
+from .rigs import RigSimulator, arm, bench, few, has_note, one_sd, pendulum, reads, slide, tells
 
 # Depend on sensors, or on the order in which bounding boxes were put into trees.
 _OTHER = ("sensor", "stat", "bvh")
@@ -38,7 +38,7 @@ def from_text(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(spec.to_xml())
 
 
-def compiled(of: Bench, effects: list[JointEffect], theta: Array) -> mujoco.MjModel:
+def compiled(of: RigSimulator, effects: list[JointEffect], theta: Array) -> mujoco.MjModel:
     """As the engine simulates it, at the user's time step."""
     return Hypothesis(of.rig, tuple(effects)).compiled(theta, of.rig.model.opt.timestep)
 

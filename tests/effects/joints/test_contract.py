@@ -81,7 +81,7 @@ def test_parameters_hold_together(any_bench):
             # A look is taken where the effect is possible, and not far from where its size is likely.
             assert p.low <= p.start + p.probe <= p.high, (effect.key, p)
             assert 0 <= p.probe <= p.scale, (effect.key, p)
-        looks = effect.starts
+        looks = effect.initial_values
         # What has a state of its own, or is found by a search, has no column.
         assert looks or effect.hidden_state, effect.key
         for values in looks:

@@ -18,7 +18,7 @@ from slapshot.effects.joints.command_delay import CommandDelay
 from slapshot.effects.joints.effect import Parameter, State
 from slapshot.effects.joints.saturation import KNEES, Saturation
 
-from .rigs import Array, Bench, Commands, bench, reads, tells
+from .rigs import Array, Commands, RigSimulator, bench, reads, tells
 
 INERTIA, MASS, ARM, GRAVITY = 0.2, 0.5, 0.4, 9.81
 STEP = 1e-3
@@ -43,7 +43,7 @@ def test_every_effect_has_one():
 def rotor(
     start: tuple[float, float] = (0, 0), *, joint: str = "", actuator: str = "",
     commands: Commands = lambda t: [], integrator: str = "Euler", **rest: float,
-) -> Bench:  # fmt: skip
+) -> RigSimulator:  # fmt: skip
     """A balanced hinge with an inertia of INERTIA, or a slide with that mass, without gravity."""
     channels = {"q": reads(joint="j")} | ({"u": tells("a")} if actuator else {})
     return bench(
@@ -57,7 +57,7 @@ def rotor(
 
 def pendulum(
     start: float = 0.0, joint: str = "", actuator: str = "", commands: Commands = lambda t: []
-) -> Bench:
+) -> RigSimulator:
     """A point mass of MASS that hangs ARM below a hinge about +y: at q it is at x = -ARM sin q."""
     return bench(
         f"""<option gravity="0 0 {-GRAVITY}" timestep="{STEP}"/><worldbody><body name="b">
@@ -69,7 +69,7 @@ def pendulum(
     )  # fmt: skip
 
 
-def flying(velocity: tuple[float, float, float], gravity: float = 0.0, seconds: float = 0.5) -> Bench:
+def flying(velocity: tuple[float, float, float], gravity: float = 0.0, seconds: float = 0.5) -> RigSimulator:
     """A ball of MASS."""
     return bench(
         f"""<option gravity="0 0 {-gravity}" timestep="{STEP}"/><worldbody><body name="ball"><freejoint/>

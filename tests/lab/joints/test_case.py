@@ -13,7 +13,7 @@ from slapshot.lab.joints.case import check_kinds, make, make_case
 from slapshot.lab.joints.cases import Case, read_cases, write_cases
 from slapshot.lab.joints.lists import LISTS, draw_list
 from slapshot.lab.joints.order import Condition, Order
-from slapshot.lab.joints.registry import KINDS
+from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.signals import read_signals
 
@@ -45,7 +45,7 @@ def test_a_case_is_written_whole_and_its_truth_is_sealed(folders):
 
 
 def test_a_recording_says_neither_what_is_concealed_nor_the_seed(folders):
-    words = [name.encode() for name in KINDS] + [str(SEED).encode(), b"amplitude", b"cluttered"]
+    words = [name.encode() for name in HIDDEN_EFFECTS] + [str(SEED).encode(), b"amplitude", b"cluttered"]
     names = {}
     for case in ("pair", "null"):
         told = sorted((folders / case / "recording").iterdir())
@@ -139,7 +139,7 @@ def test_drawn_lists_have_what_fits_in_random_order_under_new_seeds():
         assert len(kinds) == {"pair": 2, "null": 0}.get(case.condition.split(",")[0], 1)
         assert all(0.29 < size < 30.1 for _, size in case.order.conceals)
     shown = {kind for case in cases for kind, _ in case.order.conceals}
-    assert shown == set(KINDS)
+    assert shown == set(HIDDEN_EFFECTS)
 
 
 def test_the_lists_that_ship_can_be_read_and_are_large_enough():

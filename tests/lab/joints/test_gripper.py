@@ -5,9 +5,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from slapshot.lab.joints.bench import Bench
 from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.noise import NOISE_SD, read_clean
+from slapshot.lab.joints.rig_simulator import RigSimulator
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.scenes.fetchslide.reference import make_environment
 
@@ -16,7 +16,7 @@ from slapshot.scenes.fetchslide.reference import make_environment
 def session():
     rig = replace(rig_named("fetchslide_arm"), settle=0.4)
     excitation = draw_excitation(rig, 2, 1.6, np.random.default_rng(3))
-    return rig, excitation, Bench(rig).execute(excitation)
+    return rig, excitation, RigSimulator(rig).execute(excitation)
 
 
 def test_the_lab_steps_as_the_environment_does(session):

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import ellipk
-from slapshot.lab.joints.bench import Bench
 from slapshot.lab.joints.excitation import Excitation
-from slapshot.lab.joints.kind import Concealed, Now
-from slapshot.lab.joints.kinds.drive import _Delay, _Limit
-from slapshot.lab.joints.kinds.friction import Bristles
-from slapshot.lab.joints.kinds.surroundings import _Magnet
+from slapshot.lab.joints.hidden_effect import Concealed, Now
+from slapshot.lab.joints.hidden_effects.drive import _Delay, _Limit
+from slapshot.lab.joints.hidden_effects.friction import Bristles
+from slapshot.lab.joints.hidden_effects.surroundings import _Magnet
 from slapshot.lab.joints.noise import read_clean
-from slapshot.lab.joints.registry import KINDS
+from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rig import CLOCK, Rig
+from slapshot.lab.joints.rig_simulator import RigSimulator
 
 PERIOD = CLOCK.period
 MASS, LENGTH, ARMATURE = 0.7, 0.4, 0.02
@@ -47,12 +47,12 @@ def single(gravity=True, servo=False, pose=0.0, seconds=3.0, gravcomp=0, axis="0
 
 
 def conceal(name, amplitude, **shape):
-    return Concealed(KINDS[name], amplitude, {"joint": "j", "sign": 1.0} | shape)
+    return Concealed(HIDDEN_EFFECTS[name], amplitude, {"joint": "j", "sign": 1.0} | shape)
 
 
 def moved(rig, excitation, *concealed):
     """Times (s) and angles (rad) of the joint."""
-    motion = Bench(rig, concealed).execute(excitation)
+    motion = RigSimulator(rig, concealed).execute(excitation)
     return motion.times, motion.positions[0, :, 0]
 
 
@@ -149,7 +149,7 @@ def test_a_hose_pulls_a_servo_off():
 def test_what_hangs_shows_where_gravity_is_and_where_zero_is():
     rig, excitation = single(seconds=6.0)
     rig = replace(rig, hold=(0.0, 0.4))  # damping alone
-    tilt = Concealed(KINDS["gravity_tilt"], 0.1, {"towards_rad": np.pi})
+    tilt = Concealed(HIDDEN_EFFECTS["gravity_tilt"], 0.1, {"towards_rad": np.pi})
     # About +y, an angle carries a hanging link towards -x.
     assert moved(rig, excitation, tilt)[1][-1] == pytest.approx(0.1, abs=1e-4)
     assert moved(rig, excitation, conceal("joint_offset", 0.07))[1][-1] == pytest.approx(0.07, abs=1e-4)
@@ -158,7 +158,7 @@ def test_what_hangs_shows_where_gravity_is_and_where_zero_is():
 def test_a_controller_compensates_the_mass_that_it_believes_in():
     rig, excitation = single(servo=True, pose=1.2, gravcomp=1)
     assert moved(rig, excitation)[1][-1] == pytest.approx(1.2, abs=1e-9)
-    heavy = Concealed(KINDS["link_mass"], 0.2, {"body": "link", "sign": 1.0, "inertia_power": 1.0})
+    heavy = Concealed(HIDDEN_EFFECTS["link_mass"], 0.2, {"body": "link", "sign": 1.0, "inertia_power": 1.0})
     sagged = moved(rig, excitation, heavy)[1][-1]
     assert 1.2 - sagged == pytest.approx((np.exp(0.2) - 1) * WEIGHT * np.sin(sagged) / KP, abs=1e-6)
 
@@ -167,7 +167,7 @@ def test_a_base_leans_as_its_spring_lets_it():
     rig, excitation = single(servo=True, pose=np.pi / 2, seconds=4.0, gravcomp=0)
     compliance = 0.002
     soft = Concealed(
-        KINDS["base_compliance"], compliance, {"body": "base", "ratio": 1.0, "damping_ratio": 0.7}
+        HIDDEN_EFFECTS["base_compliance"], compliance, {"body": "base", "ratio": 1.0, "damping_ratio": 0.7}
     )
     null, angle = moved(rig, excitation)[1][-1], moved(rig, excitation, soft)[1][-1]
     # The link's torque tilts the base by compliance times torque, which turns gravity against the link; to
@@ -181,8 +181,8 @@ def test_commands_and_readings_come_late_by_their_delays():
     times = np.arange(0, 3, PERIOD)
     rig, excitation = single(gravity=False, servo=True)
     excitation = replace(excitation, wave=0.4 * np.sin(3 * times)[None, :, None])
-    null = Bench(rig).execute(excitation)
-    late = Bench(rig, [conceal("command_delay", 0.013, stream=4)]).execute(excitation)
+    null = RigSimulator(rig).execute(excitation)
+    late = RigSimulator(rig, [conceal("command_delay", 0.013, stream=4)]).execute(excitation)
     after = null.times > 1
     for delay in (0.013,):
         expected = np.interp(null.times[after] - delay, null.times, null.positions[0, :, 0])

@@ -8,7 +8,6 @@ With MuJoCo's implicitfast it would be off by 2.3, 2.2 and 1.4 mrad at steps of 
 import mujoco
 import numpy as np
 import pytest
-from slapshot.lab.joints.bench import Bench
 from slapshot.lab.joints.clutter import LAW_ERROR, LawError
 from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.noise import (
@@ -16,11 +15,12 @@ from slapshot.lab.joints.noise import (
     NOISE_SD,
     OUTLIER_SIZE,
     Condition,
-    draw_chance,
+    draw_sensor_noise,
     quantise,
     read_clean,
 )
 from slapshot.lab.joints.rig import CLOCK
+from slapshot.lab.joints.rig_simulator import RigSimulator
 
 from .conftest import short
 
@@ -47,7 +47,7 @@ def replayed(rig, motion, timestep=None, integrator=None):
 @pytest.mark.parametrize("name", ["pendulum", "arm", "kuka"])
 def test_nominal_model_and_lab_integrate_alike(name):
     rig = short(name)
-    motion = Bench(rig).execute(draw_excitation(rig, 2, 1.5, np.random.default_rng(2)))
+    motion = RigSimulator(rig).execute(draw_excitation(rig, 2, 1.5, np.random.default_rng(2)))
     clean = read_clean(rig, motion, ())
     off = np.sqrt(((replayed(rig, motion) - clean) ** 2).mean((0, 1))).max()
     assert off < 0.005 * NOISE_SD
@@ -70,7 +70,9 @@ def test_errors_of_laws_are_of_shape_and_smooth(rehearsals):
 
 @pytest.mark.parametrize("colour", CORRELATION)
 def test_noise_has_its_size_and_colour(colour):
-    added = draw_chance(Condition(colour), (40, 600, 2), PERIOD, np.random.default_rng(5)).added / NOISE_SD
+    added = (
+        draw_sensor_noise(Condition(colour), (40, 600, 2), PERIOD, np.random.default_rng(5)).added / NOISE_SD
+    )
     keeps = np.exp(-PERIOD / CORRELATION[colour]) if CORRELATION[colour] else 0.0
     free = added.size * (1 - keeps**2) / (1 + keeps**2)  # independent squares among correlated ones
     assert (added**2).mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / free))
@@ -79,8 +81,10 @@ def test_noise_has_its_size_and_colour(colour):
 
 
 def test_clutter_has_outliers_jitter_growth_and_drift():
-    plain = draw_chance(Condition("white"), (40, 600, 2), PERIOD, np.random.default_rng(5))
-    chance = draw_chance(Condition("white", cluttered=True), (40, 600, 2), PERIOD, np.random.default_rng(5))
+    plain = draw_sensor_noise(Condition("white"), (40, 600, 2), PERIOD, np.random.default_rng(5))
+    chance = draw_sensor_noise(
+        Condition("white", cluttered=True), (40, 600, 2), PERIOD, np.random.default_rng(5)
+    )
     assert not plain.late.any()
     assert chance.late.std() == pytest.approx(0.1 * PERIOD, rel=0.05)
     grows = chance.truth["noise_grows_by"]

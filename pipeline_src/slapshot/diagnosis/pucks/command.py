@@ -18,7 +18,7 @@ from slapshot.effects.catalogue import import_effects
 from slapshot.errors import InputError, check_writable, writing
 from slapshot.recordings.read import read_recording
 from slapshot.scenes.scene import Scene
-from slapshot.store.closure import code_digest
+from slapshot.store.code_dependencies import code_digest
 from slapshot.store.content import content_digest
 from slapshot.text import printable
 from slapshot.whole_file import replacing

@@ -36,9 +36,9 @@ from slapshot.diagnosis.pucks.trial import dropped_note, that_work
 from slapshot.diagnosis.pucks.verdict import Errors
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
-from slapshot.recordings.finding import Finding
+from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
-from slapshot.recordings.oddities import odd_things
+from slapshot.recordings.quality_warning import QualityWarning
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ def diagnose(
         known = {name: e for name, e in known.items() if e.acts_on_slide or e.acts_on_camera}
     if recording.tracks is None:
         return diagnose_rests(recording, setting, seed, known, threads, signatures)
-    findings = odd_things(recording)
+    findings = quality_warnings(recording)
     tracks = hit_tracks(recording, dict.fromkeys(_hits_of(findings, "second_push"), PUSHED_AGAIN))
     shown: dict[str, Any] = {"recording": recording, "left_out": tracks.dropped}
     reason = cannot_tell(recording, tracks)
@@ -189,7 +189,7 @@ def diagnose(
     )
 
 
-def _hits_of(findings: Sequence[Finding], *kinds: str) -> list[int]:
+def _hits_of(findings: Sequence[QualityWarning], *kinds: str) -> list[int]:
     """Numbers of the hits that findings of some kinds are about."""
     return sorted({hit for finding in findings if finding.kind in kinds for hit in finding.hits})
 

@@ -27,8 +27,8 @@ from slapshot.diagnosis.pucks.tracks import rest_tracks
 from slapshot.diagnosis.pucks.trial import dropped_note, that_work
 from slapshot.diagnosis.pucks.verdict import Errors, Interval, NamedEffect
 from slapshot.effects.effect import Effect
+from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
-from slapshot.recordings.oddities import odd_things
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def diagnose_rests(
             "the recording has rest points only, and nothing says how objects were hit: record tracks "
             "(camera frames of the sliding object), or the commands and the arm in the scene"
         )
-    findings = odd_things(recording)
+    findings = quality_warnings(recording)
     if reason is not None or setting.scene is None:
         return Diagnosis(untold(recording, tracks, findings, reason, tracks.notes))
     known, failed = that_work(known, tracks.start.mean(0), setting.friction, setting.radius)

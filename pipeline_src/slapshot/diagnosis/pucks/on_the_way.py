@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.effects.effect import Effect
-from slapshot.effects.slide_law import Acting, slide
+from slapshot.effects.slide_law import ActiveEffect, slide
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def shift_on_the_way(
     begin[:, :2] = launches[:, :2] - way[:, None] * launches[:, 2:4]
     begin[:, 3:] = launches[:, 2:]
     rows = np.arange(count)
-    acting = [Acting(e, rows, {p: np.full(count, x) for p, x in v.items()}) for e, v in effects]
+    acting = [ActiveEffect(e, rows, {p: np.full(count, x) for p, x in v.items()}) for e, v in effects]
     moments = np.stack([way, way + SHORT], axis=1)
     duration = float(moments.max()) + SHORT
     plain = slide(begin, friction[0], RADIUS, duration, [], order).at(moments)

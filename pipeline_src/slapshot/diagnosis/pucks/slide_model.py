@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slapshot.diagnosis.pucks.tracks import HitTracks
 from slapshot.effects.effect import Effect
-from slapshot.effects.slide_law import Acting, slide
+from slapshot.effects.slide_law import ActiveEffect, slide
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
@@ -167,7 +167,7 @@ class SlideModel:
         bounds = np.cumsum([0, *(len(p.hits) for p in parts)])
         values = self._values(parts, bounds, point)
         slides = [
-            Acting(self.effects[name], rows, v)
+            ActiveEffect(self.effects[name], rows, v)
             for name, (rows, v) in values.items()
             if self.effects[name].acts_on_slide
         ]

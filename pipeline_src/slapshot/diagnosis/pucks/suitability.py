@@ -16,8 +16,8 @@ from slapshot.diagnosis.pucks.tracks import (
     HitTracks,
 )
 from slapshot.diagnosis.pucks.verdict import Verdict
-from slapshot.recordings.finding import Finding
 from slapshot.recordings.format import Recording
+from slapshot.recordings.quality_warning import QualityWarning
 
 FEWEST_HITS = 12  # of which three are held out
 LEAST_HEADINGS_RAD = 0.03  # rms spread of launches
@@ -65,7 +65,7 @@ def cannot_tell(recording: Recording, tracks: HitTracks) -> str | None:
 def untold(
     recording: Recording,
     tracks: HitTracks,
-    findings: Sequence[Finding],
+    findings: Sequence[QualityWarning],
     reason: str | None,
     notes: Sequence[str],
     to_blame: Sequence[int] = (),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.effects.effect import Effect
-from slapshot.effects.slide_law import Acting, slide
+from slapshot.effects.slide_law import ActiveEffect, slide
 from slapshot.text import reason_of
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def _problem(effect: Effect, start: Array, friction: tuple[float, float, float],
     launches = np.column_stack([np.tile(start, (count, 1)), zero, *velocity, zero + SPIN])
     values = {p.name: zero + np.clip(p.neutral + p.scale, p.low, p.high) for p in effect.parameters}
     try:
-        acting = [Acting(effect, np.arange(count), values)] if effect.acts_on_slide else []
+        acting = [ActiveEffect(effect, np.arange(count), values)] if effect.acts_on_slide else []
         tracks = slide(launches, np.tile(friction, (count, 1)), radius, SECONDS, acting)
         seen = effect.see(values, tracks.places, start)
     except (Exception, SystemExit) as error:  # an effect may be anybody's code

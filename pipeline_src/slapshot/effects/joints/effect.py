@@ -198,7 +198,7 @@ class JointEffect:
         return f"{key} ({self.variant})" if self.variant else key
 
     @property
-    def starts(self) -> tuple[tuple[float, ...], ...]:
+    def initial_values(self) -> tuple[tuple[float, ...], ...]:
         """Values at which a first look is taken: each gives a column, (F(value) - F(start)) / probe."""
         looks = []
         for i, parameter in enumerate(self.parameters):

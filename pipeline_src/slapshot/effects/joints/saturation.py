@@ -35,7 +35,7 @@ class Saturation(JointEffect):
         self._actuator, self._largest = actuator, largest
 
     @property
-    def starts(self) -> tuple[tuple[float, ...], ...]:
+    def initial_values(self) -> tuple[tuple[float, ...], ...]:
         """A little and much cut off: a limit that is never reached would not tell which way to go."""
         return ((0.02,), (0.1,), (0.3,), (0.6,))
 

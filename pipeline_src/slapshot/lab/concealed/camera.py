@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from slapshot.lab.concealed.kind import Array, Kind, Setting, Shape
+from slapshot.lab.concealed.hidden_effect import Array, HiddenEffect, NominalMotion, Shape
 
 _FOOT_SD = 0.12  # m, along x and y, by which a camera looks past the point it is meant to look at
 
 
-class CameraScale(Kind):
+class CameraScale(HiddenEffect):
     """A metre in the recording is none: places are stretched about a point near the camera's foot."""
 
     name = "camera_scale"
@@ -17,7 +17,7 @@ class CameraScale(Kind):
     like = "same"
     unit, amplitude, usual, largest = "1", "size of the logarithm of reported over true length", 0.03, 0.3
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"sign": float(rng.choice((-1.0, 1.0))), "about_m": _near_foot(setting, rng)}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -28,7 +28,7 @@ class CameraScale(Kind):
         return about + np.exp(shape["sign"] * amplitude) * (places - about)
 
 
-class CameraRotation(Kind):
+class CameraRotation(HiddenEffect):
     """The camera is mounted askew: places are turned about a point near its foot."""
 
     name = "camera_rotation"
@@ -36,7 +36,7 @@ class CameraRotation(Kind):
     like = "same"
     unit, amplitude, usual, largest = "rad", "size of the angle", 0.03, 0.3
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"sign": float(rng.choice((-1.0, 1.0))), "about_m": _near_foot(setting, rng)}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -48,7 +48,7 @@ class CameraRotation(Kind):
         return about + (places - about) @ turn.T
 
 
-class CameraTime(Kind):
+class CameraTime(HiddenEffect):
     """The camera's clock is late, by a little more or less as the session goes on."""
 
     name = "camera_time"
@@ -57,7 +57,7 @@ class CameraTime(Kind):
     unit, amplitude, usual, largest = "s", "mean delay", 0.02, 0.08
     shows = "track"
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"drift_share": float(rng.uniform(-0.3, 0.3))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -67,14 +67,14 @@ class CameraTime(Kind):
         return amplitude * (1 + shape["drift_share"] * (place - 0.5))
 
 
-class LensDistortion(Kind):
+class LensDistortion(HiddenEffect):
     """A lens that was not calibrated: r becomes r (1 + k1 r^2 + k2 r^4), r from a point near the foot."""
 
     name = "lens_distortion"
     phase = "camera"
     unit, amplitude, usual, largest = "1/m^2", "size of k1", 0.015, 0.1
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
             "sign": float(rng.choice((-1.0, 1.0))),
             "k2_share_per_m2": float(rng.uniform(-0.15, 0.15)),
@@ -92,5 +92,5 @@ class LensDistortion(Kind):
         return about + out * (1 + k1 * square * (1 + shape["k2_share_per_m2"] * square))
 
 
-def _near_foot(setting: Setting, rng: np.random.Generator) -> list[float]:
+def _near_foot(setting: NominalMotion, rng: np.random.Generator) -> list[float]:
     return (setting.foot + rng.normal(0, _FOOT_SD, 2)).tolist()

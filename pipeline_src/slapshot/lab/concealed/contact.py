@@ -6,13 +6,13 @@ import mujoco
 import numpy as np
 
 from slapshot.lab.blade_truth import BladeTruth
-from slapshot.lab.concealed.kind import Array, Kind, Setting, Shape
+from slapshot.lab.concealed.hidden_effect import Array, HiddenEffect, NominalMotion, Shape
 from slapshot.scenes.scene import Scene
 
 _SPEED = 1.5  # m/s, of a striker whose contact is that of the amplitude
 
 
-class CompliantBlade(Kind):
+class CompliantBlade(HiddenEffect):
     """The blade is cut into segments with springs in between; see `blade`."""
 
     name = "compliant_blade"
@@ -21,7 +21,7 @@ class CompliantBlade(Kind):
     least = 1e-3  # needs steps of 10 microseconds
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
             # Three take steps seven times finer than two.
             "segments": int(rng.choice([2, 2, 2, 3])),
@@ -42,7 +42,7 @@ class CompliantBlade(Kind):
         )
 
 
-class Restitution(Kind):
+class Restitution(HiddenEffect):
     """The contact damps more or less than believed: its damping ratio z becomes z f.
 
     With log f = sign amplitude (v / 1.5 m/s)^p it depends a little on the striker's speed v, as of
@@ -55,7 +55,7 @@ class Restitution(Kind):
     unit, amplitude, usual, largest = "1", "size of the logarithm of the damping ratio's factor", 0.3, 0.9
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
             "sign": float(rng.choice((-1.0, 1.0))),
             "speed_power": float(rng.uniform(0.05, 0.25)),
@@ -70,7 +70,7 @@ class Restitution(Kind):
         return solref * np.exp(np.array([shape["stiffness_share"] - 1, 1]) * log_factor)
 
 
-class BladeFriction(Kind):
+class BladeFriction(HiddenEffect):
     """Blade and object rub more or less than believed."""
 
     name = "blade_friction"
@@ -79,7 +79,7 @@ class BladeFriction(Kind):
     unit, amplitude, usual, largest = "1", "size of the logarithm of the factor on friction", 0.5, 1.5
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"sign": float(rng.choice((-1.0, 1.0)))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -92,7 +92,7 @@ class BladeFriction(Kind):
             pair.friction = friction
 
 
-class BladeYaw(Kind):
+class BladeYaw(HiddenEffect):
     """The blade is turned in its clamp, about the stick, and rolled a little in the plane of its face."""
 
     name = "blade_yaw"
@@ -101,7 +101,7 @@ class BladeYaw(Kind):
     unit, amplitude, usual, largest = "rad", "size of the angle about the stick", 0.05, 0.3
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"sign": float(rng.choice((-1.0, 1.0))), "roll_share": float(rng.uniform(-0.3, 0.3))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -117,7 +117,7 @@ class BladeYaw(Kind):
         body.quat = quat
 
 
-class CurvedBlade(Kind):
+class CurvedBlade(HiddenEffect):
     """The blade's face bulges: where along the blade it strikes decides where the object goes.
 
     The box stays as it is seen and weighs; what touches is a cylinder along its height, the front of
@@ -131,7 +131,7 @@ class CurvedBlade(Kind):
     unit, amplitude, usual, largest = "1/m", "curvature of the face", 1.0, 6.0
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"apex_m": float(rng.uniform(-0.02, 0.02))}
 
     def edit(self, amplitude: float, shape: Shape, spec: mujoco.MjSpec, scene: Scene) -> None:

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from slapshot.errors import InputError
-from slapshot.lab.concealed.kind import Concealed
-from slapshot.lab.concealed.registry import kind_named
-from slapshot.lab.concealed.rehearsal import Rehearsal
+from slapshot.lab.concealed.effect_size_calibration import Rehearsal
+from slapshot.lab.concealed.hidden_effect import Concealed
+from slapshot.lab.concealed.registry import hidden_effect_named
 from slapshot.lab.ranges import draw_number
-from slapshot.lab.streams import stream_for
+from slapshot.lab.rng_streams import stream_for
 
 
 def check_concealed(settings: Mapping[str, Any]) -> None:
@@ -21,7 +21,7 @@ def check_concealed(settings: Mapping[str, Any]) -> None:
     """
     names = [entry["kind"] for entry in settings["concealed"]]
     for name in names:
-        kind_named(name)
+        hidden_effect_named(name)
         if names.count(name) > 1:
             raise InputError(f"lab.concealed: {name} stands twice; give it once, with a larger amplitude")
     if "compliant_blade" in names and settings["blade"] is not None:
@@ -42,7 +42,7 @@ def draw_concealed(
     """
     found = []
     for entry in entries:
-        kind = kind_named(entry["kind"])
+        kind = hidden_effect_named(entry["kind"])
         shape_rng, size_rng = stream_for(rng, kind.name).spawn(2)
         shape = kind.draw(rehearsal.setting, shape_rng)
         key = "amplitude" if "amplitude" in entry else "displacement"

@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 
 from slapshot.lab.board import draw_height, draw_log_friction
-from slapshot.lab.concealed.kind import Array, Kind, Setting, Shape
-from slapshot.lab.ground import Ground
+from slapshot.lab.concealed.hidden_effect import Array, HiddenEffect, NominalMotion, Shape
+from slapshot.lab.surface import Ground
 
 _WAVELENGTHS = (0.4, 1.6)  # m
 _WAVES = 16
 
 
-class UnevenBoard(Kind):
+class UnevenBoard(HiddenEffect):
     """Hills and hollows: random waves in all directions."""
 
     name = "uneven_board"
@@ -20,14 +20,14 @@ class UnevenBoard(Kind):
     like = None
     unit, amplitude, usual, largest = "m/m", "rms slope", 0.01, 0.08
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"waves": draw_height(1.0, _WAVELENGTHS, _WAVES, rng).tolist()}
 
     def ground(self, amplitude: float, shape: Shape, ground: Ground) -> Ground:
         return ground.plus(height=_scaled(shape["waves"], amplitude))
 
 
-class PlaceFriction(Kind):
+class PlaceFriction(HiddenEffect):
     """Slippery here and rough there: random waves, a worn lane, or a patch with a soft edge."""
 
     name = "place_friction"
@@ -35,7 +35,7 @@ class PlaceFriction(Kind):
     like = None
     unit, amplitude, usual, largest = "1", "rms of waves, or size, of log friction", 0.2, 1.0
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         what = str(rng.choice(["waves", "lane", "patch"]))
         if what == "waves":
             return {"what": what, "waves": draw_log_friction(1.0, _WAVELENGTHS, _WAVES, rng).tolist()}
@@ -62,7 +62,7 @@ class PlaceFriction(Kind):
         return ground.plus(lanes=np.array([row]))
 
 
-class AttractingSpot(Kind):
+class AttractingSpot(HiddenEffect):
     """A magnet under the board and iron in the object: it pulls towards a spot, and down near it.
 
     No effect of the catalogue is like it: it is local, and it pushes and rubs at once.
@@ -74,7 +74,7 @@ class AttractingSpot(Kind):
     like = None
     unit, amplitude, usual, largest = "m/s^2", "largest acceleration along the board", 0.5, 1.8
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         place, _ = _on_the_way(setting, rng, 0.3, 0.7)
         return {
             "place_m": place.tolist(),
@@ -87,7 +87,7 @@ class AttractingSpot(Kind):
         return ground.plus(magnets=np.array([row]))
 
 
-class Tether(Kind):
+class Tether(HiddenEffect):
     """A cable that drags behind the object and pulls it back once it is taut; it stretches with loss.
 
     No effect of the catalogue is like it: nothing happens up to a length, and paying out costs more than
@@ -100,7 +100,7 @@ class Tether(Kind):
     like = None
     unit, amplitude, usual, largest = "1/s^2", "stiffness over mass", 2.0, 60.0
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         start = np.array(setting.scene.info.start)
         anchor = start + rng.normal(0, 0.15, 2)
         travel = np.median(np.linalg.norm(setting.rests - anchor, axis=1))
@@ -115,7 +115,7 @@ class Tether(Kind):
         return ground.plus(tethers=np.array([row]))
 
 
-class PulsingFan(Kind):
+class PulsingFan(HiddenEffect):
     """Air from one side: a jet across a strip of the board, or gusts in time with the hits, or both.
 
     No effect of the catalogue is like it: a jet has a curl, which no height has, and gusts follow the time.
@@ -127,7 +127,7 @@ class PulsingFan(Kind):
     like = None
     unit, amplitude, usual, largest = "m/s^2", "mean acceleration in the middle of the jet", 0.2, 0.9
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         what = str(rng.choice(["jet", "gusts", "both"]))
         place, ahead = _on_the_way(setting, rng, 0.4, 0.8)
         side = ahead + rng.choice((-1.0, 1.0)) * rng.uniform(1.1, 2.0)
@@ -152,7 +152,9 @@ class PulsingFan(Kind):
         return ground.plus(fans=np.array([row]))
 
 
-def _on_the_way(setting: Setting, rng: np.random.Generator, low: float, high: float) -> tuple[Array, float]:
+def _on_the_way(
+    setting: NominalMotion, rng: np.random.Generator, low: float, high: float
+) -> tuple[Array, float]:
     """A place between the start and where some hit ends, and the direction (rad) to there."""
     start = np.array(setting.scene.info.start)
     way = setting.rests[rng.integers(len(setting.rests))] - start

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 
 from slapshot.errors import InputError
-from slapshot.lab.concealed import across, camera, contact, place, slide, swing
-from slapshot.lab.concealed.kind import Kind
+from slapshot.lab.concealed import camera, contact, drift, place, slide, swing
+from slapshot.lab.concealed.hidden_effect import HiddenEffect
 
-_ALL: tuple[Kind, ...] = (
+_ALL: tuple[HiddenEffect, ...] = (
     swing.CommandDelay(),
     swing.TrackingLag(),
     swing.ServoGain(),
@@ -30,22 +30,22 @@ _ALL: tuple[Kind, ...] = (
     place.AttractingSpot(),
     place.Tether(),
     place.PulsingFan(),
-    across.FrictionDrift(),
+    drift.FrictionDrift(),
     camera.CameraScale(),
     camera.CameraRotation(),
     camera.CameraTime(),
     camera.LensDistortion(),
 )
 
-KINDS: Mapping[str, Kind] = {kind.name: kind for kind in _ALL}
+HIDDEN_EFFECTS: Mapping[str, HiddenEffect] = {kind.name: kind for kind in _ALL}
 
 
-def kind_named(name: str) -> Kind:
+def hidden_effect_named(name: str) -> HiddenEffect:
     """A kind.
 
     Raises:
         InputError: there is none of that name.
     """
-    if name not in KINDS:
-        raise InputError(f"lab.concealed: no kind {name!r}; use one of: {', '.join(KINDS)}")
-    return KINDS[name]
+    if name not in HIDDEN_EFFECTS:
+        raise InputError(f"lab.concealed: no kind {name!r}; use one of: {', '.join(HIDDEN_EFFECTS)}")
+    return HIDDEN_EFFECTS[name]

@@ -5,12 +5,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from slapshot.lab.concealed.kind import Array, Kind, Setting, Shape
-from slapshot.lab.ground import EVEN, Ground, rise
+from slapshot.lab.concealed.hidden_effect import Array, HiddenEffect, NominalMotion, Shape
+from slapshot.lab.surface import EVEN, Ground, rise
 from slapshot.scenes.scene import Scene
 
 
-class Tilt(Kind):
+class Tilt(HiddenEffect):
     """The board is not level, and faintly bowed: slope s + b (n.r - c) n, s at the middle of the rests."""
 
     name = "tilt"
@@ -18,7 +18,7 @@ class Tilt(Kind):
     like = "same"
     unit, amplitude, usual, largest = "m/m", "slope in the middle of where objects come to rest", 0.01, 0.1
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
             "towards_rad": float(rng.uniform(0, 2 * np.pi)),
             "bow_share_per_m": float(rng.uniform(-0.3, 0.3)),
@@ -37,13 +37,13 @@ class Tilt(Kind):
         return ground.plus(slopes=np.array([[*slope, amplitude * shape["bow_share_per_m"], *bow, middle]]))
 
 
-class _Drag(Kind):
+class _Drag(HiddenEffect):
     """a = -amplitude |v|^p, v in m/s."""
 
     phase = "slide"
     _powers = (1.0, 1.0)
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"power": float(rng.uniform(*self._powers))}
 
     def ground(self, amplitude: float, shape: Shape, ground: Ground) -> Ground:
@@ -72,7 +72,7 @@ class QuadraticDrag(_Drag):
         return {"per_length": amplitude}
 
 
-class StribeckFriction(Kind):
+class StribeckFriction(HiddenEffect):
     """Friction falls as a point's slip grows: mu (1 + rise exp(-(v / v_s)^p)), or Lorentzian with p = 0.
 
     p = 2 would be the law that everybody writes down; Tustin's has p = 1, and Hess and Soom's is Lorentzian.
@@ -82,7 +82,7 @@ class StribeckFriction(Kind):
     phase = "slide"
     unit, amplitude, usual, largest = "1", "share by which friction at rest exceeds that at speed", 0.3, 3.0
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         lorentzian = bool(rng.uniform() < 0.4)
         power, speed = rng.uniform(0.7, 1.4), np.exp(rng.uniform(np.log(0.15), np.log(0.7)))
         return {"speed_m_s": float(speed), "power": 0.0 if lorentzian else float(power)}
@@ -100,14 +100,14 @@ class StribeckFriction(Kind):
         return ground.plus(fades=np.array([[amplitude, shape["speed_m_s"], shape["power"]]]))
 
 
-class TurnedAnisotropy(Kind):
+class TurnedAnisotropy(HiddenEffect):
     """Grooves askew to the axes, by Zmitrowicz's linear law, which is no law of maximum dissipation."""
 
     name = "turned_anisotropy"
     phase = "slide"
     unit, amplitude, usual, largest = "1", "share of friction added one way, taken across it", 0.1, 0.5
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         # Far enough from the axes, along which a ratio of the two frictions would be the same.
         angle = rng.choice((-1.0, 1.0)) * rng.uniform(np.pi / 6, np.pi / 3)
         return {"angle_rad": float(angle)}
@@ -121,14 +121,14 @@ class TurnedAnisotropy(Kind):
         return ground.plus(grooves=np.array([[amplitude, shape["angle_rad"]]]))
 
 
-class Curl(Kind):
+class Curl(HiddenEffect):
     """A spinning object bends its path: a = A w_s tanh(w / w_s) z x v, in proportion to spin at first."""
 
     name = "curl"
     phase = "slide"
     unit, amplitude, usual, largest = "1", "size of the force per spin, speed and mass", 0.1, 1.0
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"sign": float(rng.choice((-1.0, 1.0))), "saturation_rad_s": float(rng.uniform(0.4, 2.0))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -138,7 +138,7 @@ class Curl(Kind):
         return ground.plus(curls=np.array([[shape["sign"] * amplitude, shape["saturation_rad_s"]]]))
 
 
-class OffcentreMass(Kind):
+class OffcentreMass(HiddenEffect):
     """A slug of metal in the object's rim: its centre of mass, its moment of inertia and its load move.
 
     A slug with the share s of the mass m at o / s from the middle of a disc of radius R puts the centre of
@@ -152,7 +152,7 @@ class OffcentreMass(Kind):
     unit, amplitude, usual, largest = "m", "distance of the centre of mass from the middle", 0.003, 0.012
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
             "towards_rad": float(rng.uniform(0, 2 * np.pi)),
             "slug_share": float(rng.uniform(0.4, 0.6)),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
-from slapshot.lab.concealed.kind import Array, Kind, Setting, Shape
+from slapshot.lab.concealed.hidden_effect import Array, HiddenEffect, NominalMotion, Shape
 from slapshot.scenes.scene import Scene
 
 _STOP = (0.001, 1.0)  # solref of the stops of a joint with play: time constant (s), damping ratio
@@ -16,7 +16,7 @@ _ZERO = 2.0  # rad/m, of a crooked arm's zeros over its links
 _HIDDEN = 2  # combinations of errors that a crooked arm does not have
 
 
-class CommandDelay(Kind):
+class CommandDelay(HiddenEffect):
     """Commands arrive late, by a little more or less from hit to hit."""
 
     name = "command_delay"
@@ -26,7 +26,7 @@ class CommandDelay(Kind):
     shows = "track"
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"jitter_share": float(rng.uniform(0.02, 0.1))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -36,7 +36,7 @@ class CommandDelay(Kind):
         return max(0.0, amplitude * (1 + shape["jitter_share"] * chance))
 
 
-class TrackingLag(Kind):
+class TrackingLag(HiddenEffect):
     """Commands pass a filter of second order, x'' = w^2 (u - x) - 2 z w x', another one for each joint.
 
     Behind a steady motion it lags by 2 z / w, which is the amplitude on average over the joints.
@@ -48,7 +48,7 @@ class TrackingLag(Kind):
     shows = "track"
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         shares = np.exp(rng.normal(0, 0.25, len(setting.scene.info.joints)))
         return {"damping_ratio": float(rng.uniform(0.6, 1.2)), "joints": (shares / shares.mean()).tolist()}
 
@@ -70,7 +70,7 @@ class TrackingLag(Kind):
         return 3 * amplitude
 
 
-class ServoGain(Kind):
+class ServoGain(HiddenEffect):
     """Servos are softer or stiffer than believed, each joint by another factor; damping follows in part."""
 
     name = "servo_gain"
@@ -79,7 +79,7 @@ class ServoGain(Kind):
     shows = "track"
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         shares = 1 + rng.uniform(-0.5, 0.5, len(setting.scene.info.joints))
         sign = float(rng.choice((-1.0, 1.0)))
         return {
@@ -101,7 +101,7 @@ class ServoGain(Kind):
             actuator.gainprm, actuator.biasprm = gain, bias
 
 
-class JointElasticity(Kind):
+class JointElasticity(HiddenEffect):
     """Springs between some motors and their links; encoders are on the motors."""
 
     name = "joint_elasticity"
@@ -109,7 +109,7 @@ class JointElasticity(Kind):
     unit, amplitude, usual, largest = "rad/(N m)", "mean compliance of the springs", 1e-4, 2e-3
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         chosen = _some_joints(len(setting.scene.info.joints), 3, 5, rng)
         shares = np.exp(rng.normal(0, 0.4, len(chosen)))
         weights = np.zeros(len(setting.scene.info.joints))
@@ -141,7 +141,7 @@ class JointElasticity(Kind):
                 )
 
 
-class Backlash(Kind):
+class Backlash(HiddenEffect):
     """Play between some motors and their links; encoders are on the motors."""
 
     name = "backlash"
@@ -150,7 +150,7 @@ class Backlash(Kind):
     shows = "track"
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         chosen = _some_joints(len(setting.scene.info.joints), 2, 4, rng)
         shares = rng.uniform(0.5, 1.5, len(chosen))
         weights = np.zeros(len(setting.scene.info.joints))
@@ -176,7 +176,7 @@ class Backlash(Kind):
                 )
 
 
-class CrookedArm(Kind):
+class CrookedArm(HiddenEffect):
     """Links of another length and joints whose zero is off: the blade is not where the model says.
 
     The encoders look right. Where the arm strikes, the blade hangs nearly as high as it should, for an arm
@@ -195,7 +195,7 @@ class CrookedArm(Kind):
     )
     strikes = True
 
-    def draw(self, setting: Setting, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         joints = len(setting.scene.info.joints)
         chosen = np.zeros((joints, 4), bool)
         chosen[rng.choice(np.arange(1, joints), 3, replace=False), :3] = True
@@ -221,7 +221,7 @@ class CrookedArm(Kind):
             body.quat = quat
 
 
-def _height_slopes(setting: Setting) -> Array:
+def _height_slopes(setting: NominalMotion) -> Array:
     """(poses, joints, 4) change of the striker's height over errors of a link and of a zero."""
     scene = setting.scene
     model = scene.compile()

@@ -14,7 +14,7 @@ from slapshot.lab.joints.case import SIZES
 from slapshot.lab.joints.cases import read_cases
 from slapshot.lab.joints.noise import CORRELATION
 from slapshot.lab.joints.order import Condition, Order
-from slapshot.lab.joints.registry import KINDS
+from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import RIGS
 from slapshot.lab.joints.stage_case import record
 from slapshot.whole_file import replacing
@@ -63,7 +63,7 @@ def main() -> None:
     what.add_argument("--case", help="name of a row of the list")
     what.add_argument("--rig", choices=RIGS)
     parser.add_argument("--list", type=Path, default=LIST, help=f"of cases (default: {LIST})")
-    parser.add_argument("--kinds", default="", help=f"separated by commas: {', '.join(KINDS)}")
+    parser.add_argument("--kinds", default="", help=f"separated by commas: {', '.join(HIDDEN_EFFECTS)}")
     parser.add_argument("--seed", type=int)
     parser.add_argument("--size", type=float, help=f"over the noise; drawn from {SIZES} if left out")
     parser.add_argument("--noise", choices=CORRELATION, default="white")

@@ -8,16 +8,16 @@ import pandas as pd
 
 from slapshot.errors import InputError
 from slapshot.lab.joints.clutter import LawError
+from slapshot.lab.joints.effect_size_calibration import Rehearsal, change
 from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.execution import Motion
-from slapshot.lab.joints.kind import Array, Concealed
-from slapshot.lab.joints.noise import CORRELATION, draw_chance, quantise, read_clean
+from slapshot.lab.joints.hidden_effect import Array, Concealed
+from slapshot.lab.joints.noise import CORRELATION, draw_sensor_noise, quantise, read_clean
 from slapshot.lab.joints.order import Colour, Condition, Order
-from slapshot.lab.joints.registry import kind_named
-from slapshot.lab.joints.rehearsal import Rehearsal, change
+from slapshot.lab.joints.registry import hidden_effect_named
 from slapshot.lab.joints.rig import Rig
 from slapshot.lab.joints.rigs import rig_named
-from slapshot.lab.streams import stream_for
+from slapshot.lab.rng_streams import stream_for
 from slapshot.recordings.signals import SignalRecording
 
 SIZES = (0.3, 30.0)  # from undetectable to plain, which is 5 and more
@@ -46,7 +46,7 @@ def make_case(
 
     Args:
         rig: pendulum, arm, kuka or fetchslide_arm.
-        kinds: what it conceals, in `registry.KINDS`; nothing for a null.
+        kinds: what it conceals, in `registry.HIDDEN_EFFECTS`; nothing for a null.
         seed: of everything that is drawn.
         noise: colour of the encoders' noise of 1 mrad (or mm); ou20 and ou100 have a correlation time of 20
             and 100 ms.
@@ -95,7 +95,7 @@ def make(order: Order) -> tuple[SignalRecording, dict[str, Any]]:
     if motion is None:
         raise InputError(f"lab: rig {rig.name} falls apart when it conceals all that; take another seed")
     clean = read_clean(rig, motion, concealed)
-    chance = draw_chance(order.condition, clean.shape, rig.clock.sample, chance_rng)
+    chance = draw_sensor_noise(order.condition, clean.shape, rig.clock.sample, chance_rng)
     told = read_clean(rig, motion, concealed, chance.late) + chance.added
     truth = {
         "stand_in": True,
@@ -127,7 +127,7 @@ def check_kinds(kinds: Sequence[str], rig: Rig) -> None:
     if set(kinds) >= TOGETHER_NEVER:
         raise InputError(f"lab: {' and '.join(sorted(TOGETHER_NEVER))} part the same joint; take one of them")
     for kind in kinds:
-        if not kind_named(kind).fits(rig):
+        if not hidden_effect_named(kind).fits(rig):
             raise InputError(f"lab: {kind} does not show on rig {rig.name}; take another kind or rig")
         if kinds.count(kind) > 1:
             raise InputError(f"lab: {kind} stands twice; name it once, with a larger size")
@@ -137,7 +137,7 @@ def _find(rehearsal: Rehearsal, kind: str, size: float | None, rng: np.random.Ge
     shape_rng, size_rng = rng.spawn(2)
     if size is None:
         size = float(np.exp(size_rng.uniform(*np.log(SIZES))))
-    return rehearsal.find(kind_named(kind), size, shape_rng)
+    return rehearsal.find(hidden_effect_named(kind), size, shape_rng)
 
 
 def _noiseless(rig: Rig, clean: Array) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slapshot.lab.joints.kind import Array, Law, Now, Plant, Setting
+from slapshot.lab.joints.hidden_effect import Array, Law, NominalMotion, Now, Plant
 
 LAW_ERROR = 0.1  # rms of h
 _WAVES = 8
@@ -24,7 +24,7 @@ class LawError:
         rng: source of the functions.
     """
 
-    def __init__(self, setting: Setting, rng: np.random.Generator) -> None:
+    def __init__(self, setting: NominalMotion, rng: np.random.Generator) -> None:
         joints = range(len(setting.rig.joints))
         self._scale = np.array([(setting.speed(j), setting.force(j)) for j in joints])
         size = (2, len(joints), _WAVES)  # of actuators and of joints' damping

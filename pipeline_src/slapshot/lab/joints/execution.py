@@ -15,7 +15,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from slapshot.lab.joints.excitation import Excitation
-from slapshot.lab.joints.kind import Law, Now, Plant
+from slapshot.lab.joints.hidden_effect import Law, Now, Plant
 from slapshot.lab.joints.rig import Rig
 
 Array = NDArray[np.float64]

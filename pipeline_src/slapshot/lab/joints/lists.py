@@ -12,7 +12,7 @@ from slapshot.lab.joints.case import SIZES, TOGETHER_NEVER
 from slapshot.lab.joints.cases import Case, write_cases
 from slapshot.lab.joints.noise import CORRELATION
 from slapshot.lab.joints.order import Colour, Condition, Order
-from slapshot.lab.joints.registry import KINDS
+from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import rig_named
 
 _RIGS = {"pendulum": 0.42, "arm": 0.46, "kuka": 0.12}  # shares; a KUKA takes as long as four arms
@@ -40,7 +40,7 @@ class _Group:
 
     def conceals(self, rng: np.random.Generator) -> Iterator[tuple[str, tuple[str, ...]]]:
         """Rig and kinds of each case: all kinds in turn."""
-        names = [name for name, kind in KINDS.items() if kind.catalogued == self.catalogued]
+        names = [name for name, kind in HIDDEN_EFFECTS.items() if kind.catalogued == self.catalogued]
         turn: list[str] = []
         for _ in range(self.count):
             rig = str(rng.choice(list(_RIGS), p=list(_RIGS.values())))
@@ -49,9 +49,9 @@ class _Group:
                 continue
             turn = turn or rng.permutation(names).tolist()
             first = turn.pop()
-            while not KINDS[first].fits(rig_named(rig)):
+            while not HIDDEN_EFFECTS[first].fits(rig_named(rig)):
                 rig = str(rng.choice(list(_RIGS), p=list(_RIGS.values())))
-            others = [n for n in names if KINDS[n].fits(rig_named(rig)) and n != first]
+            others = [n for n in names if HIDDEN_EFFECTS[n].fits(rig_named(rig)) and n != first]
             others = [n for n in others if {n, first} != TOGETHER_NEVER]
             yield rig, (first, *rng.choice(others, self.together - 1, replace=False).tolist())
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from slapshot.lab.joints.execution import Motion
-from slapshot.lab.joints.kind import Array, Concealed
+from slapshot.lab.joints.hidden_effect import Array, Concealed
 from slapshot.lab.joints.order import Colour, Condition
 from slapshot.lab.joints.rig import Rig
 
@@ -48,7 +48,7 @@ def read_clean(rig: Rig, motion: Motion, concealed: Sequence[Concealed], late: A
 
 
 @dataclass(frozen=True, eq=False)
-class Chance:
+class SensorNoise:
     """What chance does to a session's encoders.
 
     Attributes:
@@ -62,9 +62,9 @@ class Chance:
     truth: dict[str, Any]
 
 
-def draw_chance(
+def draw_sensor_noise(
     condition: Condition, shape: tuple[int, int, int], period: float, rng: np.random.Generator
-) -> Chance:
+) -> SensorNoise:
     """Draw it for a session of `shape` episodes, samples and observed, with samples `period` s apart."""
     noise_rng, jitter_rng, tail_rng, drift_rng = rng.spawn(4)
     noise = _coloured(CORRELATION[condition.noise] / period, shape, noise_rng)
@@ -85,7 +85,7 @@ def draw_chance(
             "noise_grows_by": NOISE_GROWTH**grows,
             "drift_rms": DRIFT,
         }
-    return Chance(late, NOISE_SD * noise + drift, truth)
+    return SensorNoise(late, NOISE_SD * noise + drift, truth)
 
 
 def quantise(angles: Array, step: float | None) -> Array:

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 
 from slapshot.errors import InputError
-from slapshot.lab.joints.kind import Kind
-from slapshot.lab.joints.kinds import base, drive, encoder, friction, structure, surroundings
+from slapshot.lab.joints.hidden_effect import HiddenEffect
+from slapshot.lab.joints.hidden_effects import base, drive, encoder, friction, structure, surroundings
 
-_ALL: tuple[Kind, ...] = (
+_ALL: tuple[HiddenEffect, ...] = (
     friction.ViscousFriction(),
     friction.CoulombFriction(),
     friction.StribeckFriction(),
@@ -38,15 +38,15 @@ _ALL: tuple[Kind, ...] = (
     encoder.StickySensor(),
 )
 
-KINDS: Mapping[str, Kind] = {kind.name: kind for kind in _ALL}
+HIDDEN_EFFECTS: Mapping[str, HiddenEffect] = {kind.name: kind for kind in _ALL}
 
 
-def kind_named(name: str) -> Kind:
+def hidden_effect_named(name: str) -> HiddenEffect:
     """A kind.
 
     Raises:
         InputError: there is none of that name.
     """
-    if name not in KINDS:
-        raise InputError(f"lab: no kind {name!r} for joints; use one of: {', '.join(KINDS)}")
-    return KINDS[name]
+    if name not in HIDDEN_EFFECTS:
+        raise InputError(f"lab: no kind {name!r} for joints; use one of: {', '.join(HIDDEN_EFFECTS)}")
+    return HIDDEN_EFFECTS[name]

@@ -14,9 +14,9 @@ import pandas as pd
 from slapshot.errors import InputError, writing
 from slapshot.recordings.format import Recording
 from slapshot.recordings.importing.csv_files import RawHit, read_hits
-from slapshot.recordings.importing.cut import Cut, cut_hit
 from slapshot.recordings.importing.files import natural_key
 from slapshot.recordings.importing.mapping import TrackMapping, fill, load_mapping
+from slapshot.recordings.importing.segmentation import Cut, cut_hit
 from slapshot.recordings.units import FRAME_INTERVAL_FACTOR, check_metres
 from slapshot.recordings.write import check_new, write_recording
 from slapshot.validation import short

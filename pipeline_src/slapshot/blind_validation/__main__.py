@@ -1,0 +1,35 @@
+"""Stage `score`: open the seals of diagnosed cases, score them, and tell it in table and picture."""
+
+import json
+
+from slapshot.blind_validation.case_table import write_cases_table
+from slapshot.blind_validation.draw import draw_proof
+from slapshot.blind_validation.score import score
+from slapshot.blind_validation.true_family import gain_share
+from slapshot.command import Run, stage_command
+from slapshot.diagnosis.pucks.rig_file import setting_of
+from slapshot.diagnosis.pucks.signatures import Signatures
+from slapshot.progress import progress
+from slapshot.scenes.scene import Scene
+
+
+def produce(run: Run) -> None:
+    """Write proof.csv, proof.md, cases.csv and figures."""
+    scene = Scene.load(run.inputs["scene"])
+    setting = setting_of(scene, run.config["friction"])
+    signatures = Signatures.load(run.inputs["signatures"] / "signatures.safetensors")
+    conditions = run.config["cases"]
+    rows = []
+    for case in progress(sorted(conditions), len(conditions), "scoring"):
+        folder = run.inputs[f"case/{case}"]
+        verdict = json.loads((run.inputs[f"verdict/{case}"] / "verdict.json").read_text())
+        row = score(case, conditions[case], folder, verdict)
+        if row.get("named") is not None and row["conceals"]:
+            row["gain_share"] = gain_share(row, folder, setting, signatures, run.config["diagnosis_seed"])
+        rows.append(row)
+    write_cases_table(rows, run.out / "cases.csv")
+    draw_proof(run.out, run.out, run.config)
+
+
+if __name__ == "__main__":
+    stage_command("score", produce)

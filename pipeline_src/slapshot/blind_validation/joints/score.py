@@ -1,0 +1,121 @@
+"""One case of joints scored: what a verdict says against the truth, both read from files.
+
+This is the only place where the joint lab's seals are opened.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+from slapshot.blind_validation.joints.names import Named, named_of, right_names
+from slapshot.diagnosis.verdict import Fits, Verdict
+from slapshot.effects.joints.catalogue import joint_effects
+
+TRUTH = Path("sealed") / "truth.json"
+P_VALUE = 0.05
+GEARED = frozenset({"joint_elasticity", "backlash"})  # whose held-out error has an aim of its own
+
+# Yes or no, empty where it does not apply.
+ANSWERS = (
+    "cannot_tell", "p_below_05", "false_alarm", "detected", "named_first", "in_class", "joint_right",
+    "both_named", "unknown_flagged", "false_unknown", "made_worse",
+)  # fmt: skip
+COLUMNS = (
+    "case", "condition", "rig", "concealed", "size", "group", "geared", "headline", "reason", "p_value",
+    "named", "unknown", *ANSWERS, "held_out_over_floor", "cpu_s",
+)  # fmt: skip
+
+
+def score(case: str, condition: str, case_folder: Path, verdict: Verdict) -> dict[str, Any]:
+    """A row of cases.csv; what does not apply is None.
+
+    A verdict that cannot tell names nothing and finds nothing, so that it is a miss wherever something is
+    concealed; for a null it is no false alarm, and counts among its cases.
+
+    Args:
+        case: its name.
+        condition: of the list.
+        case_folder: of stage `joint_case`, with the sealed truth.
+        verdict: on its recording.
+    """
+    truth = json.loads((case_folder / TRUTH).read_text())
+    concealed = truth["concealed"]
+    right = [right_names(truth["rig"], one) for one in concealed]
+    known = all(one["catalogued"] for one in concealed)
+    row: dict[str, Any] = {
+        "case": case,
+        "condition": condition,
+        "rig": truth["rig"],
+        "concealed": " + ".join(map(_told, concealed)),
+        "size": truth["size"] if concealed else None,
+        "group": _group(concealed),
+        "geared": any(one["kind"] in GEARED for one in concealed),
+        "headline": verdict.headline,
+        "reason": verdict.reason if verdict.cannot_tell is None else verdict.cannot_tell,
+        "p_value": None if verdict.mismatch is None else verdict.mismatch.p_value,
+        "named": " + ".join(f"{e.name}@{e.part}" if e.part else e.name for e in verdict.effects),
+        "unknown": verdict.unknown is not None and verdict.unknown.flagged,
+        "cpu_s": verdict.cpu_s,
+    }
+    row["cannot_tell"] = verdict.headline == "cannot_tell"
+    alarm = verdict.headline in ("found", "found_not_named")
+    if not concealed:
+        row["p_below_05"] = row["p_value"] is not None and row["p_value"] < P_VALUE
+        row["false_alarm"] = alarm
+    else:
+        row["detected"] = alarm
+        row |= _naming(right, verdict) if known else {"unknown_flagged": row["unknown"]}
+        if known and len(concealed) == 1:
+            row["false_unknown"] = row["unknown"]
+    row["made_worse"] = verdict.fit is not None and _worse(verdict.fit)
+    if verdict.fit is not None:
+        row["held_out_over_floor"] = _over_floor(verdict.fit)
+    return row
+
+
+def _told(concealed: Mapping[str, Any]) -> str:
+    place = concealed["joint"] or concealed["body"]
+    value = f"{concealed['amplitude']:.3g} {concealed['amplitude_unit']}".removesuffix(" 1")
+    return f"{concealed['kind']}{f'@{place}' if place else ''} {value}"
+
+
+def _group(concealed: Sequence[Mapping[str, Any]]) -> str:
+    """What a diagnosis has to do: structural effects have a state of their own, and take longest."""
+    if not concealed:
+        return "nothing concealed"
+    if not all(one["catalogued"] for one in concealed):
+        return "uncatalogued"
+    effects = joint_effects()
+    return "structural effect" if any(effects[c["kind"]].hidden_state for c in concealed) else "force effect"
+
+
+def _naming(right: Sequence[tuple[Named, ...]], verdict: Verdict) -> dict[str, bool]:
+    """Of one kind: name, class and place of the effect named first; of two: whether both are named."""
+    said = [Named(effect.name, effect.part) for effect in verdict.effects]
+    if len(right) > 1:
+        fitting = permutations(said, len(right))
+        return {"both_named": any(all(map(_is_right, order, right)) for order in fitting)}
+    first, names = said[:1], right[0]
+    in_class = [*first, *(named_of(key) for effect in verdict.effects[:1] for key in effect.rivals)]
+    return {
+        "named_first": any(_is_right(one, names) for one in first),
+        "in_class": any(_is_right(one, names) for one in in_class),
+        "joint_right": any(one.part == names[0].part or one in names[1:] for one in first),
+    }
+
+
+def _is_right(said: Named, names: tuple[Named, ...]) -> bool:
+    """Whether an effect is the concealed one wherever it sits, or an alias where it is one."""
+    return said.effect == names[0].effect or said in names[1:]
+
+
+def _worse(fit: Fits) -> bool:
+    """Whether what was named predicts held-out windows worse than the refitted model's interval allows."""
+    return any(error.value > fit.refitted.rms[quantity].high for quantity, error in fit.augmented.rms.items())
+
+
+def _over_floor(fit: Fits) -> float:
+    """Held-out error over what noise alone leaves, of the quantity that is worst."""
+    return max(error.value / fit.noise_floor.rms[q].value for q, error in fit.augmented.rms.items())

@@ -1,0 +1,48 @@
+"""`python -m slapshot.blind_validation.redraw`: a published proof, drawn anew from its cases.csv alone.
+
+Needs neither the store nor the verdicts, as after a change of how a proof is shown. Verdicts and scores stay
+those of the run that made cases.csv.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from slapshot.blind_validation.draw import draw_proof
+from slapshot.config import load_config
+from slapshot.dag import make_plan
+from slapshot.errors import InputError, writing
+
+
+def redraw(folder: Path, pages: Path, which: str) -> None:
+    """Draw a published proof anew; commands and lab are those of the default configuration.
+
+    Args:
+        folder: with cases.csv, such as figures/proof.
+        pages: for proof.csv and proof.md, such as figures.
+        which: full or small.
+
+    Raises:
+        InputError: the table is missing or lacks a column, or a folder cannot be written.
+    """
+    config = make_plan(load_config()).recipes[f"score/{which}"].config
+    with writing(folder):
+        draw_proof(folder, pages, config)
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m slapshot.blind_validation.redraw", description=__doc__)
+    parser.add_argument("--folder", type=Path, default=Path("figures/proof"), help="with cases.csv")
+    parser.add_argument("--pages", type=Path, default=Path("figures"), help="for proof.csv and proof.md")
+    parser.add_argument("--list", choices=("full", "small"), default="full")
+    args = parser.parse_args()
+    try:
+        redraw(args.folder, args.pages, args.list)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,107 @@
+"""One case scored: what a verdict says against the truth, both read from files.
+
+This is the only place where seals are opened.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from slapshot.blind_validation.case_table import FIT
+from slapshot.effects.catalogue import catalogue
+from slapshot.effects.effect import Effect
+
+TRUTH = Path("truth") / "truth.json"
+DRAGS = frozenset({"linear_drag", "quadratic_drag", "stribeck_friction"})  # laws of drag, hard to part
+PLAIN, FAINT = 0.5, 0.2  # displacement over the hit-to-hit scatter
+
+
+def score(case: str, condition: str, case_folder: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """A row of cases.csv; what does not apply is None."""
+    truth = json.loads((case_folder / TRUTH).read_text())["concealed"]
+    kinds = [one["kind"] for one in truth]
+    sizes = [one["displacement"] for one in truth]
+    row: dict[str, Any] = {
+        "case": case,
+        "condition": _condition(condition, sizes),
+        "conceals": "+".join(kinds),
+        "displacement": min(sizes, default=None),
+        "hits": verdict["hits"],
+        "cannot_tell": verdict["cannot_tell"],
+    }
+    if verdict["cannot_tell"] is not None:
+        return row | {"found": False} | _missed(truth, kinds)
+    named = [effect["name"] for effect in verdict["effects"]]
+    classes = [set(effect["members"]) for effect in verdict["effects"]]
+    row |= {
+        "found": verdict["mismatch"]["found"],
+        "p_value": verdict["mismatch"]["p_value"],
+        "named": "+".join(named),
+        "classes": " | ".join("+".join(sorted(members)) for members in classes),
+        "class_size": len(classes[0]) if classes else None,
+        "unknown": verdict["unknown"]["flagged"],
+        "phase": verdict["location"]["phase"],
+        "variable": verdict["location"]["variable"],
+    }
+    for scene, errors in verdict["fit"].items():
+        row |= {f"{scene}_{m}": errors[m] and errors[m]["value"] for m in FIT}
+    if not truth:
+        return row
+    effects = catalogue()
+    row["phase_right"] = row["phase"] in {one["phase"] for one in truth}
+    if all(one["catalogued"] for one in truth):
+        row |= _naming(kinds, named, classes)
+        row["variable_right"] = row["variable"] in {effects[kind].follows for kind in kinds}
+        row |= _coverage(truth, verdict, effects)
+    return row
+
+
+def _condition(drawn: str, sizes: list[float | None]) -> str:
+    """The condition, or one of smaller effects where the kind cannot be as large as was asked for."""
+    reached = min((size for size in sizes if size is not None), default=None)
+    family = drawn.split(",")[0]
+    if reached is None or family == "weak" or reached >= PLAIN:
+        return drawn
+    smaller = "weak" if reached >= FAINT else "faint"
+    return smaller if drawn == "plain" else f"{drawn}, {smaller}"
+
+
+def _missed(truth: list[dict[str, Any]], kinds: list[str]) -> dict[str, Any]:
+    """What cannot be told is missed."""
+    if not truth:
+        return {}
+    missed: dict[str, Any] = {"phase_right": False}
+    if all(one["catalogued"] for one in truth):
+        missed |= _naming(kinds, [], []) | {"variable_right": False}
+    return missed
+
+
+def _naming(kinds: list[str], named: list[str], classes: list[set[str]]) -> dict[str, Any]:
+    found = [kind in named for kind in kinds]
+    in_class = [any(kind in members for members in classes) for kind in kinds]
+    first = named[0] if named else None
+    return {
+        "top1": first in kinds,
+        "top1_merged": first in kinds or (first in DRAGS and not DRAGS.isdisjoint(kinds)),
+        "in_class": any(in_class),
+        "both": all(found) if len(kinds) > 1 else None,
+        "both_in_class": all(in_class) if len(kinds) > 1 else None,
+        "one": any(found) if len(kinds) > 1 else None,
+    }
+
+
+def _coverage(
+    truth: list[dict[str, Any]], verdict: Mapping[str, Any], effects: Mapping[str, Effect]
+) -> dict[str, Any]:
+    """How many 90 % intervals there are of parameters of the same law, and how many hold the truth."""
+    intervals, held = 0, 0
+    told = {effect["name"]: effect["parameters"] for effect in verdict["effects"]}
+    for one in truth:
+        if one["parameters_are"] != "same":
+            continue
+        for parameter in told.get(one["kind"], ()):
+            if parameter["name"] in one["parameters"]:
+                intervals += 1
+                held += parameter["low"] <= one["parameters"][parameter["name"]] <= parameter["high"]
+    return {"intervals": intervals, "intervals_held": held}

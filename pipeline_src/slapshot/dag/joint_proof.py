@@ -1,0 +1,31 @@
+"""Recipes of the proof for joints: cases of the joint lab, their verdicts, and the score of both."""
+
+from collections.abc import Mapping
+from pkgutil import iter_modules
+from typing import Any
+
+from slapshot.dag.diagnosis import SEED
+from slapshot.dag.proof import list_file
+from slapshot.dag.recipes import Plan
+from slapshot.effects import joints
+from slapshot.lab.joints.cases import read_cases
+
+
+def add_joint_proof(plan: Plan, config: Mapping[str, Any]) -> None:
+    """A recording and a verdict for each case of the list, and one score.
+
+    Raises:
+        ProblemAtError: there is no such list.
+        InputError: what is wrong in it.
+    """
+    # The catalogue finds its modules in its folder, where the code of a stage does not name them.
+    effects = [f"{joints.__name__}.{module.name}" for module in iter_modules(joints.__path__)]
+    inputs: dict[str, str] = {}
+    conditions: dict[str, str] = {}
+    for case in read_cases(list_file(config, "joints"), possible=False):
+        recorded, found = f"joint_case/{case.case}", f"joint_verdict/{case.case}"
+        plan.add(recorded, "joint_case", case.order.to_config())
+        plan.add(found, "joint_verdict", {"seed": SEED}, {"case": recorded}, modules=effects)
+        inputs |= {f"case/{case.case}": recorded, f"verdict/{case.case}": found}
+        conditions[case.case] = case.condition
+    plan.add("joint_score", "joint_score", {"cases": conditions}, inputs, modules=effects)

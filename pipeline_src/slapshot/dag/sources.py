@@ -1,0 +1,78 @@
+"""The recordings that a recipe reads, made by the lab or of one's own."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from slapshot.dag.simulation import rig_labels
+from slapshot.errors import reading
+from slapshot.validation import ProblemAtError
+from slapshot.yaml_file import Loc
+
+_NEEDED = ("recording.json", "hits.parquet")  # without which a folder holds no recording
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What a recipe says of recordings; `slapshot.recordings.sources` finds their folders from it.
+
+    Attributes:
+        described: recording -> {"rigs": count} of a stand-in, or {"path": folder}.
+        roles: lab/<recording>/<rig> -> label of the stand-in's version.
+        files: what the folders of one's own hold.
+    """
+
+    described: dict[str, Any]
+    roles: dict[str, str]
+    files: dict[str, Path]
+
+    @classmethod
+    def of(cls, name: str, domain: Mapping[str, Any], recordings: list[str]) -> "Sources":
+        """Sources of some recordings of the domain called `name`.
+
+        Raises:
+            ProblemAtError: a folder holds no recording.
+            InputError: a file of it cannot be read.
+        """
+        described: dict[str, Any] = {}
+        roles: dict[str, str] = {}
+        files: dict[str, Path] = {}
+        for recording in recordings:
+            settings = domain["recordings"][recording]
+            if "lab" in settings:
+                labels = rig_labels(name, recording, settings)
+                roles |= {f"lab/{recording}/{rig}": label for rig, label in enumerate(labels)}
+                described[recording] = {"rigs": settings["rigs"]}
+            else:
+                loc = ("domains", name, "recordings", recording, "path")
+                found = _recording_files(settings["path"], loc)
+                files |= {f"{recording}/{file}": path for file, path in found.items()}
+                described[recording] = {"path": settings["path"]}
+        return cls(described, roles, files)
+
+
+def _recording_files(path: str, loc: Loc) -> dict[str, Path]:
+    """What a recording consists of, by name.
+
+    Raises:
+        ProblemAtError: the folder is none, or holds no recording.
+        InputError: a file of it cannot be read.
+    """
+    folder, remedy = Path(path), "give the path of a recording's folder"
+    try:
+        files = {p.name: p for p in sorted(folder.iterdir()) if p.suffix in {".json", ".parquet"}}
+    except FileNotFoundError:
+        raise ProblemAtError(loc, f"{path}: no such folder; {remedy}") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ProblemAtError(loc, f"{path}: cannot be read as a folder ({reason}); {remedy}") from None
+    missing = [name for name in _NEEDED if name not in files]
+    if missing:
+        raise ProblemAtError(
+            loc, f"{path} holds no recording, for it has no {' and no '.join(missing)}; {remedy}"
+        )
+    for file in files.values():
+        with reading(file, "a recording's folder holds nothing else that is called so"):
+            file.open("rb").close()
+    return files

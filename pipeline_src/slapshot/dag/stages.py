@@ -1,0 +1,233 @@
+"""The table of stages, and the figures and claims with their modules.
+
+The plan takes a stage's module from here, the workflow makes its rules from here: a new stage is its module,
+a row of this table, and what it is made from, which `Plan.add` is told.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What runs as one job of the workflow.
+
+    Attributes:
+        name: of its folder in the store, of its rule, and of the target that makes all its versions.
+        module: that the job runs.
+        says: what its versions are; `snakemake --list` shows it.
+        all_cores: it uses as many as there are. Others take one: small matrices gain nothing from a second,
+            and another job beside does.
+        target: name of that target if not the stage's own (empty); None if there is none.
+        on_demand: not made by `snakemake figures`, since it takes hours or its bytes never repeat.
+        renders: draws pictures of a scene, which takes a GL library.
+    """
+
+    name: str
+    module: str
+    says: str
+    all_cores: bool = False
+    target: str | None = ""
+    on_demand: bool = False
+    renders: bool = False
+
+
+_TABLE = (
+    # Simulation
+    Stage("scene", "slapshot.scenes.__main__", "The MuJoCo scene of each domain."),
+    Stage("demonstrations", "slapshot.trajectories.demonstrations", "Scripted task trajectories."),
+    Stage("trajectory_model", "slapshot.trajectories.fit", "The trajectory VAE."),
+    Stage(
+        "swings",
+        "slapshot.trajectories.pool",
+        "The pool of safe sampled latents, each executed once.",
+        all_cores=True,
+    ),
+    Stage("rollouts", "slapshot.rollouts.__main__", "Conditions x hits to Parquet.", all_cores=True),
+    Stage(
+        "lab", "slapshot.lab.__main__", "Recordings of the stand-in rig, and the sealed truth behind them."
+    ),
+    # Adaptation
+    Stage(
+        "regression", "slapshot.adaptation.regression", "The linear regression walkthrough.", all_cores=True
+    ),
+    Stage("train", "slapshot.adaptation.train", "An ensemble of each method."),
+    Stage("evaluate", "slapshot.adaptation.evaluate", "Error against samples in simulation."),
+    Stage(
+        "evaluate_recording", "slapshot.adaptation.evaluate_recording", "Error against samples on recordings."
+    ),
+    Stage(
+        "calibrate",
+        "slapshot.adaptation.calibrate",
+        "Prediction intervals, calibrated on validation data, and what they cover.",
+    ),
+    Stage(
+        "predictions",
+        "slapshot.adaptation.predictions",
+        "What one model believed of single hits before and after adaptation.",
+    ),
+    Stage("beliefs", "slapshot.adaptation.beliefs", "Hidden states of test conditions and recordings."),
+    # What an adapted model is used for, and the policy that the paper compares with
+    Stage(
+        "inverse", "slapshot.goal_reaching.train_inverse", "A network from a target and a belief to a latent."
+    ),
+    Stage("acting", "slapshot.goal_reaching.__main__", "Every stand-in rig hit anew."),
+    Stage(
+        "exploration", "slapshot.goal_reaching.exploration", "Error against samples that a belief chooses."
+    ),
+    Stage("policy", "slapshot.policy.__main__", "Policies meta-trained on-policy in simulation."),
+    Stage(
+        "policy_acting", "slapshot.policy.rigs", "A policy that adapts to every stand-in rig by its own hits."
+    ),
+    # Narrower randomisation from beliefs, and what models trained on it are worth
+    Stage(
+        "refinement", "slapshot.refinement.__main__", "Ranges of randomisation that hold the recorded rigs."
+    ),
+    Stage(
+        "coverage",
+        "slapshot.refinement.coverage",
+        "Whether those ranges hold the truth about stand-in rigs.",
+    ),
+    Stage(
+        "refined_rollouts",
+        "slapshot.refinement.rollouts",
+        "Hits under the refined ranges of a rig.",
+        all_cores=True,
+    ),
+    Stage("refined_train", "slapshot.refinement.train", "Models of refined ranges."),
+    Stage(
+        "refined_errors",
+        "slapshot.refinement.errors",
+        "New hits of a rig, predicted by models of all ranges and of refined ones.",
+    ),
+    # What people look at
+    Stage("claim", "slapshot.claims.__main__", "The verdict on one claim of the paper.", target=None),
+    Stage("claims", "slapshot.claims.report", "The verdict on each claim of the paper."),
+    Stage(
+        "figure", "slapshot.figures.__main__", "A figure and the table behind it.", target=None, renders=True
+    ),
+    Stage(
+        "viewer",
+        "slapshot.viewer.__main__",
+        "Rerun recordings of simulated and recorded hits; `slapshot browse` opens them.",
+        target="recordings",
+        on_demand=True,
+    ),
+    # Diagnosis of hits, and its proof: only the score opens the seals
+    Stage(
+        "diagnosis",
+        "slapshot.diagnosis.pucks.stage_report",
+        "Reports on what the scene lacks, of the recordings in the configuration (of stand-ins, one rig).",
+        all_cores=True,
+        target="diagnoses",
+        on_demand=True,
+    ),
+    Stage(
+        "signatures",
+        "slapshot.diagnosis.pucks.stage_signatures",
+        "How launches change with every effect, for the pool of commands of the concealed cases.",
+        all_cores=True,
+    ),
+    Stage(
+        "case", "slapshot.lab.__main__", "Recordings of the small proof, and the sealed truths behind them."
+    ),
+    Stage(
+        "verdict",
+        "slapshot.diagnosis.pucks.stage_verdict",
+        "What the diagnosis says of the recordings of the small proof.",
+    ),
+    Stage("score", "slapshot.blind_validation.__main__", "The small proof."),
+    # The same of joints; a verdict takes one core, on which it says how long it took
+    Stage(
+        "joint_case",
+        "slapshot.lab.joints.stage_case",
+        "Recordings of the proof for joints, and the sealed truths behind them.",
+        on_demand=True,
+    ),
+    Stage(
+        "joint_verdict",
+        "slapshot.diagnosis.stage_verdict",
+        "What the diagnosis says of the recordings of the proof for joints.",
+        on_demand=True,
+    ),
+    Stage(
+        "joint_score",
+        "slapshot.blind_validation.joints.__main__",
+        "The proof for joints, not published.",
+        on_demand=True,
+    ),
+    # What was found goes back into the rollouts; a model trained on them meets the recording again
+    Stage(
+        "findings",
+        "slapshot.diagnosis.pucks.stage_findings",
+        "What the diagnosis of a recording found, for the stages that build on it.",
+        all_cores=True,
+        on_demand=True,
+    ),
+    Stage(
+        "arm_rollouts",
+        "slapshot.retraining.rollouts",
+        "Rollouts of the arms that a diagnosis changes.",
+        all_cores=True,
+        on_demand=True,
+    ),
+    Stage(
+        "held_out",
+        "slapshot.retraining.held_out",
+        "Hits that took no part in the diagnosis that is built upon.",
+        on_demand=True,
+    ),
+    Stage(
+        "arms", "slapshot.retraining.__main__", "The comparison of arms, not yet published.", on_demand=True
+    ),
+    # Are p-values of joints p-values, and do intervals hold what they say? Blocks resume
+    Stage(
+        "null_p_values",
+        "slapshot.calibration.stage_null_p_values",
+        "P-values of null recordings.",
+        on_demand=True,
+    ),
+    Stage(
+        "null_table",
+        "slapshot.calibration.stage_null_table",
+        "Whether they are uniform, not yet published.",
+        on_demand=True,
+    ),
+    Stage(
+        "law_intervals",
+        "slapshot.calibration.stage_law_intervals",
+        "Intervals of fits to recordings of every effect's own law.",
+        on_demand=True,
+    ),
+    Stage(
+        "coverage_table",
+        "slapshot.calibration.stage_coverage_table",
+        "How many hold the truth, not yet published.",
+        on_demand=True,
+    ),
+)
+STAGES = {stage.name: stage for stage in _TABLE}
+# Figure id -> its module.
+FIGURES = {
+    "A1": "slapshot.figures.a1_acting",
+    "A2": "slapshot.figures.a2_exploration",
+    "A3": "slapshot.figures.a3_refinement",
+    "A4": "slapshot.figures.a4_policy",
+    "A5": "slapshot.figures.a5_refined",
+    "F1": "slapshot.figures.f1_intro",
+    "F2": "slapshot.figures.f2_method",
+    "F3": "slapshot.figures.f3_linear_regression",
+    "F4": "slapshot.figures.f4_fetchslide",
+    "F5": "slapshot.figures.f5_fetchslide_latents",
+    "F6": "slapshot.figures.f6_setup",
+    "F7": "slapshot.figures.f7_simulated",
+    "F8": "slapshot.figures.f8_recorded",
+    "F9": "slapshot.figures.f9_latents",
+    "M1": "slapshot.figures.m1_training",
+    "T1": "slapshot.figures.randomisation_table",
+    "T2": "slapshot.figures.randomisation_table",
+    "U1": "slapshot.figures.u1_coverage",
+    "U2": "slapshot.figures.u2_innovations",
+}
+# Claim id -> its module.
+_JUDGED = ("c1", "c2", "c3", "c4", "c5", "c6", "c7", "s11", "s12", "s13")
+CLAIMS = {name.upper(): f"slapshot.claims.{name}" for name in _JUDGED}

@@ -1,0 +1,83 @@
+"""How long the rest of a run takes, from what versions of its stages took before."""
+
+import logging
+import sys
+import time
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from slapshot.dag.stages import STAGES
+from slapshot.store.folder import Store
+
+
+class TimeLeft:
+    """Says how many jobs of a run are done and about how long the rest takes, in place of Snakemake's line.
+
+    Jobs of a stage are taken to last as long as those versions of it, by any configuration, that the store
+    held when the run began, or as those that this run has made, and to fill all cores.
+
+    Args:
+        store: of the versions.
+        cores: that the run has.
+    """
+
+    def __init__(self, store: Store, cores: int) -> None:
+        self._store, self._cores = store, cores
+        self._left: Counter[str] = Counter()  # jobs by stage
+        self._total = 0
+        self._took: dict[str, list[float]] = {}  # s, of each version
+        self._began: dict[int, tuple[str, float]] = {}  # stage and time of each job that runs, by its number
+
+    def __call__(self, record: logging.LogRecord) -> bool:
+        """Filter of Snakemake's log: takes note of its events and keeps all but its line of progress."""
+        said: dict[str, Any] = vars(record)
+        match str(said.get("event", "")):
+            case "run_info":
+                stats = dict(said["stats"])
+                self._total = int(stats.pop("total"))
+                jobs = {_stage_of(str(rule)): int(count) for rule, count in stats.items()}
+                self._left = Counter({stage: n for stage, n in jobs.items() if stage in STAGES})
+                self._took = self._of_store()
+            case "job_info":
+                self._began[said["jobid"]] = _stage_of(said["rule_name"]), time.monotonic()
+            case "job_finished":
+                stage, began = self._began.pop(said["job_id"], ("", 0.0))
+                if stage in self._left:
+                    self._left[stage] -= 1
+                    self._took.setdefault(stage, []).append(time.monotonic() - began)
+            case "progress":
+                return not self.say(said["done"])
+        return True
+
+    def say(self, done: int = 0) -> bool:
+        """Say it, unless no stage is left; whether anything was said."""
+        left = +self._left
+        if not left:
+            return False
+        print(f"{done} of {self._total} jobs done{self._time(left)}", file=sys.stderr, flush=True)
+        return True
+
+    def _time(self, left: Counter[str]) -> str:
+        seconds = sum(
+            float(np.mean(self._took[stage])) * count / (1 if STAGES[stage].all_cores else self._cores)
+            for stage, count in left.items()
+            if stage in self._took
+        )
+        unknown = sum(count for stage, count in left.items() if stage not in self._took)
+        if unknown == sum(left.values()):
+            return ""
+        about = f", about {seconds / 60:.0f} minutes left" if seconds > 90 else ", about a minute left"
+        return f"{about} and jobs of unknown length: {unknown}" if unknown else about
+
+    def _of_store(self) -> dict[str, list[float]]:
+        took: dict[str, list[float]] = {}
+        for folder, version in self._store.versions():
+            if folder.parent.name in self._left:
+                took.setdefault(folder.parent.name, []).append(version["seconds"])
+        return took
+
+
+def _stage_of(rule: str) -> str:
+    return rule.removesuffix("_version")

@@ -1,0 +1,94 @@
+"""Stage `acting`: hits at targets on a rig, chosen by models that adapted to hits of their own on it."""
+
+import logging
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+from numpy.typing import NDArray
+
+from slapshot.adaptation.recorded import RecordedTask, recorded_tasks
+from slapshot.command import Run, stage_command
+from slapshot.goal_reaching.action_optimizer import BelievingChooser, Chooser
+from slapshot.goal_reaching.ensemble import load_acting, load_believing
+from slapshot.goal_reaching.goals import goals_of
+from slapshot.goal_reaching.inverse import load_inverse
+from slapshot.goal_reaching.rigs import Robot, robot_of, sampled_hits
+from slapshot.parquet import write_table
+
+log = logging.getLogger("slapshot")
+
+Array = NDArray[np.float64]
+ORACLE = "oracle"
+
+
+def produce(run: Run) -> None:
+    """Write acting.parquet: rig, object, method, chooser, samples, target, target_x_m, target_y_m, error_m.
+
+    Every method adapts to the same hits of sampled latents. error_m is the distance from the target at
+    which the object was seen to rest. Targets are where recorded commands lead without chance, so that they
+    can be reached; the oracle repeats that command, and misses by what differs from hit to hit (its
+    `samples` are -1, its method is empty).
+
+    Raises:
+        InputError: the acting method has no belief that uncertainty could be taken from.
+    """
+    settings = run.config
+    torch.set_num_threads(run.cores)
+    robot = robot_of(run)
+    rng = np.random.default_rng([settings["seed"], settings["rig"], 1])
+    choosers = _choosers(run, robot.candidates(settings["candidates"], rng))
+    parts = [_act(choosers, robot, task, settings, rng) for task in recorded_tasks(run)]
+    table = pd.concat(parts, ignore_index=True).assign(rig=settings["rig"])
+    write_table(table, run.out / "acting.parquet")
+    last = table[table["samples"].isin([-1, max(settings["samples"])])]
+    who = (last["method"] + " " + last["chooser"]).str.strip()
+    means = 100 * last.groupby(who)["error_m"].mean()
+    log.info("%s", ", ".join(f"{name} {error:.1f} cm" for name, error in means.items()))
+
+
+def _choosers(run: Run, candidates: Array) -> dict[str, Chooser]:
+    """Method -> what chooses by it."""
+    settings = run.config
+    believing, standardiser = load_believing(run.inputs[f"train/{settings['method']}"])
+    inverse = load_inverse(run.inputs["inverse"], believing, settings["inverse"]["hidden"])
+    generator = torch.Generator().manual_seed(settings["seed"])
+    choosers: dict[str, Chooser] = {
+        settings["method"]: BelievingChooser(
+            believing, standardiser, candidates, inverse, settings["draws"], generator
+        )
+    }
+    for name in settings["compared"]:
+        choosers[name] = Chooser(*load_acting(run.inputs[f"train/{name}"]), candidates)
+    return choosers
+
+
+def _act(
+    choosers: Mapping[str, Chooser],
+    robot: Robot,
+    task: RecordedTask,
+    settings: Mapping[str, Any],
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """Hits at the targets of one object."""
+    goals = goals_of(robot, task, settings["targets"], [settings["seed"], settings["rig"]])
+    start = task.data["state"][0].copy()  # tables are read-only, tensors are not
+    seen = sampled_hits(robot, task, max(settings["samples"]), rng)
+    chosen = {("", ORACLE, -1): goals.latents}
+    for method, chooser in choosers.items():
+        beliefs = chooser.beliefs(seen)
+        for samples in settings["samples"]:
+            found = chooser.latents(beliefs[samples], start, goals.targets)
+            chosen |= {(method, name, samples): latents for name, latents in found.items()}
+    rows = [(*key, i, *target) for key in chosen for i, target in enumerate(goals.targets)]
+    columns = ["method", "chooser", "samples", "target", "target_x_m", "target_y_m"]
+    table = pd.DataFrame(rows, columns=columns).assign(object=task.object)
+    rests = robot.hit(np.concatenate(list(chosen.values())), table["object"].tolist(), rng)
+    off = rests - table[["target_x_m", "target_y_m"]].to_numpy()
+    return table.assign(error_m=np.linalg.norm(off, axis=1))
+
+
+if __name__ == "__main__":
+    stage_command("acting", produce)

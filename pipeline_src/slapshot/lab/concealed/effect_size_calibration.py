@@ -1,0 +1,169 @@
+"""Rehearsal: some of a session's hits without chance, to see how far a concealed kind shifts them.
+
+The displacement of a piece of concealed physics is the rms shift of rest points that it makes, over the
+hit-to-hit scatter: the rms distance of a repeated command's rest points from their mean. For kinds that
+hardly move rest points it is the rms shift of the seen track at equal camera times, from the first launch to
+the last rest, over the same scatter.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.errors import InputError
+from slapshot.lab.camera import foot_of
+from slapshot.lab.concealed.hidden_effect import Concealed, HiddenEffect, NominalMotion, Shape
+from slapshot.lab.hit import RigSimulator
+from slapshot.lab.hit_types import Hit, HitNoise, HitSpec, draw_hit_noise
+from slapshot.lab.release_detection import nearest_pose
+from slapshot.lab.rig import Rig
+from slapshot.scenes.scene import Scene
+
+Array = NDArray[np.float64]
+
+HITS = 32  # that are rehearsed
+REPEATED, TIMES = 16, 3  # commands and executions, to measure the scatter with
+CLOSE = 0.03  # share of a displacement that is asked for by which the one found may differ
+TRIES = 8  # simulations of a search
+_EVERY = 0.01  # s, between times at which tracks are compared
+_STRIDE = 20.0  # most by which an amplitude changes between tries
+
+
+class Rehearsal:
+    """Of a session on a rig, whatever that conceals: without it."""
+
+    def __init__(
+        self, scene: Scene, rig: Rig, strokes: Sequence[HitSpec], rng: np.random.Generator, cores: int
+    ) -> None:
+        self._scene, self._rig, self._cores = scene, replace(rig, concealed=()), cores
+        still = np.zeros(len(scene.info.joints))
+        nothing = HitNoise(np.zeros(2), 1.0, still, 1.0)
+        # All over the session, for what changes in the course of it.
+        chosen = np.unique(np.round(np.linspace(0, len(strokes) - 1, HITS)).astype(int))
+        self._strokes = [replace(strokes[i], chance=nothing) for i in chosen]
+        bench = RigSimulator(scene, self._rig, cores=cores)
+        self._launches = bench.launches(self._strokes, arm=False)
+        self._hits = bench.settle(self._strokes, self._launches)
+        self.scatter = self._measure_scatter(bench, rng)
+        self.setting = NominalMotion(
+            scene=scene,
+            foot=foot_of(scene, rig.camera),
+            contact_poses=np.array([nearest_pose(scene, s.motion) for s in self._strokes]),
+            rests=np.array([hit.rest[:2] for hit in self._hits]),
+        )
+
+    def displacement(self, concealed: Concealed) -> float | None:
+        """Of that alone; None where nothing scatters."""
+        return self._shift(concealed, launch=True) / self.scatter if self.scatter > 0 else None
+
+    def find(self, kind: HiddenEffect, shape: Shape, asked: float) -> Concealed:
+        """The kind with the amplitude whose displacement is `asked`, or the largest possible one.
+
+        Raises:
+            InputError: nothing scatters, so that no displacement can be asked for.
+        """
+        if self.scatter == 0:
+            raise InputError(
+                "lab.concealed: a displacement needs scatter to be measured by; give an amplitude"
+            )
+
+        def measure(amplitude: float, launch: bool) -> float:
+            return self._shift(Concealed(kind, amplitude, shape), launch) / self.scatter
+
+        # What acts on the slide does so from the start, but little of it shows in the launch: search with
+        # the launches there are, then look at the whole hit.
+        if kind.strikes:
+            found = _search(lambda a: measure(a, True), asked, kind.usual, kind)
+        else:
+            quick = _search(lambda a: measure(a, False), asked, kind.usual, kind)
+            found = _search(lambda a: measure(a, True), asked, quick.amplitude, kind)
+        ends = found.amplitude in (kind.least, kind.largest)
+        bounded = ends and abs(found.displacement / asked - 1) > CLOSE
+        return Concealed(kind, found.amplitude, shape, found.displacement, asked, bounded)
+
+    def _measure_scatter(self, bench: RigSimulator, rng: np.random.Generator) -> float:
+        every = -(-len(self._strokes) // REPEATED)
+        repeated = [stroke for stroke in self._strokes[::every] for _ in range(TIMES)]
+        strokes = [replace(s, chance=draw_hit_noise(self._rig.scatter, rng)) for s in repeated]
+        rests = np.array([hit.rest[:2] for hit in bench.hits(strokes, arm=False)]).reshape(-1, TIMES, 2)
+        distances = rests - rests.mean(1, keepdims=True)
+        return float(np.sqrt((distances**2).sum() / (len(rests) * (TIMES - 1))))
+
+    def _shift(self, concealed: Concealed, launch: bool) -> float:
+        """Rms over hits in m; without `launch` with the launches of the rig that conceals nothing."""
+        rig = replace(self._rig, concealed=(concealed,))
+        hits = self._hits
+        if concealed.kind.phase != "camera":
+            bench = RigSimulator(self._scene, rig, cores=self._cores)
+            launches = bench.launches(self._strokes, arm=False) if launch else self._launches
+            hits = bench.settle(self._strokes, launches)
+        squares = [
+            _rest_shift(hit, null, rig, stroke) if concealed.kind.shows == "rest" else
+            _track_shift(hit, null, rig, stroke)
+            for hit, null, stroke in zip(hits, self._hits, self._strokes, strict=True)
+        ]  # fmt: skip
+        return float(np.sqrt(np.mean(squares)))
+
+
+def _rest_shift(hit: Hit, null: Hit, rig: Rig, stroke: HitSpec) -> float:
+    """Squared, in m^2."""
+    return float(((rig.seen(hit.track, stroke.place)[-1, 1:] - null.rest[:2]) ** 2).sum())
+
+
+def _track_shift(hit: Hit, null: Hit, rig: Rig, stroke: HitSpec) -> float:
+    """Mean of the square over the time in which one of the two objects moves, in m^2."""
+    seen = rig.seen(hit.track, stroke.place)
+    first = min(hit.launch_time, null.launch_time)
+    times = np.arange(first, max(seen[-1, 0], null.end), _EVERY)
+    shift = [
+        np.interp(times, seen[:, 0], seen[:, i]) - np.interp(times, null.track[:, 0], null.track[:, i])
+        for i in (1, 2)
+    ]
+    return float((np.square(shift[0]) + np.square(shift[1])).mean())
+
+
+@dataclass(frozen=True)
+class _Try:
+    amplitude: float
+    displacement: float
+
+
+def _search(measure: Callable[[float], float], asked: float, first: float, kind: HiddenEffect) -> _Try:
+    """The possible amplitude whose displacement comes nearest to `asked`, in a few tries from `first` on.
+
+    Displacement grows with amplitude, roughly in proportion: secants between logarithms, kept between the
+    tries on either side once there are some.
+    """
+    amplitude = first
+    tries: list[_Try] = []
+    below: _Try | None = None
+    above: _Try | None = None
+    for _ in range(TRIES):
+        one = _Try(amplitude, measure(amplitude))
+        tries.append(one)
+        if one.displacement >= asked:
+            above = one
+        elif below is None or one.amplitude > below.amplitude:
+            below = one
+        end = kind.largest if above is None else kind.least if below is None else None
+        if abs(one.displacement / asked - 1) < CLOSE or amplitude == end:
+            break
+        if below is not None and above is not None:
+            amplitude = _between(below, above, asked)
+            continue
+        ratio = asked / one.displacement if one.displacement > 0 else _STRIDE
+        amplitude *= float(np.clip(ratio, 1 / _STRIDE, _STRIDE))
+        amplitude = min(max(amplitude, kind.least), kind.largest)
+    if above is None:  # nothing was enough, and displacement need not grow all the way
+        return max(tries, key=lambda one: one.amplitude)
+    return min(tries, key=lambda one: abs(one.displacement - asked))
+
+
+def _between(below: _Try, above: _Try, asked: float) -> float:
+    """Where the line through both, on logarithmic axes, passes what is asked for."""
+    low, high = np.log(max(below.displacement, 1e-9)), np.log(above.displacement)
+    # Kept off the ends, so that a bend in the curve cannot hold the search up.
+    share = float(np.clip((np.log(asked) - low) / (high - low), 0.1, 0.9))
+    return float(np.exp((1 - share) * np.log(below.amplitude) + share * np.log(above.amplitude)))

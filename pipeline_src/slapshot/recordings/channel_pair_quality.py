@@ -1,0 +1,252 @@
+"""What is odd in two channels that measure the same thing, on one clock or two: `odd_pairs`.
+
+Position a and position or velocity b of one joint (or site, or body) must agree up to noise. With b
+integrated where it is a velocity, a is fitted in short windows by
+
+    a(t) = gain * b(t + delay) + offset [+ drift * t of an integral]
+
+linearised in the delay: b(t + delay) = b(t) + delay * db/dt.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations, permutations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from slapshot.recordings.channels import QUATERNION, Channel
+from slapshot.recordings.quality_warning import QualityWarning
+from slapshot.recordings.signal_measures import MAD_TO_SD, Measured, Series
+
+Array = NDArray[np.float64]
+
+_WINDOW, _FEWEST_WINDOWS, _MOST_WINDOWS = 100, 4, 20  # samples; windows; windows of an episode
+_ITERATIONS = 4
+_FOLLOWS = 0.9  # share of a window's variance that the fit explains
+_LATE, _SURE = 1.5, 4.0  # intervals, and standard errors
+_OTHER_SCALE = 0.1
+_LAGS, _FEWEST, _MOST = 20, 500, 40_000  # samples on either side; samples of a pair that are enough
+_OWN = 0.5  # share of a velocity's noise that is not that of the position
+_ROUNDING = 1.5  # times what rounding leaves
+
+
+def odd_pairs(channels: Sequence[Measured]) -> Iterator[QualityWarning]:
+    """What is odd between channels that measure the same."""
+    for first, second in combinations(channels, 2):
+        if _same_thing(first.channel, second.channel):
+            a, b = (first, second) if first.channel.quantity == "position" else (second, first)
+            if a.channel.quantity == "position" and min(np.ptp(a.values), np.ptp(b.values)) > 0:
+                yield from _odd_pair(a, b)
+
+
+def derived_velocities(channels: Sequence[Measured]) -> list[str]:
+    """Names of velocities that were differentiated from a recorded position, and say nothing of their own."""
+    names = set()
+    for a, b in permutations(channels, 2):
+        pair = (a.channel.quantity, b.channel.quantity) == ("position", "velocity")
+        if pair and a.channel.clock == b.channel.clock and _same_thing(a.channel, b.channel):
+            names |= {b.name for _ in _no_own_velocity(a, b)}
+    return sorted(names)
+
+
+def _same_thing(a: Channel, b: Channel) -> bool:
+    if a.target is None or a.target != b.target or a.component != b.component or a.component in QUATERNION:
+        return False
+    if {a.role, b.role} != {"observation"} or not {a.quantity, b.quantity} <= {"position", "velocity"}:
+        return False
+    return a.unit.removesuffix("/s") == b.unit.removesuffix("/s")
+
+
+def _odd_pair(a: Measured, b: Measured) -> Iterator[QualityWarning]:
+    windows = list(_windows(a, b))
+    if a.channel.clock == b.channel.clock and b.channel.quantity == "velocity":
+        yield from _no_own_velocity(a, b)
+    if len(windows) < _FEWEST_WINDOWS:
+        return
+    gain, delay = (np.array([getattr(window, of) for window in windows]) for of in ("gain", "delay"))
+    scale = 1 / float(np.median(gain))
+    if abs(scale - 1) > _OTHER_SCALE:
+        of = "the change of " if b.channel.quantity == "velocity" else ""
+        yield QualityWarning(
+            "scale_differs",
+            f"{b.name} is {scale:.3g} times {of}{a.name}",
+            (),
+            "one of them has another unit, sign, gear or joint: correct it, or name what it is of",
+            "episode",
+        )
+        return
+    yield from _odd_times(a, b, windows, delay)
+
+
+class _Window(NamedTuple):
+    """What b says of a in a stretch of an episode.
+
+    Attributes:
+        episode: number of it.
+        t: middle of the stretch in s.
+        gain: of b in a.
+        delay: s by which b is late.
+    """
+
+    episode: int
+    t: float
+    gain: float
+    delay: float
+
+
+def _windows(a: Measured, b: Measured) -> Iterator[_Window]:
+    """Fits of a by b in windows in which b explains a."""
+    of_b = {one.episode: one for one in b.series}
+    for one in a.series:
+        other = of_b.get(one.episode)
+        if other is None or len(other.t) < _WINDOW or len(one.t) < _WINDOW:
+            continue
+        place, speed = _place_and_speed(other, b.channel.quantity == "velocity")
+        count = min(len(one.t) // _WINDOW, _MOST_WINDOWS)
+        for rows in np.array_split(np.arange(len(one.t)), count):
+            fitted = _fit(one.t[rows], one.x[rows], other.t, place, speed, b.channel.quantity == "velocity")
+            if fitted is not None:
+                yield _Window(one.episode, float(one.t[rows].mean()), *fitted)
+
+
+def _place_and_speed(one: Series, is_velocity: bool) -> tuple[Array, Array]:
+    if is_velocity:
+        return cumulative_trapezoid(one.x, one.t, initial=0), one.x
+    return one.x, np.gradient(one.x, one.t)
+
+
+def _fit(
+    t: Array, x: Array, t_b: Array, place: Array, speed: Array, integral: bool
+) -> tuple[float, float] | None:
+    """Gain and delay; None where b does not explain a."""
+    delay, gain = 0.0, 1.0
+    for _ in range(_ITERATIONS):
+        inside = (t + delay >= t_b[0]) & (t + delay <= t_b[-1])
+        if inside.sum() < _WINDOW / 2:
+            return None
+        moments, seen = t[inside] + delay, x[inside]
+        columns = [np.interp(moments, t_b, place), np.interp(moments, t_b, speed), np.ones_like(moments)]
+        if integral:
+            columns.append(t[inside] - t[inside].mean())
+        design = np.stack(columns, axis=1)
+        coefficients, *_ = np.linalg.lstsq(design, seen, rcond=None)
+        gain = float(coefficients[0])
+        if gain == 0:
+            return None
+        delay += float(coefficients[1]) / gain
+    # Of what the offset and the drift leave, since these explain any slow motion.
+    rest, *_ = np.linalg.lstsq(design[:, 2:], seen, rcond=None)
+    moved = seen - design[:, 2:] @ rest
+    left = seen - design @ coefficients
+    if float(left @ left) > (1 - _FOLLOWS) * float(moved @ moved):
+        return None
+    return gain, delay
+
+
+def _odd_times(a: Measured, b: Measured, windows: list[_Window], delay: Array) -> Iterator[QualityWarning]:
+    """Delays of one channel behind the other, and clocks that drift apart."""
+    interval = max(a.sampling.interval_s, b.sampling.interval_s)
+    typical = float(np.median(delay))
+    error = MAD_TO_SD * float(np.median(np.abs(delay - typical))) * 1.25 / np.sqrt(len(delay))
+    if abs(typical) > max(_LATE * interval, _SURE * error):
+        late, early = (b, a) if typical > 0 else (a, b)
+        yield QualityWarning(
+            "late_channel",
+            f"{late.name} is {1000 * abs(typical):.3g} ms (+- {1000 * error:.1g}) later than {early.name}",
+            (),
+            "its clock, its filter or its bus is late: model the delay, or it looks like damping",
+            "episode",
+        )
+    if a.channel.clock == b.channel.clock:
+        return
+    episodes = np.array([window.episode for window in windows])
+    t = np.array([window.t for window in windows])
+    first = [episodes == episode for episode in np.unique(episodes)]
+    delay = delay.copy()
+    for rows in first:  # clocks may begin apart, in each episode anew
+        t[rows] -= t[rows].mean()
+        delay[rows] -= delay[rows].mean()
+    freedom = len(t) - len(first) - 1
+    if freedom < 1 or float(t @ t) == 0:
+        return
+    rate = float(t @ delay) / float(t @ t)
+    rest = delay - rate * t
+    rate_error = float(np.sqrt(rest @ rest / freedom / (t @ t)))
+    longest = max(float(one.t[-1] - one.t[0]) for one in a.series)
+    if abs(rate) * longest > interval and abs(rate) > _SURE * rate_error:
+        yield QualityWarning(
+            "clock_drift",
+            f"clock {b.channel.clock} loses {-1000 * rate:.3g} ms a second on clock {a.channel.clock}, as "
+            f"{a.name} and {b.name} tell",
+            (),
+            "what happened at once stands at different times: stamp both by one clock, or stretch one",
+            "episode",
+        )
+
+
+def _no_own_velocity(a: Measured, b: Measured) -> Iterator[QualityWarning]:
+    """A velocity that somebody computed from the recorded position.
+
+    It follows the position's difference quotient, its noise included, at some lags. So noise is what tells:
+    both are differenced four times, which leaves little of a motion, and the velocity is predicted from the
+    quotient within 20 samples on either side, fitted in one half of the samples and judged in the other.
+    """
+    quotient, velocity = _quotients(a, b)
+    if sum(map(len, velocity)) < _FEWEST:
+        return
+    own = 1 - _explained([_rough(x) for x in quotient], [_rough(x) for x in velocity])[0]
+    left = _explained(quotient, velocity)[1]
+    rounding = b.grid / np.sqrt(12)
+    if own < _OWN or left < _ROUNDING * rounding:
+        how = (
+            f"{1 - own:.0%} of its noise is that of {a.name}"
+            if own < _OWN
+            else f"but for its rounding it is a filter of {a.name}"
+        )
+        yield QualityWarning(
+            "no_own_velocity",
+            f"{b.name} looks like the difference quotient of {a.name}: {how}",
+            (),
+            "it says nothing that the position does not: weighed as a second sensor, it counts errors twice",
+            "episode",
+        )
+
+
+def _quotients(a: Measured, b: Measured) -> tuple[list[Array], list[Array]]:
+    """Difference quotients of a and values of b at the same samples, by episode."""
+    of_b = {one.episode: one for one in b.series}
+    quotients, velocities = [], []
+    for one in a.series:
+        other = of_b.get(one.episode)
+        if other is None:
+            continue
+        t, rows_a, rows_b = np.intersect1d(one.t, other.t, return_indices=True)
+        if len(t) > 2 * _LAGS + 10:
+            quotients.append(np.diff(one.x[rows_a]) / np.diff(t))
+            velocities.append(other.x[rows_b][1:])
+    return quotients, velocities
+
+
+def _rough(x: Array) -> Array:
+    return np.diff(x, 4)
+
+
+def _explained(inputs: list[Array], outputs: list[Array]) -> tuple[float, float]:
+    """Share of an output's variance that a filter of the input explains, and robust sd of the rest.
+
+    Both of samples that the filter was not fitted to.
+    """
+    every = 1 + sum(map(len, outputs)) // _MOST
+    lagged, wanted = [], []
+    for x, y in zip(inputs, outputs, strict=True):
+        lagged.append(np.lib.stride_tricks.sliding_window_view(x, 2 * _LAGS + 1)[::every])
+        wanted.append(y[_LAGS : len(y) - _LAGS : every])
+    design, target = np.concatenate(lagged), np.concatenate(wanted)
+    half = len(target) // 2
+    coefficients, *_ = np.linalg.lstsq(design[:half], target[:half], rcond=None)
+    rest = target[half:] - design[half:] @ coefficients
+    variance = float(target[half:] @ target[half:])
+    share = 1 - float(rest @ rest) / variance if variance > 0 else 0.0
+    return share, MAD_TO_SD * float(np.median(np.abs(rest)))

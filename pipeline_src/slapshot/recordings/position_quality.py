@@ -1,0 +1,130 @@
+"""What is odd in the samples of one position: `odd_positions`."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.recordings.quality_warning import QualityWarning
+from slapshot.recordings.sample_quality import STANDS_OUT, STEPS, of_samples, stuck_samples
+from slapshot.recordings.signal_measures import Measured, Series, residuals, robust_sd
+
+Array = NDArray[np.float64]
+
+_FAR, _STAYS = 3.0, 0.5  # times the steps around a jump; of it that is left some samples later
+_BESIDE = (-2, -1, 2, 3)  # samples before a jump, and after
+_TURN, _TURN_ERR = 2 * np.pi, 0.5
+_SMOOTH, _COARSE = -0.5, 1e-3  # correlation of neighbouring residuals (white: -0.8); of the channel's sd
+_MANY_JITTER, _LEAST_JITTER = 3.0, 0.02  # times the noise of slow samples, and of the interval
+
+
+def odd_positions(measured: Measured) -> Iterator[QualityWarning]:
+    """What is odd in an observed position, besides what may be odd in any channel."""
+    if measured.channel.role == "observation" and measured.channel.quantity == "position":
+        yield from _jumps(measured)
+        yield from _odd_motion(measured)
+
+
+def _jumps(measured: Measured) -> Iterator[QualityWarning]:
+    """Changes of a position from one sample to the next that its speed before and after does not explain."""
+    turns, others = [], []
+    for one in measured.series:
+        excess = _excess(one, max(STANDS_OUT * measured.noise, STEPS * measured.grid))
+        turned = (np.abs(np.abs(excess) - _TURN) < _TURN_ERR) & (measured.channel.unit == "rad")
+        turns.append(turned)
+        others.append((excess != 0) & ~turned & ~np.append(False, stuck_samples(one, measured.grid)[:-1]))
+    count, other_count = (sum(int(mask.sum()) for mask in masks) for masks in (turns, others))
+    if count:
+        yield of_samples(
+            measured,
+            "wraps",
+            turns,
+            f"{measured.name} jumps by a whole turn, {count} times",
+            "an angle that wraps does not move so: unwrap it (numpy.unwrap), for simulated joints turn on",
+        )
+    if other_count:
+        yield of_samples(
+            measured,
+            "jumps",
+            others,
+            f"{measured.name} jumps {other_count} times by more than its speed before and after explains",
+            "an encoder slipped, samples are lost, or two recordings were joined: split the episode there",
+        )
+
+
+def _excess(one: Series, least: float) -> Array:
+    """How far a sample and those after it lie from where those before it lead.
+
+    Args:
+        one: samples.
+        least: of a distance that counts.
+
+    Returns:
+        (n,) distance, 0 where there is none.
+    """
+    found = np.zeros(len(one.x))
+    if len(one.x) < 6:
+        return found
+    interval, change = np.diff(one.t), np.diff(one.x)
+    speed = change / interval
+    around = np.sort(np.stack([speed[:-4], speed[1:-3], speed[3:-1], speed[4:]]), axis=0)  # (4, n - 5)
+    typical = around[1:3].mean(axis=0)
+    excess = change[2:-2] - typical * interval[2:-2]
+    here = np.arange(2, len(one.x) - 3)
+    off = np.stack(
+        [one.x[here + k] - one.x[here] - typical * (one.t[here + k] - one.t[here]) for k in _BESIDE]
+    )
+    after, before = off[-2:] * np.sign(excess), np.abs(off[:2])
+    stays = (after > _STAYS * np.abs(excess)).all(axis=0) & (before < _STAYS * np.abs(excess)).all(axis=0)
+    fastest = np.abs(around[[0, -1]]).max(axis=0) * interval[2:-2]
+    far = np.abs(excess) > np.maximum(least, _FAR * fastest)
+    found[here + 1] = np.where(far & stays, excess, 0.0)
+    return found
+
+
+def _odd_motion(measured: Measured) -> Iterator[QualityWarning]:
+    """Positions that scatter more at speed, since their times err, or change too much between samples."""
+    parts = [(residuals(one.t, one.x), *_speed(one)) for one in measured.series if len(one.t) > 4]
+    if not parts:
+        return
+    left, speed, interval = (np.concatenate(part) for part in zip(*parts, strict=True))
+    most = 3 * robust_sd(left)  # a stop or a wrong reading tells nothing of the others
+    neighbours = np.stack(
+        [
+            np.concatenate([np.clip(part[0][rows], -most, most) for part in parts])
+            for rows in (slice(None, -1), slice(1, None))
+        ]
+    )
+    # Of less, rounding is all there is, or a simulation without noise.
+    large = robust_sd(left) > max(measured.grid, _COARSE * float(measured.values.std()))
+    if large and np.corrcoef(neighbours)[0, 1] > _SMOOTH:
+        yield QualityWarning(
+            "coarse_sampling",
+            f"{measured.name} bends between samples: what a cubic through its neighbours misses "
+            f"({robust_sd(left):.2g} {measured.channel.unit}) is no noise",
+            (),
+            "noise cannot be told, and motion between samples is not seen: record more often",
+            "episode",
+        )
+        return
+    slow, fast = speed <= np.quantile(speed, 0.5), speed >= np.quantile(speed, 0.9)
+    rounding = measured.grid / np.sqrt(12)
+    still, moving = (max(robust_sd(left[rows], rounding), rounding) for rows in (slow, fast))
+    typical = float(np.median(speed[fast]))
+    if moving > _MANY_JITTER * still and typical > 0:
+        jitter = np.sqrt(moving**2 - still**2) / typical
+        if jitter > _LEAST_JITTER * float(np.median(interval)):
+            yield QualityWarning(
+                "moving_noise",
+                f"{measured.name} scatters by {moving:.2g} {measured.channel.unit} where it is fast and by "
+                f"{still:.2g} where it is slow, as if its times erred by {1000 * jitter:.2g} ms",
+                (),
+                "noise that grows with speed is none of place: weighed alike, all samples show it as physics",
+                "episode",
+            )
+
+
+def _speed(one: Series) -> tuple[Array, Array]:
+    """(n - 4,) speed about each sample that has two neighbours on either side, and interval there."""
+    span = one.t[4:] - one.t[:-4]
+    return np.abs(one.x[4:] - one.x[:-4]) / span, span / 4

@@ -1,0 +1,201 @@
+"""What of a module can change a result: its syntax tree without the rest.
+
+What cannot stays out of the digest, so that no result is made again for its sake:
+
+- comments, layout and docstrings;
+- imports for type checkers alone;
+- the names of NEUTRAL, which show progress, end stages and keep results, but compute none: a module whose
+  import of them is all that it knows of the code behind them does not depend on that code; any other name
+  of the same modules counts like that of any module;
+- what is said: statements of a module's logger, what `progress` says of the steps that it shows, and the
+  messages of InputError, which ends a stage. What a message evaluates counts unless it plainly changes
+  nothing: of a generator that a logger uses up nothing is left for the result.
+
+Messages of other exceptions count: a stage may note why something failed. tests/store/test_essence.py holds
+the package to all that.
+"""
+
+import ast
+import hashlib
+from collections import Counter
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from slapshot.errors import InputError
+
+# Name -> why no result depends on the code behind it.
+NEUTRAL = {
+    "slapshot.command.Run": "holds a recipe's values and folders",
+    "slapshot.command.stage_command": "hands them to a stage, and says what became of it",
+    "slapshot.errors.InputError": "ends a stage, so that there is no result",
+    "slapshot.errors.reading": "raises InputError, or does nothing",
+    "slapshot.errors.writing": "raises InputError, or does nothing",
+    "slapshot.progress.progress": "yields what it is given, unchanged",
+    "slapshot.store.code_dependencies.find_source": "finds a module, whose own code is in the recipe",
+}
+
+_PROGRESS, _INPUT_ERROR = "slapshot.progress.progress", "slapshot.errors.InputError"
+_IMPORTING = {"import_module", "find_spec"}  # a library whose files are read counts like one that is run
+_LEVELS = {"debug", "info", "warning", "error", "exception", "critical"}
+_PLAIN_CALLS = {"len", "round", "str", "repr"}
+_PLAIN_NODES = (
+    ast.Attribute, ast.BinOp, ast.BoolOp, ast.Compare, ast.Constant, ast.FormattedValue, ast.IfExp,
+    ast.JoinedStr, ast.Name, ast.Slice, ast.Subscript, ast.Tuple, ast.UnaryOp, ast.boolop, ast.cmpop,
+    ast.expr_context, ast.keyword, ast.operator, ast.unaryop,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Source:
+    """A module as far as results depend on it.
+
+    Attributes:
+        digest: hex sha256 of what it says.
+        imports: absolute names that may be modules: `from a.b import c` gives both a.b and a.b.c.
+    """
+
+    digest: str
+    imports: tuple[str, ...]
+
+
+def read_source(module: str, path: Path) -> Source:
+    """Read a module from its file.
+
+    Raises:
+        InputError: the file is not valid Python.
+    """
+    return _read_once(module, path, path.stat().st_mtime_ns)
+
+
+@cache
+def _read_once(module: str, path: Path, _mtime: int) -> Source:
+    try:
+        tree = ast.parse(path.read_text("utf-8"))
+    except (SyntaxError, ValueError) as error:  # ValueError: not a text
+        line, problem = getattr(error, "lineno", None) or 1, getattr(error, "msg", error)
+        raise InputError(f"{path}:{line}: not valid Python ({problem}); mend that line") from None
+    essence = _Essence(module, path, tree)
+    # Unparsed source, because ast.dump differs between Python versions and this mostly does not.
+    text = ast.unparse(ast.fix_missing_locations(essence.visit(tree)))
+    return Source(hashlib.sha256(text.encode()).hexdigest(), tuple(essence.imports))
+
+
+class _Essence(ast.NodeTransformer):
+    """Leaves out what the docstring of this file names, and notes what is imported.
+
+    Attributes:
+        imports: names that may be modules.
+    """
+
+    def __init__(self, module: str, path: Path, tree: ast.Module) -> None:
+        self.imports: list[str] = []
+        self._module, self._path = module, path
+        imported: dict[str, set[str]] = {_PROGRESS: set(), _INPUT_ERROR: set()}
+        bound: Counter[str] = Counter()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom):
+                for alias in node.names:
+                    imported.get(f"{self._base(node)}.{alias.name}", set()).add(alias.asname or alias.name)
+            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                bound[node.id] += 1
+            elif isinstance(node, ast.arg):
+                bound[node.arg] += 1
+        # A name that something else is called, too, is not taken for what it is elsewhere.
+        self._loggers = {name for node in tree.body for name in _loggers(node) if bound[name] == 1}
+        self._progress = {name for name in imported[_PROGRESS] if not bound[name]}
+        self._input_error = {name for name in imported[_INPUT_ERROR] if not bound[name]}
+
+    def _base(self, node: ast.ImportFrom) -> str:
+        return _absolute("." * node.level + (node.module or ""), self._module, self._path)
+
+    def generic_visit(self, node: ast.AST) -> ast.AST:
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            first = node.body[0] if node.body else None
+            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+                node.body = node.body[1:]
+        blocks = [name for name in ("body", "finalbody") if isinstance(getattr(node, name, None), list)]
+        filled = [name for name in blocks if getattr(node, name) or name == "body"]
+        super().generic_visit(node)
+        for name in filled:
+            if not getattr(node, name) and not isinstance(node, ast.Module):
+                setattr(node, name, [ast.Pass()])
+        return node
+
+    def visit_If(self, node: ast.If) -> ast.AST | list[ast.stmt]:
+        if getattr(node.test, "attr", getattr(node.test, "id", None)) != "TYPE_CHECKING":
+            return self.generic_visit(node)
+        node.body = []
+        self.generic_visit(node)
+        return node.orelse
+
+    def visit_Import(self, node: ast.Import) -> ast.AST | None:
+        node.names = [alias for alias in node.names if alias.name != "logging"]
+        self.imports += [alias.name for alias in node.names]
+        return node if node.names else None
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> ast.AST | None:
+        base = self._base(node)
+        node.names = [alias for alias in node.names if f"{base}.{alias.name}" not in NEUTRAL]
+        self.imports += [base, *(f"{base}.{alias.name}" for alias in node.names)] if node.names else []
+        return node if node.names else None
+
+    def visit_Assign(self, node: ast.Assign) -> ast.AST | None:
+        return None if _loggers(node) & self._loggers else self.generic_visit(node)
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
+        self.generic_visit(node)
+        call = node.value
+        if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute)):
+            return node
+        if not (isinstance(call.func.value, ast.Name) and call.func.value.id in self._loggers):
+            return node
+        if call.func.attr not in _LEVELS:
+            return node
+        if _is_plain(*call.args, *call.keywords):
+            return None
+        if isinstance(call.args[0], ast.Constant):
+            call.args[0] = ast.Constant("")
+        return node
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        self.generic_visit(node)
+        called = getattr(node.func, "attr", getattr(node.func, "id", None))
+        if called in _IMPORTING and node.args and isinstance(node.args[0], ast.Constant):
+            self.imports.append(str(node.args[0].value))
+        shown = isinstance(node.func, ast.Name) and called in self._progress and node.args
+        return node.args[0] if shown and _is_plain(*node.args[1:], *node.keywords) else node
+
+    def visit_Raise(self, node: ast.Raise) -> ast.AST:
+        error = node.exc
+        if isinstance(error, ast.Call) and getattr(error.func, "id", None) in self._input_error:
+            return ast.Raise(ast.Call(error.func, [], []), None)
+        return self.generic_visit(node)
+
+
+def _loggers(node: ast.AST) -> set[str]:
+    """Names to which a statement assigns a logger."""
+    if not (isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)):
+        return set()
+    if ast.unparse(node.value.func) not in {"logging.getLogger", "getLogger"}:
+        return set()
+    return {target.id for target in node.targets if isinstance(target, ast.Name)}
+
+
+def _is_plain(*values: ast.AST) -> bool:
+    """True if evaluating them changes nothing: they look things up, calculate and format."""
+    return all(
+        isinstance(node, _PLAIN_NODES)
+        or (isinstance(node, ast.Call) and getattr(node.func, "id", None) in _PLAIN_CALLS)
+        for value in values
+        for node in ast.walk(value)
+    )
+
+
+def _absolute(name: str, importer: str, path: Path) -> str:
+    if not name.startswith("."):
+        return name
+    level = len(name) - len(name.lstrip("."))
+    parts = importer.split(".")
+    base = parts[: len(parts) - level + (path.name == "__init__.py")]
+    return ".".join([*base, name.lstrip(".")]).rstrip(".")
