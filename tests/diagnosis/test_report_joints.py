@@ -46,8 +46,7 @@ from slapshot.diagnosis.verdict import (
     read_verdict,
     versioned,
 )
-from slapshot.figures import drawing
-from slapshot.figures.drawing import STAND_IN
+from slapshot.plotting import STAND_IN
 from slapshot.progress import Steps
 from slapshot.recordings.signal_measures import measure_all
 from slapshot.recordings.signal_quality import odd_signals, warnings_of
@@ -115,7 +114,7 @@ def made(tmp_path_factory):
         },
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(drawing._STYLE, "savefig.dpi", 50)  # pixels take longer than all the rest
+        patch.setitem(plotting._STYLE, "savefig.dpi", 50)  # pixels take longer than all the rest
         for name, recorded in {
             "friction": swings(FRICTION, 1),
             "nothing": swings(0.0, 2),
@@ -245,7 +244,7 @@ def test_a_part_that_fails_costs_nothing_else(made, tmp_path, monkeypatch):
 
     monkeypatch.setattr(outputs.error_figure, "draw", fail)
     monkeypatch.setattr(outputs, "write_augmented", fail)
-    monkeypatch.setitem(drawing._STYLE, "savefig.dpi", 30)
+    monkeypatch.setitem(plotting._STYLE, "savefig.dpi", 30)
     report = made["friction"]
     problems = write_outputs(report.diagnosis, report.verdict, report.recording, tmp_path)
     assert problems == tuple(

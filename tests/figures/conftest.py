@@ -3,7 +3,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
-from slapshot.figures.drawing import save, use_style
+from slapshot.plotting import save, use_style
 
 
 @pytest.fixture(autouse=True)

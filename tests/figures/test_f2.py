@@ -7,7 +7,7 @@ from matplotlib.patches import FancyBboxPatch
 from slapshot.adaptation.kalman import Kalman
 from slapshot.adaptation.method import Sizes
 from slapshot.figures import f2_method
-from slapshot.figures.drawing import save, use_style
+from slapshot.plotting import save, use_style
 
 SIZES = {"state": 2, "action": 3, "outcome": 2}
 KALMAN = {"latent": 16, "hidden": [128, 64], "drift": 1e-4}

@@ -6,7 +6,7 @@ import pytest
 from matplotlib.patches import Ellipse
 from slapshot.errors import InputError
 from slapshot.figures import f3_linear_regression
-from slapshot.figures.drawing import save, use_style
+from slapshot.plotting import save, use_style
 
 COUNTS = (0, 2, 10)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.figures import f9_latents
-from slapshot.figures.drawing import STAND_IN
 from slapshot.latent_space import fit_projection, read_latents
+from slapshot.plotting import STAND_IN
 
 METHODS = ["kalman", "lstm"]
 NAMED = {"low friction": 0.2, "medium friction": 0.5}

@@ -6,9 +6,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from slapshot.error_curves import draw_curves, summarise
 from slapshot.figures import f7_simulated, f8_recorded, randomisation_table
-from slapshot.figures.curves import draw_curves, summarise
-from slapshot.figures.drawing import STAND_IN, method_colour, method_line, method_name
+from slapshot.plotting import STAND_IN, method_colour, method_line, method_name
 
 METHODS = ("kalman", "lstm", "maml_1", "maml_8")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.figures import m1_training
-from slapshot.figures.drawing import method_colour, method_name
+from slapshot.plotting import method_colour, method_name
 
 PARAMETERS = {"kalman": 57_258, "maml_8": 50_563}
 STEPS = (0, 50, 100)

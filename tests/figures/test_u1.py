@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.figures import u1_coverage
-from slapshot.figures.drawing import STAND_IN
+from slapshot.plotting import STAND_IN
 
 LEVELS, SAMPLES, VARIANCES = (0.5, 0.975), (0, 2, 8), (0.0, 0.1, 0.5)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.figures import u2_innovations
-from slapshot.figures.drawing import STAND_IN
+from slapshot.plotting import STAND_IN
 
 SAMPLES, MODELS = range(5), 2
 CONFIG = {"domain": "hockey"}

@@ -295,7 +295,7 @@ def test_swapped_values_rerun_and_flipping_back_reruns_nothing(workspace):
         ("adaptation/train.py", {"train"}, set()),
         ("adaptation/intervals.py", {"calibrate", "predictions"}, set()),
         ("statistics.py", {"claim"}, {"F5", "F9"}),
-        ("figures/curves.py", set(), {"A1", "A2", "A4", "A5", "F3", "F4", "F7", "F8"}),
+        ("error_curves.py", set(), {"A1", "A2", "A4", "A5", "F3", "F4", "F7", "F8"}),
         ("rollouts/slide.py", {"rollouts", "policy"}, set()),
     ],
 )

@@ -10,7 +10,7 @@ from slapshot.blind_validation.case_table import FIRST, read_cases_table, write_
 from slapshot.blind_validation.figures import draw_all
 from slapshot.blind_validation.measures import measures_of
 from slapshot.blind_validation.page import write_page
-from slapshot.figures.drawing import save
+from slapshot.plotting import save
 
 
 def draw_proof(folder: Path, pages: Path, config: Mapping[str, Any]) -> None:

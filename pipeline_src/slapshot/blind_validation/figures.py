@@ -8,7 +8,7 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from slapshot.effects.catalogue import catalogue
-from slapshot.figures.drawing import OTHER_COLOURS, STAND_IN, Drawing, use_style
+from slapshot.plotting import OTHER_COLOURS, STAND_IN, Drawing, use_style
 
 NO_NAME, MISMATCH, UNKNOWN = "no name", "mismatch", "unknown"
 SIZES = (0.0, 0.1, 0.2, 0.35, 0.5, 0.75, 1.1, 2.5)  # edges of displacement over scatter

@@ -8,7 +8,7 @@ import pandas as pd
 from scipy.stats import kstest, kstwo
 
 from slapshot.calibration.aims import Aim, percent, share, write_page
-from slapshot.figures.drawing import METHOD_COLOURS, OTHER_COLOURS, STAND_IN, Drawing, save, use_style
+from slapshot.plotting import METHOD_COLOURS, OTHER_COLOURS, STAND_IN, Drawing, save, use_style
 
 NAME = "joint_nulls"
 POOLED = "all"

@@ -21,7 +21,7 @@ from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.rerun_recording import RECORDING_FILE, write_recording
 from slapshot.diagnosis.verdict import Verdict, write_verdict
 from slapshot.errors import InputError
-from slapshot.figures.drawing import save, use_style
+from slapshot.plotting import save, use_style
 from slapshot.recordings.signals import SignalRecording
 from slapshot.text import reason_of
 from slapshot.whole_file import write_whole

@@ -7,9 +7,9 @@ from typing import Any
 import matplotlib.pyplot as plt
 import pandas as pd
 
-from slapshot.figures.curves import summarise
-from slapshot.figures.drawing import OTHER_COLOURS, STAND_IN, Drawing
+from slapshot.error_curves import summarise
 from slapshot.parquet import read_frame
+from slapshot.plotting import OTHER_COLOURS, STAND_IN, Drawing
 
 ORACLE, INVERSE = "oracle", "inverse model"
 _LINES = ("-", "--", "-.", ":")

@@ -7,9 +7,9 @@ from typing import Any
 import matplotlib.pyplot as plt
 from matplotlib.ticker import MaxNLocator
 
-from slapshot.figures.curves import summarise
-from slapshot.figures.drawing import STAND_IN, Drawing
+from slapshot.error_curves import summarise
 from slapshot.parquet import read_frame
+from slapshot.plotting import STAND_IN, Drawing
 
 FEW = 8
 _ARMS = {

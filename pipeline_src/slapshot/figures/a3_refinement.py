@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from slapshot.figures.drawing import STAND_IN, Drawing
 from slapshot.parquet import read_frame
+from slapshot.plotting import STAND_IN, Drawing
 
 _TITLES = {
     "friction_x": "friction along x",

@@ -8,9 +8,9 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
 
-from slapshot.figures.curves import summarise
-from slapshot.figures.drawing import STAND_IN, Drawing, method_colour, method_line, method_name
+from slapshot.error_curves import summarise
 from slapshot.parquet import read_frame
+from slapshot.plotting import STAND_IN, Drawing, method_colour, method_line, method_name
 
 POLICY, PREDICTED = "policy", "predicted"
 

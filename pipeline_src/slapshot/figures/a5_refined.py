@@ -8,9 +8,9 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.ticker import MaxNLocator
 
-from slapshot.figures.curves import summarise
-from slapshot.figures.drawing import STAND_IN, Drawing
+from slapshot.error_curves import summarise
 from slapshot.parquet import read_frame
+from slapshot.plotting import STAND_IN, Drawing
 
 _ARMS = {
     "all ranges": ("#0072B2", "-", "trained on all ranges"),

@@ -10,8 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
-from slapshot.figures.drawing import METHOD_COLOURS, Drawing
 from slapshot.parquet import read_frame
+from slapshot.plotting import METHOD_COLOURS, Drawing
 from slapshot.scenes.scene import Scene
 
 BEFORE_COLOUR = "#8A8A8A"

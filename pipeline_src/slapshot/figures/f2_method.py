@@ -19,7 +19,7 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from slapshot.adaptation.kalman import Kalman
 from slapshot.adaptation.layers import StackedMLP
 from slapshot.adaptation.method import Sizes
-from slapshot.figures.drawing import Drawing
+from slapshot.plotting import Drawing
 
 # The paper's colours of the three parts: line and fill.
 MEASUREMENT, INTEGRATION, PREDICTION = "measurement", "integration", "prediction"

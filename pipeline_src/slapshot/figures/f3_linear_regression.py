@@ -12,10 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 from matplotlib.ticker import MaxNLocator
 
+from slapshot.error_curves import panel_title
 from slapshot.errors import InputError
-from slapshot.figures.curves import panel_title
-from slapshot.figures.drawing import METHOD_COLOURS, OTHER_COLOURS, Drawing
 from slapshot.parquet import read_frame
+from slapshot.plotting import METHOD_COLOURS, OTHER_COLOURS, Drawing
 
 _KALMAN, _TRUE = METHOD_COLOURS["kalman"], OTHER_COLOURS[0]
 _PRIOR = "#9A9A9A"

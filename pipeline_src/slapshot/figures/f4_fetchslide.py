@@ -9,9 +9,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from slapshot.figures.curves import panel_title, summarise
-from slapshot.figures.drawing import FRICTIONS, Drawing, method_line, method_name
+from slapshot.error_curves import panel_title, summarise
 from slapshot.parquet import read_frame
+from slapshot.plotting import FRICTIONS, Drawing, method_line, method_name
 
 # A colour a condition, a line a method: each panel holds all of them, as in the paper.
 _COLOURS = ("#56B4E9", "#009E73", "#D55E00")

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from slapshot.figures.drawing import FRICTIONS, Drawing, method_name
 from slapshot.latent_space import fit_projection, read_latents
+from slapshot.plotting import FRICTIONS, Drawing, method_name
 
 MODEL = 0  # axes of different models are not comparable: one is shown
 _COLOURS = ("#56B4E9", "#009E73", "#D55E00")

@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from slapshot.figures.drawing import OTHER_COLOURS, STAND_IN, Drawing
+from slapshot.plotting import OTHER_COLOURS, STAND_IN, Drawing
 from slapshot.recordings.read import read_recording
 from slapshot.scenes.hockey import demonstrate
 from slapshot.scenes.hockey.demonstrations import CONTACT_AT

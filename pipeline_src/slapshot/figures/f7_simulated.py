@@ -8,9 +8,9 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import SubFigure
 
-from slapshot.figures.curves import draw_curves, panel_title, summarise
-from slapshot.figures.drawing import FRICTIONS, Drawing
+from slapshot.error_curves import draw_curves, panel_title, summarise
 from slapshot.parquet import read_frame
+from slapshot.plotting import FRICTIONS, Drawing
 
 LOW_SAMPLES = 12
 _SHADED = ("kalman", "lstm")  # five bands on top of each other would hide one another

@@ -7,9 +7,9 @@ from typing import Any
 import matplotlib.pyplot as plt
 import pandas as pd
 
-from slapshot.figures.curves import draw_curves, panel_title, summarise
-from slapshot.figures.drawing import STAND_IN, Drawing
+from slapshot.error_curves import draw_curves, panel_title, summarise
 from slapshot.parquet import read_frame
+from slapshot.plotting import STAND_IN, Drawing
 
 FEW = 12
 

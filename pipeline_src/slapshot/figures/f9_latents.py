@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from slapshot.figures.drawing import STAND_IN, Drawing, method_name
 from slapshot.latent_space import at_samples, fit_projection, read_latents
+from slapshot.plotting import STAND_IN, Drawing, method_name
 
 SAMPLES = 20
 MODEL = 0  # axes of different models are not comparable: one is shown

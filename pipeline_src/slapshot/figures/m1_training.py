@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import pandas as pd
 
-from slapshot.figures.drawing import Drawing, method_colour, method_line, method_name
+from slapshot.plotting import Drawing, method_colour, method_line, method_name
 
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.transforms import Bbox
 
-from slapshot.figures.drawing import Drawing
+from slapshot.plotting import Drawing
 from slapshot.scenes.randomisation import CONDITION_PARAMETERS, START_ERROR
 
 _SYMBOLS = {"friction_x": r"\mu_x", "friction_y": r"\mu_y"}

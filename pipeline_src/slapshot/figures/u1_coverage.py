@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from slapshot.figures.drawing import METHOD_COLOURS, STAND_IN, Drawing
 from slapshot.parquet import read_frame
+from slapshot.plotting import METHOD_COLOURS, STAND_IN, Drawing
 
 _KINDS = {"raw": "#8A8A8A", "calibrated": METHOD_COLOURS["kalman"]}
 _NOISE_COLOURS = ("#56B4E9", "#E69F00", "#D55E00", "#CC79A7")

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from slapshot.figures.drawing import METHOD_COLOURS, STAND_IN, Drawing
 from slapshot.parquet import read_frame
+from slapshot.plotting import METHOD_COLOURS, STAND_IN, Drawing
 
 _SIMULATED, _RECORDED = "#8A8A8A", METHOD_COLOURS["kalman"]
 QUANTILE = 0.95

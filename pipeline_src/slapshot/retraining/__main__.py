@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from slapshot.command import Run, stage_command
-from slapshot.figures.drawing import STAND_IN, save, use_style
 from slapshot.latent_space import read_latents
 from slapshot.parquet import read_frame
+from slapshot.plotting import STAND_IN, save, use_style
 from slapshot.recordings.read import read_recording
 from slapshot.recordings.sources import recording_folders
 from slapshot.retraining import ARMS

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from slapshot.figures.curves import panel_title, summarise
-from slapshot.figures.drawing import STAND_IN, Drawing
+from slapshot.error_curves import panel_title, summarise
 from slapshot.latent_space import at_samples, fit_projection
+from slapshot.plotting import STAND_IN, Drawing
 from slapshot.retraining import ARMS
 
 COLOURS = {"nominal": "#7F7F7F", "refitted": "#D55E00", "augmented": "#0072B2"}

@@ -14,7 +14,6 @@ from slapshot.diagnosis.pucks.report.outcome import Outcome
 from slapshot.diagnosis.pucks.report.sentences import VERDICT_TEXT
 from slapshot.diagnosis.pucks.result import Diagnosis, Setting
 from slapshot.effects.catalogue import catalogue
-from slapshot.figures import drawing
 
 from .synthetic import CAMERA, RADIUS, recording
 
@@ -29,7 +28,7 @@ class Made(NamedTuple):
 
     diagnosis: Diagnosis
     outcome: Outcome | None
-    drawings: dict[str, drawing.Drawing]
+    drawings: dict[str, plotting.Drawing]
     folder: Path
 
     @property
@@ -56,7 +55,7 @@ def reports(tmp_path_factory):
     }
     made = {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(drawing._STYLE, "savefig.dpi", 50)  # pixels take longer than all the rest
+        patch.setitem(plotting._STYLE, "savefig.dpi", 50)  # pixels take longer than all the rest
         for name, recorded_hits in recorded.items():
             diagnosis = diagnose(recorded_hits, setting, effects=known)
             folder, kept = tmp_path_factory.mktemp("report"), {}
@@ -70,7 +69,7 @@ def keeping(kept):
     """`save`, which keeps what it saves."""
 
     def save(shown, folder):
-        drawing.save(shown, folder)
+        plotting.save(shown, folder)
         kept[shown.name] = shown
 
     return save

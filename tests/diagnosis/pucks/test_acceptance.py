@@ -13,7 +13,6 @@ from slapshot import cli
 from slapshot.command import Run
 from slapshot.config import load_config, merge
 from slapshot.effects.catalogue import catalogue
-from slapshot.figures import drawing
 from slapshot.lab.__main__ import record
 from slapshot.lab.commands import Pool
 from slapshot.trajectories import demonstrations
@@ -83,7 +82,7 @@ def slapshot(monkeypatch, capsys):
 
     def run(*arguments):
         monkeypatch.chdir(ROOT)
-        monkeypatch.setitem(drawing._STYLE, "savefig.dpi", 50)  # pixels take longer than all the rest
+        monkeypatch.setitem(plotting._STYLE, "savefig.dpi", 50)  # pixels take longer than all the rest
         monkeypatch.setattr(sys, "argv", ["slapshot", *map(str, arguments)])
         with pytest.raises(SystemExit) as caught:
             cli.main()

@@ -12,7 +12,7 @@ from slapshot.diagnosis.pucks.verdict import Location, Mismatch, NextHit, Parame
 from slapshot.diagnosis.pucks.verdict_file import VERDICT_FILE, VerdictFile
 from slapshot.effects.catalogue import catalogue
 from slapshot.errors import InputError
-from slapshot.figures.drawing import STAND_IN
+from slapshot.plotting import STAND_IN
 
 from .conftest import VERSIONS
 

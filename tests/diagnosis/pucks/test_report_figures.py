@@ -31,8 +31,7 @@ from slapshot.diagnosis.pucks.search import Candidate, Screen
 from slapshot.diagnosis.pucks.verdict import Location
 from slapshot.diagnosis.pucks.verdict_file import VERDICT_FILE
 from slapshot.effects.effect import GRAVITY
-from slapshot.figures import drawing
-from slapshot.figures.drawing import STAND_IN
+from slapshot.plotting import STAND_IN
 from slapshot.viewer.names import TIME
 from waiting import HANG_S
 
@@ -146,7 +145,7 @@ def test_launches_have_their_part_of_the_figures(tilt):
         launch_level=Level(search, None, found, screen, screen, None),
         verdict=replace(tilt.verdict, location=Location("contact", "command", "20 mm"), effects=(yaw,)),
     )
-    drawing.use_style()
+    plotting.use_style()
     bins = location_map.draw(outcome).table
     bins = bins[bins["panel"] == "b"].set_index(["scene", "side"])
     assert set(bins["unit"]) == {"m/s"}

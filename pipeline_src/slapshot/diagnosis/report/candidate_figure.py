@@ -11,7 +11,7 @@ from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.style import AUGMENTED, FREE_FORM, mark_stand_in
 from slapshot.diagnosis.search import CLASS_NATS, Step
 from slapshot.effects.joints.effect import JointEffect
-from slapshot.figures.drawing import Drawing
+from slapshot.plotting import Drawing
 
 NAME = "J4-candidates"
 CAPTION = (

@@ -10,7 +10,7 @@ from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.style import MODEL_COLOURS, mark_stand_in
 from slapshot.diagnosis.report.wording import error_unit, shown_models
 from slapshot.diagnosis.verdict import Verdict
-from slapshot.figures.drawing import Drawing
+from slapshot.plotting import Drawing
 
 NAME = "J3-errors"
 CAPTION = (

@@ -25,7 +25,7 @@ from slapshot.diagnosis.report.wording import (
 )
 from slapshot.diagnosis.search import P_VALUE
 from slapshot.diagnosis.verdict import Errors, NamedEffect, Verdict
-from slapshot.figures.drawing import STAND_IN
+from slapshot.plotting import STAND_IN
 
 VERDICT_TEXT = "verdict.md"
 AUGMENTED = "augmented"

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.style import MODEL_COLOURS, NOISE, RECORDED, Z90, mark_stand_in
 from slapshot.diagnosis.report.wording import MODELS, plain, scaled
-from slapshot.figures.drawing import Drawing
+from slapshot.plotting import Drawing
 
 NAME = "J1-predictions"
 CAPTION = (

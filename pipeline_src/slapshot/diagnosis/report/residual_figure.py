@@ -11,7 +11,7 @@ from slapshot.diagnosis.report.outcome import Coordinate, Outcome, coordinates
 from slapshot.diagnosis.report.residuals import Missing, by_variable, made_up, missing, variables
 from slapshot.diagnosis.report.style import AUGMENTED, MODEL_COLOURS, mark_stand_in
 from slapshot.diagnosis.report.wording import MODELS, quantity, scaled
-from slapshot.figures.drawing import Drawing
+from slapshot.plotting import Drawing
 
 NAME = "J2-residuals"
 CAPTION = (

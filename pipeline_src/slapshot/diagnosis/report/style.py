@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 
 from slapshot.diagnosis.verdict import Verdict
-from slapshot.figures.drawing import METHOD_COLOURS, OTHER_COLOURS, STAND_IN
+from slapshot.plotting import METHOD_COLOURS, OTHER_COLOURS, STAND_IN
 
 RECORDED = "#D55E00"
 NOMINAL = "#7A7A7A"

@@ -16,7 +16,7 @@ from slapshot.diagnosis.report.wording import (
 )
 from slapshot.diagnosis.search import P_VALUE
 from slapshot.diagnosis.verdict import Verdict
-from slapshot.figures.drawing import STAND_IN
+from slapshot.plotting import STAND_IN
 from slapshot.text import printable
 
 _WIDTH = 108

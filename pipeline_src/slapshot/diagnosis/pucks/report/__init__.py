@@ -24,7 +24,7 @@ from slapshot.diagnosis.pucks.report.terminal import terminal_text
 from slapshot.diagnosis.pucks.result import Diagnosis
 from slapshot.diagnosis.pucks.verdict import Verdict
 from slapshot.diagnosis.pucks.verdict_file import read_verdict, write_verdict
-from slapshot.figures.drawing import save, use_style
+from slapshot.plotting import save, use_style
 from slapshot.text import reason_of
 from slapshot.whole_file import write_whole
 

@@ -11,7 +11,7 @@ from slapshot.diagnosis.pucks.report.outcome import Outcome, RestOutcome
 from slapshot.diagnosis.pucks.report.sentences import scenes
 from slapshot.diagnosis.pucks.report.style import AUGMENTED, BELIEVED, NOMINAL, mark_stand_in
 from slapshot.diagnosis.pucks.verdict import Verdict
-from slapshot.figures.drawing import Drawing
+from slapshot.plotting import Drawing
 
 NAME = "D4-errors"
 CAPTION = (

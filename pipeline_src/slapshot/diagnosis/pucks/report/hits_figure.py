@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from slapshot.diagnosis.pucks.report.style import NOTHING, mark_stand_in
 from slapshot.diagnosis.pucks.result import Diagnosis
-from slapshot.figures.drawing import Drawing
+from slapshot.plotting import Drawing
 from slapshot.recordings.track_features import hit_tracks
 
 NAME = "D1-hits"

@@ -22,7 +22,7 @@ from slapshot.diagnosis.pucks.report.by_variable import (
 )
 from slapshot.diagnosis.pucks.report.outcome import Outcome
 from slapshot.diagnosis.pucks.report.style import NOTHING, PUSH, mark_stand_in
-from slapshot.figures.drawing import Drawing
+from slapshot.plotting import Drawing
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from slapshot.diagnosis.pucks.report.outcome import Outcome, RestOutcome
 from slapshot.diagnosis.pucks.report.style import AUGMENTED, mark_stand_in
 from slapshot.diagnosis.pucks.report.wording import title
 from slapshot.diagnosis.pucks.search import CLASS
-from slapshot.figures.drawing import OTHER_COLOURS, Drawing
+from slapshot.plotting import OTHER_COLOURS, Drawing
 
 NAME = "D2-ranking"
 CAPTION = (

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from slapshot.diagnosis.pucks.report.outcome import RestOutcome
 from slapshot.diagnosis.pucks.report.style import AUGMENTED, NOMINAL, RECORDED, mark_stand_in
-from slapshot.figures.drawing import Drawing
+from slapshot.plotting import Drawing
 
 NAME = "D1-rests"
 CAPTION = (

@@ -12,7 +12,7 @@ from slapshot.diagnosis.pucks.report.wording import table
 from slapshot.diagnosis.pucks.search import ADD
 from slapshot.diagnosis.pucks.verdict import Errors, Interval, NamedEffect, Verdict
 from slapshot.effects.catalogue import catalogue
-from slapshot.figures.drawing import STAND_IN
+from slapshot.plotting import STAND_IN
 
 VERDICT_TEXT = "verdict.md"
 

@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 
 from slapshot.diagnosis.pucks.verdict import Verdict
-from slapshot.figures.drawing import METHOD_COLOURS, STAND_IN
+from slapshot.plotting import METHOD_COLOURS, STAND_IN
 
 RECORDED = "#D55E00"
 BELIEVED = "#A6761D"

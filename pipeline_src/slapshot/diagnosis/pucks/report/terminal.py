@@ -13,7 +13,7 @@ from slapshot.diagnosis.pucks.report.sentences import (
     scenes,
 )
 from slapshot.diagnosis.pucks.verdict import Verdict
-from slapshot.figures.drawing import STAND_IN
+from slapshot.plotting import STAND_IN
 from slapshot.text import printable
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from slapshot.diagnosis.pucks.report.outcome import Outcome
 from slapshot.diagnosis.pucks.report.predictions import Predicted
 from slapshot.diagnosis.pucks.report.style import AUGMENTED, NOMINAL, RECORDED, mark_stand_in
-from slapshot.figures.drawing import Drawing
+from slapshot.plotting import Drawing
 
 Array = NDArray[np.float64]
 

@@ -1,10 +1,9 @@
-"""The face that all figures share, how they look, and how they are written."""
+"""Style of all figures, colours of methods, and how figures are written."""
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -69,13 +68,6 @@ class Drawing:
     name: str
     figure: Figure
     table: pd.DataFrame
-
-
-class FigureModule(Protocol):
-    """A module of this package that draws one figure."""
-
-    def draw(self, inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
-        """Draw from upstream version folders (role -> folder) and the configuration shown."""
 
 
 def use_style() -> None:

@@ -4,7 +4,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from slapshot.figures.drawing import method_colour, method_line, method_name
+from slapshot.plotting import method_colour, method_line, method_name
 
 
 def summarise(errors: pd.DataFrame, by: list[str], unit: str = "model") -> pd.DataFrame:
