@@ -523,8 +523,8 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
         ("scene.domain", "", r"domains\.hockey\.scene\.domain: no domain '': no module"),
         (
             "scene.domain",
-            "../scenes/hockey",
-            r"domains\.hockey\.scene\.domain: no domain '\.\./scenes/hockey': no",
+            "../domains/hockey",
+            r"domains\.hockey\.scene\.domain: no domain '\.\./domains/hockey': no",
         ),
         (
             "recordings.own.path",

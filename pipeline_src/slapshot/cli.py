@@ -162,10 +162,14 @@ def _seed(text: str) -> int:
 
 def _browse(args: argparse.Namespace) -> int:
     try:  # here, because everything else works without Rerun
-        from slapshot.viewer.browse import browse
+        from slapshot.viewer.browse import browse, show
     except ModuleNotFoundError as error:
         raise InputError(f"browse needs {error.name}, which is not installed: run `make setup`") from None
-    return browse(args.config, args.store, args.hit, args.port)
+    if args.hit and Path(args.hit).is_file():
+        return show(Path(args.hit))
+    recipes = load_plan(args.config).of_stage("viewer").values()
+    option = f" --configfile {args.config}" if args.config else ""
+    return browse(recipes, f"snakemake recordings{option}", Store(args.store), args.hit, args.port)
 
 
 def _check(args: argparse.Namespace) -> int:

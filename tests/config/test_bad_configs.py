@@ -156,7 +156,7 @@ def test_whatever_the_models_bound_is_refused_beyond(block):
         ("name", "tiny\n", "", "is not allowed; use letters"),
         (".methods.lstm_2\n", {}, "", "unknown key 'lstm_2.n'; write 'lstm'"),
         (".scene.domain", "table", "", "nothing strikes the box of a 'table'; name hockey"),
-        (".scene.domain", "../scenes/hockey", "", "is not allowed; use what matches"),
+        (".scene.domain", "../domains/hockey", "", "is not allowed; use what matches"),
     ],
 )  # fmt: skip
 def test_values_that_contradict_each_other_are_told_with_their_place(path, value, told, problem):

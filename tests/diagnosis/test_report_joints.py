@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from rerun.chunk import RrdReader
+from slapshot import plotting
 from slapshot.diagnosis import outputs
 from slapshot.diagnosis.diagnose import Diagnosis, diagnose
 from slapshot.diagnosis.outputs import write_outputs

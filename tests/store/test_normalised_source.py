@@ -235,5 +235,5 @@ def test_libraries_are_those_that_the_code_imports():
     for stage in ("verdict", "diagnosis", "findings"):
         assert {"mujoco", "numba", "numpy", "scipy"} <= imported_libraries(STAGES[stage].module)
     assert imported_libraries("slapshot.store.lock", "slapshot.progress") == set()
-    assert imported_libraries("slapshot.scenes.fetchslide") >= {"gymnasium-robotics", "mujoco"}
+    assert imported_libraries("slapshot.domains.fetchslide") >= {"gymnasium-robotics", "mujoco"}
     assert "torch" not in imported_libraries(STAGES["coverage"].module)

@@ -4,9 +4,9 @@ import pyarrow.parquet as pq
 import pytest
 import torch
 from slapshot.command import Run
+from slapshot.domains.hockey.demonstrations import CONTACT_AT, blade_travel
 from slapshot.errors import InputError
 from slapshot.scenes.domain import load_domain
-from slapshot.scenes.hockey.demonstrations import CONTACT_AT, blade_travel
 from slapshot.trajectories import demonstrations
 from slapshot.trajectories.execution import TORQUE_SHARE, execute, striker_gap
 from slapshot.trajectories.motion import Motion

@@ -10,8 +10,15 @@ from pydantic import Field, field_validator
 
 from slapshot.case_list import JOIN, concealed_of, concealed_text, number, read_list, write_list
 from slapshot.config.lab import ConcealedKind, Keep
+from slapshot.config.layers import merge
 from slapshot.config.values import Name, Share
 from slapshot.validation import Model, validated
+
+
+def lab_settings(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Block `lab` of all cases: that of the recordings that they are like, altered by `cases.lab`."""
+    cases = config["cases"]
+    return merge(config["domains"][cases["domain"]]["recordings"][cases["like"]]["lab"], cases["lab"])
 
 
 @dataclass(frozen=True)

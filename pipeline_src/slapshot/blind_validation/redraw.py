@@ -8,9 +8,9 @@ import argparse
 import sys
 from pathlib import Path
 
+from slapshot.blind_validation.cases import lab_settings
 from slapshot.blind_validation.draw import draw_proof
 from slapshot.config import load_config
-from slapshot.dag import make_plan
 from slapshot.errors import InputError, writing
 
 
@@ -25,9 +25,10 @@ def redraw(folder: Path, pages: Path, which: str) -> None:
     Raises:
         InputError: the table is missing or lacks a column, or a folder cannot be written.
     """
-    config = make_plan(load_config()).recipes[f"score/{which}"].config
+    config = load_config()
+    shown = {"list": which, "pool": config["cases"]["pool"], "lab": lab_settings(config)}
     with writing(folder):
-        draw_proof(folder, pages, config)
+        draw_proof(folder, pages, shown)
 
 
 def main() -> None:

@@ -14,8 +14,8 @@ from slapshot.config.values import (
     Point,
     Text,
 )
-from slapshot.scenes.fetchslide import settings as fetchslide
-from slapshot.scenes.hockey import settings as hockey
+from slapshot.domains.fetchslide import settings as fetchslide
+from slapshot.domains.hockey import settings as hockey
 from slapshot.scenes.randomisation import CONDITION_PARAMETERS
 from slapshot.scenes.settings import SceneSettings, Timestep
 from slapshot.validation import Model, ProblemAtError

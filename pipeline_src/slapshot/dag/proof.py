@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from slapshot.blind_validation.cases import Case, read_cases
-from slapshot.config.layers import merge
+from slapshot.blind_validation.cases import Case, lab_settings, read_cases
 from slapshot.dag.diagnosis import SEED, nominal_settings
 from slapshot.dag.recipes import Plan
 from slapshot.dag.simulation import stand_ins
@@ -33,7 +32,7 @@ def add_proof(plan: Plan, config: Mapping[str, Any]) -> None:
         {"scene": f"scene/{name}"},
         modules=[module, part_module(domain["scene"]["domain"], "safety")],
     )
-    lab = merge(domain["recordings"][cases["like"]]["lab"], cases["lab"])
+    lab = lab_settings(config)
     plan.add(
         f"signatures/{name}/pool",
         "signatures",

@@ -14,11 +14,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from slapshot.domains.hockey import demonstrate
+from slapshot.domains.hockey.demonstrations import CONTACT_AT
+from slapshot.domains.hockey.model import PUCKS
 from slapshot.plotting import OTHER_COLOURS, STAND_IN, Drawing
 from slapshot.recordings.read import read_recording
-from slapshot.scenes.hockey import demonstrate
-from slapshot.scenes.hockey.demonstrations import CONTACT_AT
-from slapshot.scenes.hockey.model import PUCKS
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 

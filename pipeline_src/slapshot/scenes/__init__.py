@@ -1,1 +1,1 @@
-"""Scenes: MuJoCo models of rigs, what is randomised in them, and the demonstrations they allow."""
+"""Scenes: what a MuJoCo model of a rig is to later stages, what is randomised in it, domains by name."""

@@ -33,7 +33,7 @@ PARTS = {
 
 
 class Domain(Protocol):
-    """A module with these functions, for example slapshot.scenes.hockey.
+    """A module with these functions, for example slapshot.domains.hockey.
 
     It may hold a class `SceneSettings` as well, the model of its block `scene`, which is then checked.
     """
@@ -52,7 +52,7 @@ class Domain(Protocol):
 
 def domain_module(name: str) -> str:
     """Dotted name of a domain's module: built in, or one's own when it has a dot in it."""
-    return name if "." in name else f"slapshot.scenes.{name}"
+    return name if "." in name else f"slapshot.domains.{name}"
 
 
 def is_built_in(name: str) -> bool:
@@ -73,7 +73,7 @@ def find_domain(name: str) -> Path:
         source = None
     if source is None:
         raise ValueError(
-            f"no domain {name!r}: no module {module}; use the name of a folder of slapshot.scenes, or the "
+            f"no domain {name!r}: no module {module}; use the name of a folder of slapshot.domains, or the "
             "dotted name of a module that can be imported"
         )
     functions = [function for function in vars(Domain) if function[0] != "_"]
@@ -113,7 +113,7 @@ def load_domain(name: str, where: str = "scene.domain") -> Domain:
     """Import a domain; one of a user's own is announced first, because its code runs.
 
     Args:
-        name: of a folder of slapshot.scenes, or dotted name of a module.
+        name: of a folder of slapshot.domains, or dotted name of a module.
         where: file and key that name it.
 
     Raises:
@@ -125,7 +125,7 @@ def load_domain(name: str, where: str = "scene.domain") -> Domain:
         source = None
     if source is None or ("." not in name and source.name != "__init__.py"):
         raise InputError(
-            f"{where}: no domain {name!r}; use a folder of slapshot.scenes, or the dotted name "
+            f"{where}: no domain {name!r}; use a folder of slapshot.domains, or the dotted name "
             "of a module of your own that can be imported"
         )
     module = import_module(domain_module(name)) if is_built_in(name) else import_own(name, where)

@@ -37,5 +37,5 @@ class SceneSettings(Model):
     domain: str = Field(
         pattern=MODULE,
         max_length=200,
-        description="folder of slapshot.scenes, or dotted name of a module of one's own",
+        description="folder of slapshot.domains, or dotted name of a module of one's own",
     )

@@ -3,26 +3,27 @@
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from threading import Event
 from urllib.parse import urlsplit
 
-from slapshot.dag import load_plan
 from slapshot.errors import InputError
 from slapshot.store.folder import Store
+from slapshot.store.recipe import Recipe
 from slapshot.viewer.gallery import HOST, serve
 from slapshot.viewer.names import HITS_FOLDER, LAYOUT_FILE, SCENE_FILE, read_index
 
 
-def browse(config: Path | None, store: Path, hit: str | None, port: int) -> int:
-    """Open the gallery of a configuration's hits (the default one's if None), or only `hit`.
+def browse(recipes: Iterable[Recipe], make: str, store: Store, hit: str | None, port: int) -> int:
+    """Open the gallery of a configuration's hits, or only `hit`.
 
     Args:
-        config: configuration file.
-        store: folder of versions.
-        hit: a file, or part of the name of a hit.
+        recipes: of the stage `viewer`, one a domain.
+        make: command that makes their versions, for the message where there are none.
+        store: of versions.
+        hit: part of the name of a hit.
         port: of the gallery; 0 for any that is free.
 
     Returns:
@@ -31,11 +32,9 @@ def browse(config: Path | None, store: Path, hit: str | None, port: int) -> int:
     Raises:
         InputError: the version is not made yet, or no hit is called so.
     """
-    if hit and Path(hit).is_file():
-        return _show(hit_arguments(Path(hit)))
-    folders = find_folders(store, config)
+    folders = find_folders(recipes, make, store)
     if hit:
-        return _show(hit_arguments(find_hit(folders, hit)))
+        return show(find_hit(folders, hit))
     with serve(folders, port) as address, suppress(KeyboardInterrupt):
         print(f"gallery: {address}", flush=True)
         if has_display():
@@ -50,22 +49,25 @@ def browse(config: Path | None, store: Path, hit: str | None, port: int) -> int:
     return 0
 
 
-def find_folders(store: Path, config: Path | None) -> dict[str, Path]:
-    """Domain -> folder of its version of the stage `viewer`, of all domains whose hits are made.
+def show(file: Path) -> int:
+    """One hit alone; returns the exit code."""
+    return _show(hit_arguments(file))
+
+
+def find_folders(recipes: Iterable[Recipe], make: str, store: Store) -> dict[str, Path]:
+    """Domain -> folder of its version, of all domains whose hits are made (see `browse`).
 
     Raises:
         InputError: none is.
     """
-    option = f" --configfile {config}" if config else ""
-    recipes = load_plan(config).of_stage("viewer").values()
-    made = {r.config["domain"]: r for r in recipes if Store(store).is_whole(r.stage, r.id)}
+    wanted = list(recipes)
+    made = {r.config["domain"]: store.folder(r.stage, r.id) for r in wanted if store.is_whole(r.stage, r.id)}
     if not made:
-        missing = " and ".join(f"{recipe.stage}/{recipe.id}" for recipe in recipes)
+        missing = " and ".join(f"{recipe.stage}/{recipe.id}" for recipe in wanted)
         raise InputError(
-            f"browse: there are no hits to see yet (no {missing} in {store}): "
-            f"run `snakemake recordings{option}` first"
+            f"browse: there are no hits to see yet (no {missing} in {store.root}): run `{make}` first"
         )
-    return {domain: Store(store).folder(r.stage, r.id) for domain, r in made.items()}
+    return made
 
 
 def find_hit(folders: Mapping[str, Path], part: str) -> Path:

@@ -120,7 +120,19 @@ def _text(good: Mapping[str, Any], **changes: Any) -> str:
 def _by_hand() -> Iterator[Bad]:
     """What a person gets wrong, and what a stranger tries."""
     for name in (
-        *("Table", "tables", "table ", " ", "-rf", "../table", "scenes/table", "table.py", ".", "..", "a..b"),
+        *(
+            "Table",
+            "tables",
+            "table ",
+            " ",
+            "-rf",
+            "../table",
+            "domains/table",
+            "table.py",
+            ".",
+            "..",
+            "a..b",
+        ),
         *("domain", "scene", "settings", "striker", "randomisation", "__main__", "__init__", "slapshot"),
         *(
             "os.path",

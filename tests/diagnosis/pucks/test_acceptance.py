@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from slapshot import cli
+from slapshot import cli, plotting
 from slapshot.command import Run
 from slapshot.config import load_config, merge
 from slapshot.effects.catalogue import catalogue

@@ -13,6 +13,7 @@ from matplotlib.collections import PathCollection
 from matplotlib.container import ErrorbarContainer
 from matplotlib.quiver import Quiver
 from rerun.chunk import RrdReader
+from slapshot import plotting
 from slapshot.diagnosis.pucks.held_out import FittedScene, predict_held_out
 from slapshot.diagnosis.pucks.level import Level
 from slapshot.diagnosis.pucks.report import (

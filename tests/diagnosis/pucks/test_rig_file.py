@@ -118,7 +118,7 @@ def test_a_bad_rig_file_is_refused_in_one_line_that_names_the_key(rig_file, bad)
         (
             "domain: table",
             "domain: nowhere",
-            "2: scene.domain: no domain 'nowhere'; use a folder of slapshot.scenes, or the dotted name of "
+            "2: scene.domain: no domain 'nowhere'; use a folder of slapshot.domains, or the dotted name of "
             "a module of your own that can be imported",
         ),
     ],
@@ -263,12 +263,12 @@ def test_an_effect_that_never_works_is_dropped_with_a_note(own, statement, reaso
         ("def build_scene(settings):\n    return 3\n", "scene: cannot be built ('int' object has no"),
         ("def build_scene():\n    return 3\n", "scene: cannot be built (build_scene() takes 0"),
         (
-            "import dataclasses\nfrom slapshot.scenes.table.model import build_scene as table\n\n\n"
+            "import dataclasses\nfrom slapshot.domains.table.model import build_scene as table\n\n\n"
             "def build_scene(settings):\n    return dataclasses.replace(table(settings), xml='<mujoco>')\n",
             "scene: cannot be built (XML parse error",
         ),
         (
-            "from slapshot.scenes.table.settings import TableScene as SceneSettings\nbuild_scene = print\n",
+            "from slapshot.domains.table.settings import TableScene as SceneSettings\nbuild_scene = print\n",
             "scene: key 'table_m' is missing",
         ),
     ],

@@ -5,11 +5,11 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from slapshot.domains.fetchslide.reference import make_environment
 from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.noise import NOISE_SD, read_clean
 from slapshot.lab.joints.rig_simulator import RigSimulator
 from slapshot.lab.joints.rigs import rig_named
-from slapshot.scenes.fetchslide.reference import make_environment
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.domains.fetchslide.model import FINGER_JOINTS, GRIPPER, STEP
 from slapshot.lab.joints.execution import Execution
-from slapshot.scenes.fetchslide.model import FINGER_JOINTS, GRIPPER, STEP
 
 Array = NDArray[np.float64]
 
@@ -69,8 +69,8 @@ class GripperExecution(Execution):
 @cache
 def reset_state() -> dict[str, tuple[float, float]]:
     """Joint -> position (rad, m) and velocity after the environment's reset."""
-    from slapshot.scenes.fetchslide import build_scene
-    from slapshot.scenes.fetchslide.gripper import prepare
+    from slapshot.domains.fetchslide import build_scene
+    from slapshot.domains.fetchslide.gripper import prepare
 
     model = build_scene({}).compile()
     positions, velocities = prepare(model)

@@ -48,7 +48,7 @@ def _arm() -> Rig:
 
 def _kuka() -> Rig:
     """The hockey scene without what the arm does not need to move."""
-    from slapshot.scenes.hockey import build_scene  # takes a second to import
+    from slapshot.domains.hockey import build_scene  # takes a second to import
 
     spec = mujoco.MjSpec.from_string(build_scene(_HOCKEY).xml)
     for part in (*spec.pairs, *spec.cameras, *spec.lights, *spec.textures):
@@ -79,9 +79,9 @@ def _fetchslide_arm() -> Rig:
     head) stands in the model's keyframe. The environment sets the weld of gripper and mocap body when it
     begins, as is done here; its step is Euler's with 2 ms, both here and in the lab.
     """
+    from slapshot.domains.fetchslide import build_scene
+    from slapshot.domains.fetchslide.model import GRIPPER
     from slapshot.lab.joints.gripper import reset_state
-    from slapshot.scenes.fetchslide import build_scene
-    from slapshot.scenes.fetchslide.model import GRIPPER
 
     scene = build_scene({})
     included = {name: text for name, text in scene.assets.items() if name.endswith(".xml")}

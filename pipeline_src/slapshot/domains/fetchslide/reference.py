@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.domains.fetchslide.model import OBJECT, OBJECT_JOINT, TABLE
 from slapshot.rollouts.hits import Hits
-from slapshot.scenes.fetchslide.model import OBJECT, OBJECT_JOINT, TABLE
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from dm_control import mjcf
 
-from slapshot.scenes.hockey.settings import PuckName
+from slapshot.domains.hockey.settings import PuckName
 from slapshot.scenes.scene import Scene, SceneInfo
 
 ARM_XML = Path(__file__).with_name("kuka_lbr4plus.xml")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.scenes.hockey.settings import HockeyScene as SceneSettings
+from slapshot.domains.hockey.settings import HockeyScene as SceneSettings
 
 if TYPE_CHECKING:
     from slapshot.scenes.scene import Scene
@@ -19,14 +19,14 @@ __all__ = ["SceneSettings", "build_scene", "demonstrate", "draw_task"]
 
 def build_scene(settings: Mapping[str, Any]) -> "Scene":
     """See model.build_scene."""
-    from slapshot.scenes.hockey import model
+    from slapshot.domains.hockey import model
 
     return model.build_scene(settings)
 
 
 def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
     """See demonstrations.draw_task."""
-    from slapshot.scenes.hockey import demonstrations
+    from slapshot.domains.hockey import demonstrations
 
     return demonstrations.draw_task(settings, rng)
 
@@ -35,6 +35,6 @@ def demonstrate(
     scene: "Scene", settings: Mapping[str, Any], tasks: list[dict[str, float]]
 ) -> list[NDArray[np.float64] | None]:
     """See demonstrations.demonstrate."""
-    from slapshot.scenes.hockey import demonstrations
+    from slapshot.domains.hockey import demonstrations
 
     return demonstrations.demonstrate(scene, settings, tasks)

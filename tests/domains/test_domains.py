@@ -7,9 +7,9 @@ from typing import get_args
 import mujoco
 import numpy as np
 import pytest
+from slapshot.domains.hockey.model import PUCKS
+from slapshot.domains.hockey.settings import PuckName
 from slapshot.scenes.domain import PARTS, load_domain, load_part, part_module, scene_settings
-from slapshot.scenes.hockey.model import PUCKS
-from slapshot.scenes.hockey.settings import PuckName
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.swings import SPLITS
 from slapshot.validation import validated
@@ -111,16 +111,16 @@ def test_less_friction_lets_it_slide_farther(bench):
 @pytest.mark.parametrize("part", PARTS)
 def test_a_domain_without_a_part_of_its_own_has_the_common_one(part):
     assert part_module("hockey", part) == PARTS[part]
-    assert part_module("fetchslide", part) == f"slapshot.scenes.fetchslide.{part}"
+    assert part_module("fetchslide", part) == f"slapshot.domains.fetchslide.{part}"
 
 
 def test_settings_are_checked_without_mujoco():
     """Planning and a configuration's check import them, on machines where MuJoCo may be broken."""
     code = (
         "import sys\n"
-        "from slapshot.scenes.fetchslide.settings import FetchSlideScene\n"
-        "from slapshot.scenes.hockey.settings import HockeyScene\n"
-        "from slapshot.scenes.table.settings import TableScene\n"
+        "from slapshot.domains.fetchslide.settings import FetchSlideScene\n"
+        "from slapshot.domains.hockey.settings import HockeyScene\n"
+        "from slapshot.domains.table.settings import TableScene\n"
         "print(*sorted({'torch', 'mujoco', 'dm_control', 'scipy'} & set(sys.modules)))\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -11,7 +11,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from slapshot.scenes.fetchslide.model import (
+from slapshot.domains.fetchslide.model import (
     FINGER_JOINTS,
     GRIPPER,
     MOCAP,

@@ -13,7 +13,7 @@ from dm_control import mujoco as dm_mujoco
 from dm_control.utils import inverse_kinematics
 from numpy.typing import NDArray
 
-from slapshot.scenes.hockey.model import BLADE_HALF_SIZE, STICK_LENGTH, WRIST_TO_FLANGE
+from slapshot.domains.hockey.model import BLADE_HALF_SIZE, STICK_LENGTH, WRIST_TO_FLANGE
 from slapshot.scenes.scene import Scene
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.scenes.fetchslide.settings import FetchSlideScene as SceneSettings
+from slapshot.domains.fetchslide.settings import FetchSlideScene as SceneSettings
 
 if TYPE_CHECKING:
     from slapshot.scenes.scene import Scene
@@ -22,14 +22,14 @@ __all__ = ["SceneSettings", "build_scene", "demonstrate", "draw_task"]
 
 def build_scene(settings: Mapping[str, Any]) -> "Scene":
     """See model.build_scene."""
-    from slapshot.scenes.fetchslide import model
+    from slapshot.domains.fetchslide import model
 
     return model.build_scene(settings)
 
 
 def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
     """See demonstrations.draw_task."""
-    from slapshot.scenes.fetchslide import demonstrations
+    from slapshot.domains.fetchslide import demonstrations
 
     return demonstrations.draw_task(settings, rng)
 
@@ -38,6 +38,6 @@ def demonstrate(
     scene: "Scene", settings: Mapping[str, Any], tasks: list[dict[str, float]]
 ) -> list[NDArray[np.float64] | None]:
     """See demonstrations.demonstrate."""
-    from slapshot.scenes.fetchslide import demonstrations
+    from slapshot.domains.fetchslide import demonstrations
 
     return demonstrations.demonstrate(scene, settings, tasks)

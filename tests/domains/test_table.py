@@ -5,10 +5,10 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from slapshot.domains.table.model import disc_radius
 from slapshot.errors import InputError
 from slapshot.scenes.domain import load_domain, scene_settings
 from slapshot.scenes.scene import Scene, set_condition
-from slapshot.scenes.table.model import disc_radius
 from slapshot.validation import validated
 
 G = 9.81

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.domains.fetchslide.demonstrations import CONTACT_AT
+from slapshot.domains.fetchslide.gripper import PUCK_HOME, Grippers
+from slapshot.domains.fetchslide.model import FINGER_HALF_THICKNESS, PUCK_RADIUS
+from slapshot.domains.fetchslide.safety import command_times
 from slapshot.progress import progress
-from slapshot.scenes.fetchslide.demonstrations import CONTACT_AT
-from slapshot.scenes.fetchslide.gripper import PUCK_HOME, Grippers
-from slapshot.scenes.fetchslide.model import FINGER_HALF_THICKNESS, PUCK_RADIUS
-from slapshot.scenes.fetchslide.safety import command_times
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings, pose_stride
 from slapshot.trajectories.vae import TrajectoryVae

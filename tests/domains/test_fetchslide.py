@@ -7,13 +7,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from slapshot.domains.fetchslide import build_scene, demonstrate, model
+from slapshot.domains.fetchslide.collector import Collector, PucksAlone
+from slapshot.domains.fetchslide.demonstrations import RESPONSE, commands_of, draw_task
+from slapshot.domains.fetchslide.gripper import PUCK_HOME, Grippers, prepare
+from slapshot.domains.fetchslide.reference import environment_rests, make_environment
+from slapshot.domains.fetchslide.safety import SafetyCheck
 from slapshot.errors import InputError
-from slapshot.scenes.fetchslide import build_scene, demonstrate, model
-from slapshot.scenes.fetchslide.collector import Collector, PucksAlone
-from slapshot.scenes.fetchslide.demonstrations import RESPONSE, commands_of, draw_task
-from slapshot.scenes.fetchslide.gripper import PUCK_HOME, Grippers, prepare
-from slapshot.scenes.fetchslide.reference import environment_rests, make_environment
-from slapshot.scenes.fetchslide.safety import SafetyCheck
 from slapshot.trajectories.motion import Motion
 
 G = 9.81

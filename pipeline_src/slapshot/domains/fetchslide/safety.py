@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.scenes.fetchslide.demonstrations import RESPONSE
-from slapshot.scenes.fetchslide.model import CONTROL_PERIOD, GRIP_START, TABLE_HALF, TABLE_MIDDLE
+from slapshot.domains.fetchslide.demonstrations import RESPONSE
+from slapshot.domains.fetchslide.model import CONTROL_PERIOD, GRIP_START, TABLE_HALF, TABLE_MIDDLE
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.safety import SafetyReport

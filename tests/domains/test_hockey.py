@@ -1,7 +1,7 @@
 import mujoco
 import numpy as np
 import pytest
-from slapshot.scenes.hockey.model import PUCKS, SPEED_LIMITS, TORQUE_LIMITS
+from slapshot.domains.hockey.model import PUCKS, SPEED_LIMITS, TORQUE_LIMITS
 from slapshot.scenes.scene import Scene, set_condition
 
 G = 9.81

@@ -13,9 +13,9 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from slapshot.domains.fetchslide.gripper import Grippers
+from slapshot.domains.fetchslide.model import CONTROL_PERIOD, OBJECT, OBJECT_JOINT, SUBSTEPS, TABLE
 from slapshot.rollouts.hits import Hits, Outcomes
-from slapshot.scenes.fetchslide.gripper import Grippers
-from slapshot.scenes.fetchslide.model import CONTROL_PERIOD, OBJECT, OBJECT_JOINT, SUBSTEPS, TABLE
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings
 

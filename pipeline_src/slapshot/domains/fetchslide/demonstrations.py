@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.domains.fetchslide.model import CONTROL_PERIOD, FINGER_HALF_THICKNESS, GRIP_START, PUCK_RADIUS
 from slapshot.errors import InputError
-from slapshot.scenes.fetchslide.model import CONTROL_PERIOD, FINGER_HALF_THICKNESS, GRIP_START, PUCK_RADIUS
 from slapshot.scenes.scene import Scene
 
 Array = NDArray[np.float64]
