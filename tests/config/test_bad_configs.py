@@ -190,7 +190,7 @@ def test_only_stand_in_rigs_can_be_hit_anew(block):
         (".acting", DELETE, ".claims", "C6 needs a block `acting` and a recording of stand-in rigs; add"),
         (".refinement", DELETE, ".claims", "S11 needs a block `refinement` and a recording of stand-in rigs"),
         (".recordings", {}, ".claims", "C5 needs recordings, but domains.hockey.recordings is empty; name a"),
-        (".scene.domain", "curling", "", "no module slapshot.scenes.curling; use the name of a folder"),
+        (".scene.domain", "curling", "", "no module slapshot.domains.curling; use the name of a folder"),
         (".scene.domain", "my.own", "", "no module my.own; use"),
         (".scene.domain", "os.path", "", "no module os.path; use"),
         (".scene.domain", "sys.x", "", "no module sys.x; use"),
