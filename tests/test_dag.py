@@ -513,7 +513,7 @@ def test_a_recording_of_ones_own_counts_by_its_content(config, own, tmp_path):
         (
             "scene.domain",
             "curling",
-            r"scene\.domain: no domain 'curling': no module slapshot\.scenes\.curling; use",
+            r"scene\.domain: no domain 'curling': no module slapshot\.domains\.curling; use",
         ),
         (
             "scene.domain",
