@@ -5,7 +5,7 @@ CONFIG ?= config/default.yaml
 INSTALL := $(VENV)/bin/python -m pip install --quiet --no-build-isolation
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: figures test test-fast lint setup
+.PHONY: figures test test-fast lint setup docs
 .DEFAULT_GOAL := figures
 
 figures: setup
@@ -27,6 +27,14 @@ lint: setup
 	lint-imports
 	snakefmt --check --compact-diff Snakefile workflow
 	snakemake --lint
+
+# The site, in build/site. Pages and what they link to are copied with their places in the repository.
+docs: setup
+	$(INSTALL) --no-deps --require-hashes --requirement requirements/docs.txt
+	rm -rf build && mkdir -p build/docs
+	git ls-files -z '*.md' LICENSE CITATION.cff Makefile config docs figures pipeline_src workflow requirements \
+	    | tar --null -T - -cf - | tar -xf - -C build/docs
+	zensical build --strict
 
 setup: $(VENV)/.complete
 

@@ -27,6 +27,7 @@ HEADERS = {
     "lock.txt": "All that slapshot needs, its tests included, but CUDA: see the Makefile.",
     "cuda.txt": "Constraints: what the package index's torch needs on Linux; that for CPUs alone does not.",
     "benchmark.txt": "What the peer of `snakemake benchmark` needs beside lock.txt.",
+    "docs.txt": "What `make docs` needs beside lock.txt.",
 }
 
 
@@ -34,16 +35,19 @@ def main() -> None:
     """Compile and write the files of HEADERS."""
     files = [FOLDER / name for name in HEADERS]
     before = "".join(file.read_text() for file in files if file.is_file())
-    everything = compiled(before, "--extra", "benchmark")
+    everything = compiled(before, "--extra", "benchmark", "--extra", "docs")
     needed = compiled("".join(everything.values()))
+    for_docs = compiled("".join(everything.values()), "--extra", "docs")
     texts = dict.fromkeys(HEADERS, "")
     for name, block in everything.items():
         if name in BUILD:
             file = "build.txt"
         elif block.startswith(CUDA):
             file = "cuda.txt"
+        elif name in needed:
+            file = "lock.txt"
         else:
-            file = "lock.txt" if name in needed else "benchmark.txt"
+            file = "docs.txt" if name in for_docs else "benchmark.txt"
         texts[file] += block
     for name, text in texts.items():
         (FOLDER / name).write_text(f"# Written by requirements/compile.py. {HEADERS[name]}\n{text}")

@@ -195,7 +195,7 @@ def test_only_stand_in_rigs_can_be_hit_anew(block):
         (".scene.domain", "os.path", "", "no module os.path; use"),
         (".scene.domain", "sys.x", "", "no module sys.x; use"),
         (".scene.domain", "__main__.x", "", "no module __main__.x; use"),
-        (".scene.domain", "slapshot.scenes.striker", "", r"striker.py\) is no domain, for it has no build_scene and no draw"),
+        (".scene.domain", "slapshot.scenes.striker", "", r"striker.py\) is no domain"),
         (".scene.domain", "json.decoder", "", "is no domain, for it has no build_scene and no draw_task"),
         (".recordings.own", OWN, ".recordings.own.path", "nowhere: no such folder; give the path of a recor"),
         (".recordings.own", OWN | {"path": "README.md"}, ".recordings.own.path", "cannot be read as a folde"),

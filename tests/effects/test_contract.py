@@ -245,3 +245,11 @@ def test_the_table_in_the_documentation_is_that_of_the_code():
     made = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     text = (Path(catalogue_module.__file__).parent / "README.md").read_text()
     assert text[text.index("| effect |") :] == made
+
+
+def test_the_table_of_joint_effects_is_that_of_the_code():
+    """Made by `python -m slapshot.effects joints`."""
+    command = [sys.executable, "-m", "slapshot.effects", "joints"]
+    made = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    text = (Path(__file__).parents[2] / "docs/effects.md").read_text()
+    assert text[text.index("| effect |") :] == made

@@ -1,4 +1,4 @@
-"""The catalogue as a table for people: python -m slapshot.effects."""
+"""Both catalogues as tables for people: python -m slapshot.effects, python -m slapshot.effects joints."""
 
 import re
 from collections.abc import Sequence
@@ -6,14 +6,27 @@ from itertools import groupby
 
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect, Parameter
+from slapshot.effects.joints.catalogue import joint_effects
 
 _HEADER = ("effect", "phase", "follows", "parameters (neutral; bounds; plain case)", "physics", "source")
 
 
 def as_markdown() -> str:
     """One row an effect, those of one's own that are registered included."""
-    rows = [_HEADER, ("---",) * len(_HEADER), *(_row(effect) for effect in catalogue().values())]
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    return _table(_HEADER, [_row(effect) for effect in catalogue().values()])
+
+
+def joints_as_markdown() -> str:
+    """One row an effect on joints and bodies."""
+    effects = joint_effects().items()
+    return _table(
+        ("effect", "physics", "source"), [(f"`{name}`", kind.physics, kind.source) for name, kind in effects]
+    )
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [header, ("---",) * len(header), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def _row(effect: Effect) -> tuple[str, ...]:
