@@ -4,11 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from slapshot.arrays import Array
 from slapshot.recordings.channels import Channel
 from slapshot.recordings.signals import SignalRecording
-
-Array = NDArray[np.float64]
 
 # A rod with a motor; no gravity where told so. Damping 0.05 N m s, inertia about the axis 1/12 + 1/4 kg m².
 PENDULUM = """

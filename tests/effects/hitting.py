@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from slapshot.effects.effect import Array, Effect
+from slapshot.arrays import Array
+from slapshot.effects.effect import Effect
 from slapshot.effects.slide_law import ActiveEffect, Tracks, slide
 from slapshot.scenes.domain import load_domain
 from slapshot.scenes.scene import Scene, SceneInfo

@@ -7,10 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 from hitting import FRICTION, PADDLE, RADIUS, SOLREF, SPEED, addresses, arm_swing, edited, execute, push, slid
+from slapshot.arrays import GRAVITY
 from slapshot.effects import slide_law
 from slapshot.effects.bases import BOARD
 from slapshot.effects.catalogue import catalogue
-from slapshot.effects.effect import GRAVITY, Effect
+from slapshot.effects.effect import Effect
 from slapshot.errors import InputError
 from slapshot.scenes.scene import Scene
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from slapshot.effects.effect import GRAVITY
+from slapshot.arrays import GRAVITY
 from slapshot.effects.linear_drag import LinearDrag
 from slapshot.effects.offcentre_mass import OffcentreMass
 from slapshot.effects.slide_law import STEP, ActiveEffect, slide

@@ -5,8 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from slapshot.arrays import GRAVITY
 from slapshot.lab.slide import _run, slide
-from slapshot.lab.surface import EVEN, GRAVITY, push, rise, weight
+from slapshot.lab.surface import EVEN, push, rise, weight
 
 RADIUS = 0.0381
 MU = 0.3

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+from slapshot.arrays import GRAVITY
 from slapshot.errors import InputError
 from slapshot.lab.board import draw_height, draw_log_friction, gradient, value
-from slapshot.lab.slide import GRAVITY, _run, slide
+from slapshot.lab.slide import _run, slide
 from slapshot.lab.surface import Ground
 from slapshot.rollouts.slide import slide as nominal_slide
 

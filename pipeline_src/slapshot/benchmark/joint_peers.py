@@ -20,8 +20,8 @@ from typing import Any
 import mujoco
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.benchmark.peers import need_sysid
 from slapshot.calibration.aims import markdown
 from slapshot.diagnosis.diagnose import Diagnosis, diagnose, predicted_by, split
@@ -36,8 +36,6 @@ from slapshot.lab.joints.rigs import nominal_model
 from slapshot.progress import progress
 from slapshot.recordings.signals import SignalRecording
 from slapshot.whole_file import write_whole
-
-Array = NDArray[np.float64]
 
 RIG, LINKS = "arm", ("upper", "fore")
 SCENARIOS = {"a mass is off": "link_mass", "friction is missing": "coulomb_friction"}

@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.arrays import GRAVITY
 from slapshot.benchmark.measures import Measure
 from slapshot.config import merge
 from slapshot.dag import make_plan
@@ -34,12 +35,10 @@ from slapshot.recordings.read import read_recording
 from slapshot.scenes.scene import Scene
 from slapshot.store.folder import Store
 
-Array = NDArray[np.float64]
 Parameters = Mapping[str, float]  # friction_x, friction_y, friction_torsional (m), slope_x, slope_y
 
 SLOPES = {"kind": "tilt", "displacement": 1.5}
 HITS = 80  # of each puck
-GRAVITY = 9.81
 START = {"friction_x": 0.5, "friction_y": 0.5, "friction_torsional": 0.01, "slope_x": 0.0, "slope_y": 0.0}
 BOUNDS = {
     "friction_x": (0.05, 2.0),

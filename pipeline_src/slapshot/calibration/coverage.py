@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.calibration.rig_simulator import (
     INTERVAL,
     WHITE_NOISE,
@@ -23,8 +23,6 @@ from slapshot.diagnosis.segments import cut
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.effects.joints.effect import JointEffect, Situation
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
-
-Array = NDArray[np.float64]
 
 BENCHES = ("pendulum", "arm", "ball")  # the simplest first
 # A pendulum swings in a plane: a tilt sideways changes next to nothing, and nothing tells left from right.

@@ -9,8 +9,8 @@ from functools import cache
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.hypothesis import Hypothesis, actuator_torque
 from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.structure import restructured
@@ -19,8 +19,6 @@ from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.channels import Channel, Component
 from slapshot.recordings.signals import SignalRecording
-
-Array = NDArray[np.float64]
 
 WHITE_NOISE = 1e-3  # rad or m
 INTERVAL = 5e-3  # s between samples

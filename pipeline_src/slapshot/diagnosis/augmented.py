@@ -16,16 +16,14 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.hypothesis import Hypothesis, actuator_torque
 from slapshot.diagnosis.rig import OWN, Rig
 from slapshot.effects.joints.effect import JointEffect, State, overrides
 from slapshot.errors import InputError, writing
 from slapshot.text import reason_of
 from slapshot.whole_file import write_whole
-
-Array = NDArray[np.float64]
 
 MODEL_FILE, NOTES_FILE = "model.xml", "NOTES.md"
 _PASSES = 2  # what compiling derives from changed numbers, such as damping ratios, is pinned in the second

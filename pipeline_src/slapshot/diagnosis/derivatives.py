@@ -11,11 +11,9 @@ from functools import cached_property
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-
-Array = NDArray[np.float64]
 
 _POSITION_STEP, _VELOCITY_STEP = 1e-6, 1e-5
 _FORCE_STEP = 1e-2  # share of the rms torque

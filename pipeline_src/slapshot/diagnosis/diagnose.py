@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from slapshot.arrays import Array
 from slapshot.diagnosis import held_out
 from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.held_out import Predictions
@@ -43,8 +44,6 @@ from slapshot.errors import InputError
 from slapshot.recordings.channel_pair_quality import derived_velocities
 from slapshot.recordings.signal_measures import measure
 from slapshot.recordings.signals import SignalRecording
-
-Array = NDArray[np.float64]
 
 BEYOND = 1.2  # mean square of held-out errors over what is expected, where something must be missing
 HELD_OUT = 5  # every fifth episode or block

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.law_error import knees, own_law_errors, presliding
@@ -18,8 +19,6 @@ from slapshot.diagnosis.linear import Linearised, Look, linearise
 from slapshot.diagnosis.noise import ADDED, DRIFT, NOMINAL, Noise, Prior, log_likelihood
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Situation, State
-
-Array = NDArray[np.float64]
 
 # Posterior standard deviations that values may move until derivatives are taken anew.
 _NEARLY, _FAR = 0.3, 3.0

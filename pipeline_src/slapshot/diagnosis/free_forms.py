@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import (
     Joint,
@@ -20,8 +20,6 @@ from slapshot.effects.joints.effect import (
     State,
     on_joint,
 )
-
-Array = NDArray[np.float64]
 
 BUMPS = 6
 FREE = "free_"  # names of free forms begin so

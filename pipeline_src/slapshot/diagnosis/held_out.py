@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.fit import Fitter, prior_of
 from slapshot.diagnosis.hypothesis import Hypothesis
@@ -19,8 +20,6 @@ from slapshot.diagnosis.problem import NUISANCE, Problem
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.shooting import shoot, simulate
 from slapshot.diagnosis.structure import moved_path
-
-Array = NDArray[np.float64]
 
 WINDOW_S = 0.5
 _ROUNDS = 5

@@ -9,12 +9,11 @@ import numpy as np
 from mujoco import rollout
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.tangent import Tangent
 from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, State, overrides
-
-Array = NDArray[np.float64]
 
 # In the order in which MuJoCo has them.
 _CONTROL = sum(

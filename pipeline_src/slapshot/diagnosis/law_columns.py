@@ -4,15 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.linear import Look, linearise
 from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise
 from slapshot.diagnosis.segments import Segments
-
-Array = NDArray[np.float64]
 
 # Information on a mixture of shapes at the largest error, over that of its prior, below which it is left out:
 # then its size is not told from none.

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear
 from slapshot.diagnosis.hypothesis import Hypothesis, actuator_force
 from slapshot.diagnosis.linear import Look
@@ -24,8 +24,6 @@ from slapshot.effects.joints.effect import (
     on_joint,
     overrides,
 )
-
-Array = NDArray[np.float64]
 
 # Smooth functions of speed and load are sums of bumps, in usual speeds and rms loads; one more is narrow.
 _CENTRES, _WIDTH, _NARROW = np.linspace(-6.0, 6.0, 21), 0.6, 0.2

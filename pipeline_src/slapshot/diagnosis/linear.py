@@ -11,16 +11,14 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from mujoco import MjModel
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.derivatives import Middle
 from slapshot.diagnosis.filter import Linear
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
-
-Array = NDArray[np.float64]
 
 _STEP = 1e-6  # of differences of observations
 _OF_THE_STATE = (int(mujoco.mjtSensor.mjSENS_JOINTPOS), int(mujoco.mjtSensor.mjSENS_JOINTVEL))

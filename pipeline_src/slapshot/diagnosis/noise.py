@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Covariances, Innovations, Linear, innovations, left_out
 from slapshot.diagnosis.inference.scoring import Evaluation, maximise
 from slapshot.diagnosis.segments import Segments
-
-Array = NDArray[np.float64]
 
 HELD_S = 0.01  # process force is told as the standard deviation of a force held so long
 LARGEST_LAW_ERROR = 0.15  # rms share of a law

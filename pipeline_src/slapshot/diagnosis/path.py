@@ -5,11 +5,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.tangent import Tangent, angular_velocity
-
-Array = NDArray[np.float64]
 
 _WINDOW_S = 0.06  # longer than the noise of an encoder, shorter than the motion of a robot
 

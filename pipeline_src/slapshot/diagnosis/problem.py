@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.fit import Fit, Fitter
 from slapshot.diagnosis.free_forms import free_forms, is_free
@@ -26,8 +27,6 @@ from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Situation, State
 from slapshot.effects.joints.split import FASTEST
 from slapshot.recordings.signals import Channel
-
-Array = NDArray[np.float64]
 
 NUISANCE = (STEP_ERROR,)  # of every hypothesis, beside errors of laws
 POSITION_SPREAD = 0.05  # rad or m, by which a first state may lie off the path

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.noise import Noise
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Situation
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
-
-Array = NDArray[np.float64]
 
 WINDOW_S = 0.05
 _LEVEL = 0.01  # chance that any window of a recording without pushes is called one

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.filter import innovations
 from slapshot.diagnosis.fit import Fit
 from slapshot.diagnosis.free_forms import is_free
@@ -27,8 +28,6 @@ from slapshot.diagnosis.structure import same_effects
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse
-
-Array = NDArray[np.float64]
 
 P_VALUE = 0.01
 MOST_EFFECTS = 5

@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.rig import Control, Rig
 from slapshot.errors import InputError
 from slapshot.recordings.signals import SignalRecording
-
-Array = NDArray[np.float64]
 
 SHORTEST_INTERVAL_S = 1e-3  # no mechanism of a robot moves faster than can be told at that
 SEGMENT_S = 0.5

@@ -8,15 +8,13 @@ process force this is the same likelihood as that of the filter.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.fit import STILL, Fit
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.noise import Noise
 from slapshot.diagnosis.segments import Segments
-
-Array = NDArray[np.float64]
 
 _POSITION_STEP, _VELOCITY_STEP = 1e-4, 1e-2
 _PARAMETER_STEP = 0.03  # prior standard deviations

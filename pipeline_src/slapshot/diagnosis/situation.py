@@ -2,14 +2,12 @@
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.hypothesis import actuator_force
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Joint, Sensed, Situation
-
-Array = NDArray[np.float64]
 
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _SAMPLES = 500

@@ -5,15 +5,13 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.rig import OWN, Rig, bind
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import JointEffect, Situation
 from slapshot.effects.joints.split import SplitJoint, deflection
 from slapshot.recordings.signals import Channel
-
-Array = NDArray[np.float64]
 
 _STEP_RATE = 1.0  # rad a step
 

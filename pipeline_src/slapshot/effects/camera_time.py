@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping
 
-from slapshot.effects.effect import Array, Effect, Parameter
+from slapshot.arrays import Array
+from slapshot.effects.effect import Effect, Parameter
 
 
 class CameraTime(Effect):

@@ -11,17 +11,13 @@ from typing import ClassVar, Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.scenes.scene import SceneInfo
-
-Array = NDArray[np.float64]
 
 Phase = Literal["swing", "contact", "slide", "across hits", "camera"]
 # What the mark of an effect follows: the residual changes with it.
 Follows = Literal["place", "speed", "heading", "spin", "time", "order", "command"]
-
-GRAVITY = 9.81  # m/s^2
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping
 
-from slapshot.effects.effect import Array, Effect, Parameter, SlideState
+from slapshot.arrays import Array
+from slapshot.effects.effect import Effect, Parameter, SlideState
 
 
 class FrictionDrift(Effect):

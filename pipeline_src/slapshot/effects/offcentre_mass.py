@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import mujoco
 
-from slapshot.effects.effect import Array, Effect, Parameter
+from slapshot.arrays import Array
+from slapshot.effects.effect import Effect, Parameter
 from slapshot.scenes.scene import SceneInfo
 
 

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
-from slapshot.effects.effect import Array, Effect, Parameter
+from slapshot.arrays import Array
+from slapshot.effects.effect import Effect, Parameter
 from slapshot.scenes.scene import SceneInfo
 
 

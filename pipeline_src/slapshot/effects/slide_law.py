@@ -17,7 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from slapshot.effects.effect import GRAVITY, Array, Effect, SlideState
+from slapshot.arrays import GRAVITY, Array
+from slapshot.effects.effect import Effect, SlideState
 
 POINTS = 4  # a quarter of the rim apart
 STEP = 2e-3  # s

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from slapshot.effects.effect import Array, Effect, Parameter, SlideState
+from slapshot.arrays import Array
+from slapshot.effects.effect import Effect, Parameter, SlideState
 
 
 class StribeckFriction(Effect):

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import lfilter
 
-from slapshot.effects.effect import Array, Effect, Parameter
+from slapshot.arrays import Array
+from slapshot.effects.effect import Effect, Parameter
 
 
 class TrackingLag(Effect):

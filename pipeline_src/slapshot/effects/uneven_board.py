@@ -4,8 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from slapshot.arrays import GRAVITY, Array
 from slapshot.effects.bases import BOARD
-from slapshot.effects.effect import GRAVITY, Array, Effect, Parameter, SlideState
+from slapshot.effects.effect import Effect, Parameter, SlideState
 
 _NAMES = tuple(f"height_{j}" for j in range(len(BOARD)))
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-from numpy.typing import NDArray
 
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks
+from slapshot.arrays import Array
 from slapshot.command import Run, stage_command
 from slapshot.goal_reaching.action_optimizer import BelievingChooser, Chooser
 from slapshot.goal_reaching.ensemble import load_acting, load_believing
@@ -20,7 +20,6 @@ from slapshot.parquet import write_table
 
 log = logging.getLogger("slapshot")
 
-Array = NDArray[np.float64]
 ORACLE = "oracle"
 
 

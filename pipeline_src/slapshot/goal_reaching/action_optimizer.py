@@ -11,6 +11,7 @@ from torch import Tensor
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.method import AdaptationMethod
+from slapshot.arrays import Array
 from slapshot.goal_reaching.choose import (
     LARGEST_LATENT,
     Cost,
@@ -23,7 +24,6 @@ from slapshot.goal_reaching.choose import (
 from slapshot.goal_reaching.inverse import InverseModel, Standardisation
 from slapshot.goal_reaching.rigs import batched
 
-Array = NDArray[np.float64]
 GRADIENT, MEAN_ONLY, INVERSE = "gradient", "gradient, means only", "inverse model"
 
 

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slapshot.adaptation.recorded import RecordedTask
+from slapshot.arrays import Array
 from slapshot.goal_reaching.rigs import Robot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

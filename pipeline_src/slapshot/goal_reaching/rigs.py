@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from slapshot.adaptation.recorded import RecordedTask
+from slapshot.arrays import Array
 from slapshot.command import Run
 from slapshot.errors import InputError
 from slapshot.lab.interactive_rig import LiveRig
@@ -16,8 +17,6 @@ from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.safety import SafetyCheck
 from slapshot.trajectories.vae import TrajectoryVae
-
-Array = NDArray[np.float64]
 
 _SHRINK = 0.9  # of a latent that is not safe, until it is: 0 stands for the demonstrations' middle
 _MOST_SHRINKING = 40

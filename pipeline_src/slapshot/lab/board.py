@@ -14,9 +14,8 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slapshot.arrays import Array
 
 FLAT: Array = np.zeros((0, 4))
 

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.lab.rig import Camera
 from slapshot.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 # Of the time that the camera looks at an object at rest, the last part is used: a person who cuts the
 # recording does not know when exactly the object stopped.

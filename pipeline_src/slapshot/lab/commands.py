@@ -8,14 +8,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.errors import InputError
 from slapshot.parquet import read_table
 from slapshot.scenes.domain import Domain
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.safety import SafetyCheck
-
-Array = NDArray[np.float64]
 
 _TRIES_PER_COMMAND = 20
 

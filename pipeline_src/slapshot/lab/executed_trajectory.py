@@ -4,11 +4,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.trajectories.motion import Motion
-
-Array = NDArray[np.float64]
 
 # (ticks, joints) one a control period in s -> the same, as it gets through to the servos.
 Filter = Callable[[Array, float], Array]

@@ -14,17 +14,16 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from slapshot.arrays import GRAVITY, Array
 from slapshot.lab.blade import compile_rig, striker_pairs
 from slapshot.lab.executed_trajectory import ExecutedPath
 from slapshot.lab.hit_types import Hit, HitNoise, HitSpec, Launch
 from slapshot.lab.release_detection import StrikerPath
 from slapshot.lab.rig import Rig
-from slapshot.lab.slide import GRAVITY, slide
+from slapshot.lab.slide import slide
 from slapshot.lab.surface import feel
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
-
-Array = NDArray[np.float64]
 
 TIMESTEP = 2e-4  # s
 SETTLE = 0.05  # s simulated after the motion's end

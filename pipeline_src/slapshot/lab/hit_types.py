@@ -4,12 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.lab.rig import Scatter
 from slapshot.trajectories.motion import Motion
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

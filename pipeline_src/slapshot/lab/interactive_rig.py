@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.lab.camera import observe
 from slapshot.lab.concealed.draw import check_concealed
 from slapshot.lab.hit import RigSimulator
@@ -14,8 +14,6 @@ from slapshot.lab.rig import draw_rig
 from slapshot.lab.rng_streams import recording_streams
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
-
-Array = NDArray[np.float64]
 
 
 class LiveRig:

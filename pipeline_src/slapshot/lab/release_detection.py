@@ -4,11 +4,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.lab.executed_trajectory import ExecutedPath
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
-
-Array = NDArray[np.float64]
 
 LOOK_AHEAD = 0.005  # s, between the future places of the blade that are looked at
 PARTED = 0.01  # m by which the blade will miss the object; it swings by less

@@ -10,8 +10,8 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.lab.blade import Edit
 from slapshot.lab.blade_truth import BladeTruth
 from slapshot.lab.board import FLAT, draw_height, draw_log_friction
@@ -19,8 +19,6 @@ from slapshot.lab.concealed.hidden_effect import Concealed
 from slapshot.lab.executed_trajectory import Filter
 from slapshot.lab.ranges import draw_number, pair_of
 from slapshot.lab.surface import Ground
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from slapshot.arrays import GRAVITY, Array
 from slapshot.errors import InputError
 from slapshot.lab.board import gradient
-from slapshot.lab.surface import EVEN, GRAVITY, Ground, groove, log_place, push, rise, weight
-
-Array = NDArray[np.float64]
+from slapshot.lab.surface import EVEN, Ground, groove, log_place, push, rise, weight
 
 POINTS = 12
 STEP = 2e-4  # s

@@ -20,13 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from slapshot.arrays import GRAVITY, Array
 from slapshot.lab.board import FLAT, gradient, value
 
-Array = NDArray[np.float64]
-
-GRAVITY = 9.81  # m/s^2
 MAGNET_RANGE = 4.0  # in depths
 _MAGNET_PEAK = math.sqrt(0.2) / 1.2**3  # of q / (1 + q^2)^3
 _STILL = 1e-9  # m/s: slower there is no direction

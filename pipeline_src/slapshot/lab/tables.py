@@ -5,14 +5,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.lab.camera import Sighting
 from slapshot.lab.commands import Session
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
-
-Array = NDArray[np.float64]
 
 
 def hits_table(scene: Scene, session: Session, sightings: list[Sighting], with_latents: bool) -> pd.DataFrame:

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.goal_reaching.choose import LARGEST_LATENT
 from slapshot.rollouts.hits import HitCollector, Hits
 from slapshot.scenes.domain import load_part
@@ -14,8 +15,6 @@ from slapshot.scenes.randomisation import CONDITION_PARAMETERS, draw_start_error
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.ideal import ideal_swings
 from slapshot.trajectories.vae import TrajectoryVae
-
-Array = NDArray[np.float64]
 
 
 class Simulator:

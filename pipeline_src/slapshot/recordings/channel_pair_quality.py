@@ -13,14 +13,12 @@ from itertools import combinations, permutations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
+from slapshot.arrays import Array
 from slapshot.recordings.channels import QUATERNION, Channel
 from slapshot.recordings.quality_warning import QualityWarning
 from slapshot.recordings.signal_measures import MAD_TO_SD, Measured, Series
-
-Array = NDArray[np.float64]
 
 _WINDOW, _FEWEST_WINDOWS, _MOST_WINDOWS = 100, 4, 20  # samples; windows; windows of an episode
 _ITERATIONS = 4

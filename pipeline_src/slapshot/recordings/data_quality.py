@@ -8,17 +8,15 @@ from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
+from slapshot.arrays import Array
 from slapshot.recordings.format import Recording
 from slapshot.recordings.frame_quality import odd_frames
 from slapshot.recordings.hit_quality import odd_order, odd_places, odd_scale
 from slapshot.recordings.quality_warning import QualityWarning
 from slapshot.recordings.swing_quality import odd_swings
 from slapshot.recordings.track_features import HitTrack, hit_tracks, rest_noise, slide_table
-
-Array = NDArray[np.float64]
 
 _FEW_HITS = 25  # at 50 hits the right effect comes first in two thirds of cases, below 25 in few
 _NARROW_HEADINGS = np.deg2rad(30)

@@ -4,13 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from slapshot.recordings.motion import moving_speed, smooth
 from slapshot.recordings.quality_warning import QualityWarning
 from slapshot.recordings.track_features import HitTrack, rest_noise
-
-Array = NDArray[np.float64]
 
 # Share of the frame interval: what a text file leaves of a counted time, and what is another rate.
 _EXACT, _OTHER_RATE = 1e-6, 0.02

@@ -8,10 +8,9 @@ counts as moving follows from the frames that rest, and a jump is told from a sl
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-Array = NDArray[np.float64]
+from slapshot.arrays import Array
 
 HALF_WINDOW_S = 0.03
 _OUTLIER_FRAMES = 5  # a median over so many frames passes no one or two wrong ones

@@ -3,13 +3,11 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.recordings.quality_warning import QualityWarning
 from slapshot.recordings.sample_quality import STANDS_OUT, STEPS, of_samples, stuck_samples
 from slapshot.recordings.signal_measures import Measured, Series, residuals, robust_sd
-
-Array = NDArray[np.float64]
 
 _FAR, _STAYS = 3.0, 0.5  # times the steps around a jump; of it that is left some samples later
 _BESIDE = (-2, -1, 2, 3)  # samples before a jump, and after

@@ -5,10 +5,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.recordings.quality_warning import QualityWarning, WarningKind
 from slapshot.recordings.signal_measures import Measured, Series, residuals, runs
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _LONG_RUN, _AROUND = 5, 10  # samples and times the usual run of equal values; runs that tell the usual one

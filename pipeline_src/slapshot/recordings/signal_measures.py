@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.recordings.channels import Channel
 from slapshot.recordings.signals import SignalRecording
-
-Array = NDArray[np.float64]
 
 _GAP, _UNEVEN_GAP = (
     1.5,

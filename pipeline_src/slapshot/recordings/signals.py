@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.errors import InputError
 from slapshot.recordings.channels import Channel
 from slapshot.recordings.format import HEADER_FILE
@@ -41,8 +41,6 @@ from slapshot.recordings.signal_tables import (
 )
 from slapshot.recordings.tables import frame_from_table, read_parquet
 from slapshot.recordings.write import check_new, write_files
-
-Array = NDArray[np.float64]
 
 SIGNAL_FORMAT_VERSION = 2
 

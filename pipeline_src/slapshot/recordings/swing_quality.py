@@ -5,13 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.recordings.format import Recording, joint_columns
 from slapshot.recordings.quality_warning import QualityWarning, WarningKind
 from slapshot.recordings.units import LARGEST_ANGLE_RAD
-
-Array = NDArray[np.float64]
 
 _FEWEST_ROWS = 3
 _FASTEST_RAD_S = 30.0  # twice as fast as any arm turns

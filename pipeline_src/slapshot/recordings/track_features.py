@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import find_peaks
 
+from slapshot.arrays import GRAVITY, Array
 from slapshot.recordings.format import Recording
 from slapshot.recordings.motion import Episode, find_episodes, find_slide, half_window, windowed_speed
 
-Array = NDArray[np.float64]
-
-GRAVITY = 9.81  # m/s^2
 _FAR_NOISE, _FAR_M = 8.0, 0.005  # beyond both, a frame at rest is no noise but elsewhere
 _SLOW_SHARE = 0.1  # of the launch speed: below, friction at creeping speed is another matter
 _FEWEST_FRAMES = 6

@@ -14,6 +14,7 @@ from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks, split_hits
+from slapshot.arrays import Array
 from slapshot.command import Run, stage_command
 from slapshot.errors import InputError
 from slapshot.parquet import write_table
@@ -23,7 +24,6 @@ from slapshot.rollouts.reading import read_sequences
 
 log = logging.getLogger("slapshot")
 
-Array = NDArray[np.float64]
 NOISE = "noise_variance"
 SHARES = (0.05, 0.5, 0.95)
 _LEAST_NOISE = 1e-6

@@ -6,9 +6,8 @@ Zhang and Balding 2002, "Approximate Bayesian computation in population genetics
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slapshot.arrays import Array
 
 _RIDGE = 1e-3  # of a metric's mean eigenvalue: two halves of a sequence can agree in a direction
 

@@ -5,14 +5,12 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.method import AdaptationMethod
+from slapshot.arrays import Array
 from slapshot.rollouts.reading import Sequences
-
-Array = NDArray[np.float64]
 
 LEARNED = 4  # hits after which an error tells noise rather than ignorance
 _NAMES = ("state", "action", "outcome")

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.effects.effect import Effect
 from slapshot.effects.slide_law import ActiveEffect
 from slapshot.effects.slide_law import slide as slide_with_effects
@@ -17,7 +17,6 @@ from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
 
-Array = NDArray[np.float64]
 Found = Sequence[tuple[Effect, Mapping[str, float]]]  # effects and the values of their parameters
 
 BATCH = 512  # hits in contact at once

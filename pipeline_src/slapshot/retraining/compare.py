@@ -5,12 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.recordings.format import Recording
 from slapshot.retraining import ARMS
-
-Array = NDArray[np.float64]
 
 SAMPLES = 4  # seen, where arms are compared in one number
 DRAWS = 4000

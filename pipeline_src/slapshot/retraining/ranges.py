@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slapshot.arrays import Array
 
 SDS = 2.0  # of a fitted value, that a range reaches on either side at least
 _FRICTION = ("friction_x", "friction_y", "friction_torsional")

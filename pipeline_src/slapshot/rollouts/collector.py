@@ -1,15 +1,13 @@
 """Fast hits: cached swing, contact phase with the whole arm, planar slide to rest."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.rollouts.contact import ContactSimulator, Launches
 from slapshot.rollouts.hits import Hits, Outcomes
 from slapshot.rollouts.slide import slide
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings
-
-Array = NDArray[np.float64]
 
 # Hits simulated together: enough to keep threads busy, small enough that memory stays flat.
 BATCH = 512

@@ -11,13 +11,11 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from slapshot.arrays import GRAVITY, Array
 from slapshot.rollouts.hits import Hits
-from slapshot.rollouts.slide import GRAVITY
 from slapshot.scenes.scene import Scene, pair_friction
 from slapshot.trajectories.execution import striker_gap
 from slapshot.trajectories.swings import Swings
-
-Array = NDArray[np.float64]
 
 LEAD = 1  # ticks before the striker is within reach of the object
 REACH = 0.003  # m

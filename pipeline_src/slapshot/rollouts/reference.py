@@ -9,13 +9,11 @@ from functools import partial
 import mujoco
 import numpy as np
 from dm_control import mujoco as dm_mujoco
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.rollouts.hits import Hits
 from slapshot.scenes.scene import Scene, set_condition
 from slapshot.trajectories.swings import Swings
-
-Array = NDArray[np.float64]
 
 LOOP = "dm_control"  # how measures call the plain loop
 REFERENCE_STEP = 0.00025  # s

@@ -14,16 +14,14 @@ of short ones by up to 6 %.
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slapshot.arrays import GRAVITY, Array
 
 POINTS = 3
 MAX_STEP = 1e-3  # s
 SPEED_CHANGE = 0.05  # largest share of its speed that the object may lose in a step
 SPIN_CHANGE = 0.5  # largest share of its spin: at 2 it would swing from one sense to the other for ever
 AT_REST = 1e-3  # m/s: what is left from here is below a micrometre
-GRAVITY = 9.81
 
 
 @njit(cache=True)

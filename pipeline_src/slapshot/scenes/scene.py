@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slapshot.arrays import Array
+
 T = TypeVar("T", float, NDArray[np.float64])
 
 _ASSETS = "assets"  # folder of a saved scene

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.errors import InputError
 from slapshot.scenes.scene import SceneInfo
-
-Array = NDArray[np.float64]
 
 _LEAST_HANG = 0.1  # share of the way to the link that must lie across the face's normal
 

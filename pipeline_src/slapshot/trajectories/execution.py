@@ -5,12 +5,11 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings, pose_stride
 from slapshot.trajectories.vae import TrajectoryVae
-
-Array = NDArray[np.float64]
 
 WINDOW_BEFORE, WINDOW_AFTER = 0.20, 0.12  # s around the nominal contact in which a hit may begin
 SETTLE = 0.05  # s simulated after the motion's end

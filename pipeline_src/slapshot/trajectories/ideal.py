@@ -7,15 +7,13 @@ simulated ones: they are for methods that need new commands by the hundred thous
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.execution import SETTLE, windowed
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
-
-Array = NDArray[np.float64]
 
 _EVERY = 5  # ticks between poses of the striker that are worked out; between them, straight lines
 

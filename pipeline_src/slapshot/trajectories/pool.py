@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.command import Run, stage_command
 from slapshot.errors import InputError
 from slapshot.parquet import write_table
@@ -22,7 +23,6 @@ from slapshot.trajectories.swings import SPLITS, Swings
 from slapshot.trajectories.vae import TrajectoryVae
 
 log = logging.getLogger("slapshot")
-Array = NDArray[np.float64]
 
 UNSAFE = "unsafe when executed"
 

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
-
-Array = NDArray[np.float64]
 
 JOINT_MARGIN = np.deg2rad(2.0)  # rad, to a joint's end stop
 SPEED_SHARE = 0.95  # of a joint's speed limit

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import load_file, save_file
 
-Array = NDArray[np.float64]
+from slapshot.arrays import Array
 
 SPLITS = ("train", "validation", "test")
 POSE_PERIOD = 0.02  # s between the poses of the robot that are kept for pictures

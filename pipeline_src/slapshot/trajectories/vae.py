@@ -8,15 +8,12 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
+from slapshot.arrays import Array
 from slapshot.trajectories.motion import Motion
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,10 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.scenes.scene import Scene
 
-Array = NDArray[np.float64]
 SOLID = rr.components.FillMode.Solid
 ROOT = "scene"
 

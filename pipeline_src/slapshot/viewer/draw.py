@@ -3,14 +3,12 @@
 import numpy as np
 import pandas as pd
 import rerun as rr
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.scenes.scene import SceneInfo
 from slapshot.viewer.bodies import ROOT, SOLID, Arm
 from slapshot.viewer.hits import Hit
 from slapshot.viewer.names import STEP, TIME
-
-Array = NDArray[np.float64]
 
 RATE = 30.0  # poses of the arm a second
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.parquet import read_table
 from slapshot.recordings.format import Recording, joint_columns
 from slapshot.recordings.read import read_recording
@@ -17,8 +17,6 @@ from slapshot.rollouts.reading import iterate_tracks
 from slapshot.scenes.scene import SceneInfo
 from slapshot.trajectories.swings import Swings
 from slapshot.viewer.choice import choose_evenly
-
-Array = NDArray[np.float64]
 
 GROUPS = {"simulated": ["condition"], "recorded": ["recording", "rig", "object"]}
 _KEY = ["source", "condition", "name", "recording", "rig", "object", "hit"]

@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.scenes.scene import Scene
 from slapshot.viewer.bodies import extent
 from slapshot.viewer.names import TIME
 
-Array = NDArray[np.float64]
 _BACKGROUND = (214, 220, 228)
 _SPEED = 0.5  # a hit is over in a second and a half
 

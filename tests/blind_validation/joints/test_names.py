@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from slapshot.arrays import GRAVITY
 from slapshot.blind_validation.joints.names import ALIASES, Named, named_of, right_names
 from slapshot.effects.joints.catalogue import instances, joint_effects
 from slapshot.effects.joints.effect import Joint, Situation
@@ -12,7 +13,6 @@ from slapshot.lab.joints.rigs import RIGS, nominal_model, rig_named
 
 from .conftest import concealed
 
-GRAVITY = 9.81
 # HiddenEffect that has an alias -> a shape and an amplitude of it in the lab.
 CHANGES = {
     "joint_offset": ({"sign": 1.0}, 0.3),

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slapshot.arrays import GRAVITY
 from slapshot.diagnosis.pucks import gauss_newton, search
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.judgement import robust_covariance
@@ -14,7 +15,7 @@ from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.slide_model import SlideModel
 from slapshot.diagnosis.pucks.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
-from slapshot.effects.effect import GRAVITY, Effect, Parameter
+from slapshot.effects.effect import Effect, Parameter
 from slapshot.effects.tilt import Tilt
 
 from .synthetic import CAMERA, RADIUS, recording

@@ -14,6 +14,7 @@ from matplotlib.container import ErrorbarContainer
 from matplotlib.quiver import Quiver
 from rerun.chunk import RrdReader
 from slapshot import plotting
+from slapshot.arrays import GRAVITY
 from slapshot.diagnosis.pucks.held_out import FittedScene, predict_held_out
 from slapshot.diagnosis.pucks.level import Level
 from slapshot.diagnosis.pucks.report import (
@@ -31,7 +32,6 @@ from slapshot.diagnosis.pucks.report.sentences import VERDICT_TEXT, headline
 from slapshot.diagnosis.pucks.search import Candidate, Screen
 from slapshot.diagnosis.pucks.verdict import Location
 from slapshot.diagnosis.pucks.verdict_file import VERDICT_FILE
-from slapshot.effects.effect import GRAVITY
 from slapshot.plotting import STAND_IN
 from slapshot.viewer.names import TIME
 from waiting import HANG_S

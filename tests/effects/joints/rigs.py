@@ -7,7 +7,7 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from slapshot.arrays import Array
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.segments import Segments
@@ -16,7 +16,6 @@ from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Observed, Situation, overrides
 from slapshot.recordings.channels import Channel
 
-Array = NDArray[np.float64]
 _OPTIONS = '<option><flag contact="disable"/></option>'
 Commands = Callable[[Array], Array | Sequence[Array]]
 

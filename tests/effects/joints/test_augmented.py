@@ -5,11 +5,12 @@ import copy
 import mujoco
 import numpy as np
 import pytest
+from slapshot.arrays import Array
 from slapshot.diagnosis.augmented import augmented_model, forces, write_augmented
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.structure import restructured
-from slapshot.effects.joints.effect import Array, JointEffect, overrides
+from slapshot.effects.joints.effect import JointEffect, overrides
 from slapshot.errors import InputError
 
 from .rigs import RigSimulator, arm, bench, few, has_note, one_sd, pendulum, reads, slide, tells

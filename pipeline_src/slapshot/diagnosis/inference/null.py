@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.inference.scores import Draws, Elimination, Scores, group_statistics
-
-Array = NDArray[np.float64]
 
 DRAWS = 499
 

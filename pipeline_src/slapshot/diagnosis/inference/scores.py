@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Innovations
-
-Array = NDArray[np.float64]
 
 _FEWEST = 0.01  # degrees of freedom between segments
 _ROUND = 1e-8  # share of a variance by which columns that repeat others may differ

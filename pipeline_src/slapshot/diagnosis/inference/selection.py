@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.inference.scores import Elimination, Scores
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,10 @@
 """What effects of the camera make of launches and of where objects lay."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.slide_model import Values
 from slapshot.effects.effect import Effect
-
-Array = NDArray[np.float64]
 
 SHORT = 1e-3  # s
 DECELERATION = 3.5  # m/s^2, typical of dry friction

@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slapshot.diagnosis.pucks.diagnose_rests import diagnose_rests
 from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FREE_LAUNCH
@@ -39,8 +38,6 @@ from slapshot.effects.effect import Effect
 from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
 from slapshot.recordings.quality_warning import QualityWarning
-
-Array = NDArray[np.float64]
 
 FIRST_S = 0.24  # s of a slide that launches are told from where the law of the slide was mended
 # Findings of a check that say of a hit that it is no single push followed by a slide to rest.

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FREE_LAUNCH
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.headline import distrust, headline_of, names_hold, settled, undecided
@@ -29,8 +29,6 @@ from slapshot.diagnosis.pucks.verdict import Errors, Interval, NamedEffect
 from slapshot.effects.effect import Effect
 from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
-
-Array = NDArray[np.float64]
 
 REFITTED = 8  # hypotheses, of those that a screen finds best
 

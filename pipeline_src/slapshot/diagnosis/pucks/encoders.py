@@ -4,13 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.execution import Execution
 from slapshot.diagnosis.pucks.slide_model import Column, Values
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slapshot.arrays import Array
 
 SIZES = (0.1, 0.3, 1.0, 3.0)
 LARGEST = SIZES[-1]

@@ -16,9 +16,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.recordings.format import joint_columns
-
-Array = NDArray[np.float64]
 
 POWERS = (1, 2, 3)
 ROUNDS = 6  # of expectation maximisation

@@ -1,13 +1,10 @@
 """Where a fit of slides begins."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import GRAVITY, Array
 from slapshot.diagnosis.pucks.slide_model import Point
 from slapshot.diagnosis.pucks.tracks import HitTracks
-from slapshot.effects.effect import GRAVITY
-
-Array = NDArray[np.float64]
 
 # Prior of the nuisance parameters: any dry surface.
 NUISANCE_MEAN = np.log([0.35, 0.35, 0.01])

@@ -3,15 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.marginal import Marginal
 from slapshot.diagnosis.pucks.slide_model import Column, Point, Values
 from slapshot.effects.effect import Effect
-
-Array = NDArray[np.float64]
 
 
 class Fitter(Protocol):

@@ -9,8 +9,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from slapshot.arrays import Array
 from slapshot.effects.bases import BOARD
-from slapshot.effects.effect import Array, Effect, Parameter, SlideState
+from slapshot.effects.effect import Effect, Parameter, SlideState
 
 SPEEDS = np.linspace(0.2, 3.0, 8)  # m/s
 TIMES = np.linspace(0.0, 1.6, 9)  # s

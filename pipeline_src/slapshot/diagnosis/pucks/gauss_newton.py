@@ -6,15 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.evidence import LARGEST
 from slapshot.diagnosis.pucks.first_guess import NUISANCE_MEAN
 from slapshot.diagnosis.pucks.marginal import Marginal
 from slapshot.diagnosis.pucks.slide_model import Column, Point
 from slapshot.effects.effect import Effect, Parameter
-
-Array = NDArray[np.float64]
 
 CONVERGED = 0.02  # of the objective (nats): differences that matter are of order 1
 MOST_DAMPING = 1e6

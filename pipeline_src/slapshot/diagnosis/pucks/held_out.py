@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.launch import LaunchModel
 from slapshot.diagnosis.pucks.slide_fit import SlideFitter
@@ -17,8 +18,6 @@ from slapshot.diagnosis.pucks.slide_model import Point
 from slapshot.diagnosis.pucks.told import told_launches
 from slapshot.diagnosis.pucks.tracks import RESTED_S, HitTracks
 from slapshot.diagnosis.pucks.verdict import Errors, Interval
-
-Array = NDArray[np.float64]
 
 HELD_OUT = 0.25  # share of commands
 SEEN_SHARE = 0.35  # of a hit's frames, from which its launch is told

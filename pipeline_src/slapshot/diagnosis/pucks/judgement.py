@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.evidence import project
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.search import CLASS, Candidate, Screen, Search
@@ -21,7 +21,6 @@ from slapshot.diagnosis.pucks.verdict import (
 )
 from slapshot.effects.effect import Effect
 
-Array = NDArray[np.float64]
 Word = TypeVar("Word", bound=str)
 
 Z90, Z95 = 1.645, 1.96

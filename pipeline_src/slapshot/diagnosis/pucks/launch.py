@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.camera_view import camera_shift, start_shift
 from slapshot.diagnosis.pucks.encoders import Encoders, each, value_at
 from slapshot.diagnosis.pucks.execution import Execution, Readings, pace_matrix
@@ -21,8 +22,6 @@ from slapshot.diagnosis.pucks.on_the_way import shift_on_the_way
 from slapshot.diagnosis.pucks.signatures import LOOK, Signatures
 from slapshot.diagnosis.pucks.slide_model import Column, Values
 from slapshot.effects.effect import Effect
-
-Array = NDArray[np.float64]
 
 LEAST_SD = np.array([5e-4, 5e-4, 5e-3, 5e-3, 0.1])  # m, m/s, rad/s: contact is no better known than that
 FIRST_SD = np.array([0.02, 0.02, 0.15, 0.15, 2.0])

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit, GaussNewton
 from slapshot.diagnosis.pucks.launch import FIRST_SD, LaunchModel
 from slapshot.diagnosis.pucks.marginal import Marginal
@@ -17,8 +18,6 @@ from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.slide_model import STEP_SHARE, Column, Point, Values
 from slapshot.diagnosis.pucks.told import told_launches
 from slapshot.effects.effect import Effect
-
-Array = NDArray[np.float64]
 
 _NO_INFORMATION = 1e-6  # keeps the information of what a slide does not tell (spin) from being singular
 

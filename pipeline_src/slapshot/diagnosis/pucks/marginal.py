@@ -12,9 +12,8 @@ a least-squares problem in e. Projecting [z; R (m - u)] and [J; -R dm/dt] off th
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slapshot.arrays import Array
 
 
 @dataclass(frozen=True)

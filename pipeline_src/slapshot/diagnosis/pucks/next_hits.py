@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.launch_fit import LaunchFitter
 from slapshot.diagnosis.pucks.level import Level
@@ -15,8 +15,6 @@ from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.slide_model import Point, SlideModel
 from slapshot.diagnosis.pucks.tracks import HitTracks
 from slapshot.diagnosis.pucks.verdict import NamedEffect, NextHit
-
-Array = NDArray[np.float64]
 
 HEADINGS = np.radians(np.arange(-90, 91, 15))
 SPEEDS = np.array([0.6, 1.2, 1.8, 2.4, 3.0])  # m/s

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slapshot.arrays import Array
 
 OUTLIER = 5.0  # sd from the median of its neighbours
 LEAP = 0.01  # m beyond noise

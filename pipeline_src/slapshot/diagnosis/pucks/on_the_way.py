@@ -3,12 +3,10 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.effects.effect import Effect
 from slapshot.effects.slide_law import ActiveEffect, slide
-
-Array = NDArray[np.float64]
 
 RADIUS = 0.03  # m of what slides: the change is small, and hardly depends on it
 SHORT = 1e-2  # s, over which speed is told

@@ -9,16 +9,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.free_form import launch_features
 from slapshot.diagnosis.pucks.gauss_newton import Fit, GaussNewton
 from slapshot.diagnosis.pucks.launch import TAILS, LaunchModel
 from slapshot.diagnosis.pucks.marginal import Marginal
 from slapshot.diagnosis.pucks.slide_model import STEP_SHARE, Column, Point, SlideModel, Values
 from slapshot.effects.effect import Effect
-
-Array = NDArray[np.float64]
 
 LEAST_SHARE = 0.005  # of the distance: what rest points scatter by at least
 FIRST_SHARE = 0.1

@@ -3,9 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.level import Level
 from slapshot.diagnosis.pucks.search import Candidate, Screen, Search
 from slapshot.diagnosis.pucks.signatures import Signatures
@@ -13,8 +11,6 @@ from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.verdict import Verdict
 from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.camera_view import start_shift
 from slapshot.diagnosis.pucks.execution import Execution, Readings, readings_of, replay
 from slapshot.diagnosis.pucks.launch import LaunchModel
@@ -16,8 +17,6 @@ from slapshot.diagnosis.pucks.tracks import HitTracks
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 class RigModel:

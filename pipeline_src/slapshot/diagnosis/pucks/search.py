@@ -11,8 +11,8 @@ from typing import Any, Generic, TypeVar
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.evidence import LARGEST, SIZES, LinearEvidence, project
 from slapshot.diagnosis.pucks.fitter import Fitter
 from slapshot.diagnosis.pucks.gauss_newton import Fit
@@ -20,7 +20,6 @@ from slapshot.diagnosis.pucks.slide_model import Column
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.text import reason_of
 
-Array = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
 F = TypeVar("F", bound=Fitter)
 

@@ -18,14 +18,13 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.strikes import Commands, Striker
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.errors import InputError, reading
 from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
 from slapshot.text import reason_of
-
-Array = NDArray[np.float64]
 
 LOOK = (
     0.05  # s after first contact at which launches are compared: contact is over, friction has hardly acted

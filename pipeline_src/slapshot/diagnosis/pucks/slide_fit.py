@@ -9,14 +9,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.first_guess import first_guess
 from slapshot.diagnosis.pucks.gauss_newton import Fit, GaussNewton
 from slapshot.diagnosis.pucks.marginal import Marginal, marginalise
 from slapshot.diagnosis.pucks.noise import CameraNoise, frame_speeds, leaps, outliers
 from slapshot.diagnosis.pucks.slide_model import Column, Point, SlideModel, Values
 from slapshot.diagnosis.pucks.spin import SpinPrior, UnknownSpin
-
-Array = NDArray[np.float64]
 
 SHOWN = 4  # frames that stand for a track where its shift is told
 NEARLY_FLAT = (

@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.tracks import HitTracks
 from slapshot.effects.effect import Effect
 from slapshot.effects.slide_law import ActiveEffect, slide
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
 # Columns of a hit's own unknowns: x, y (m), vx, vy (m/s), spin (rad/s) at release, log friction factor.

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.launch import LaunchModel
 from slapshot.diagnosis.pucks.slide_model import Column, Values
-
-Array = NDArray[np.float64]
 
 SPIN = 4  # place of the spin in a launch
 UNKNOWN_SD = 3.0  # rad/s: what oblique hits give

@@ -10,15 +10,13 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.tracks import HitTracks
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording, joint_columns
 from slapshot.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 TIMESTEP = 2e-4  # s
 _ROLLING = 1e-4  # placeholder: contacts of dimension 4 do not use it

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.slide_fit import SlideFitter, bounded_step
 from slapshot.diagnosis.pucks.slide_model import Point
-
-Array = NDArray[np.float64]
 
 STEPS = 6  # of Gauss-Newton
 

@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.recordings.format import Recording
-
-Array = NDArray[np.float64]
 
 # m from the start at which the striker has let go: contact lasts for 3 to 8 cm, and who is followed for
 # longer by a soft or slow striker shows it in the first frames (see RELEASED).

@@ -3,13 +3,11 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.effects.effect import Effect
 from slapshot.effects.slide_law import ActiveEffect, slide
 from slapshot.text import reason_of
-
-Array = NDArray[np.float64]
 
 # Headings in rad of hits from the board's near end, their speed in m/s and spin in rad/s.
 HEADINGS = np.linspace(-1.0, 1.0, 5)

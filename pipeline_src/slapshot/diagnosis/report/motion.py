@@ -6,14 +6,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.filter import smooth
 from slapshot.diagnosis.fit import Fitter
 from slapshot.diagnosis.held_out import first_path
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
-
-Array = NDArray[np.float64]
 
 _ROUNDS = 5
 _SHARE, _NO_FORCE = 0.01, 1e-6  # of the noise of readings; of the torque that moves each joint

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.diagnose import Diagnosis, Prediction
 from slapshot.diagnosis.held_out import Predictions
 from slapshot.diagnosis.rig import Rig
@@ -13,8 +12,6 @@ from slapshot.diagnosis.search import Search, Step
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.recordings.signals import SignalRecording
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.report.motion import Motion, predicted_half, predicted_motion, recorded_motion
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.style import MODEL_COLOURS, RECORDED
@@ -19,8 +19,6 @@ from slapshot.diagnosis.report.wording import MODELS, plain, scaled
 from slapshot.diagnosis.segments import Segments
 from slapshot.viewer.bodies import SOLID, rotation_quaternion, shape_of
 from slapshot.viewer.names import APPLICATION, TIME
-
-Array = NDArray[np.float64]
 
 RECORDING_FILE = "recording.rrd"
 CAPTION = (

@@ -12,12 +12,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.filter import smooth
 from slapshot.diagnosis.linear import STEP_ERROR
 from slapshot.diagnosis.report.outcome import Coordinate, Outcome, coordinates
 from slapshot.diagnosis.report.style import Z90
-
-Array = NDArray[np.float64]
 
 _FORCE = 0.2  # process force as a share of the torque that moves each joint
 _ROUNDS = 2

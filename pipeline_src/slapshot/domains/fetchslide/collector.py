@@ -13,13 +13,13 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.domains.fetchslide.gripper import Grippers
 from slapshot.domains.fetchslide.model import CONTROL_PERIOD, OBJECT, OBJECT_JOINT, SUBSTEPS, TABLE
 from slapshot.rollouts.hits import Hits, Outcomes
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 BATCH = 256  # hits simulated together

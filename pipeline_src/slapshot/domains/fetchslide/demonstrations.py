@@ -9,13 +9,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.domains.fetchslide.model import CONTROL_PERIOD, FINGER_HALF_THICKNESS, GRIP_START, PUCK_RADIUS
 from slapshot.errors import InputError
 from slapshot.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 # m/s that the gripper does for a command of 1 along an axis: the environment asks for 0.05 m in 0.04 s, but
 # from where the gripper is by then, through a soft weld. Measured; see tests/scenes/test_fetchslide.py.

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.domains.fetchslide.demonstrations import CONTACT_AT
 from slapshot.domains.fetchslide.gripper import PUCK_HOME, Grippers
 from slapshot.domains.fetchslide.model import FINGER_HALF_THICKNESS, PUCK_RADIUS
@@ -11,8 +12,6 @@ from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings, pose_stride
 from slapshot.trajectories.vae import TrajectoryVae
-
-Array = NDArray[np.float64]
 
 LEAD = 3  # control periods from the cached state to the nominal contact
 LEAST_SPEED = 0.15  # m/s of the gripper at contact

@@ -11,6 +11,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.domains.fetchslide.model import (
     FINGER_JOINTS,
     GRIPPER,
@@ -23,7 +24,6 @@ from slapshot.domains.fetchslide.model import (
 )
 from slapshot.scenes.scene import Scene
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 _TOWARDS = np.array([1.0, 0.0, 1.0, 0.0])  # added to the gripper's quaternion, as the environment does

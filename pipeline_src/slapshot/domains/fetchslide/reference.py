@@ -4,14 +4,12 @@ from types import ModuleType
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.domains.fetchslide.model import OBJECT, OBJECT_JOINT, TABLE
 from slapshot.rollouts.hits import Hits
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings
-
-Array = NDArray[np.float64]
 
 LOOP = "environment"  # how measures call it
 AT_REST = 2e-3  # m/s and rad/s

@@ -1,15 +1,13 @@
 """Is a sequence of gripper velocities within the environment's limits, and where would it lead?"""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.domains.fetchslide.demonstrations import RESPONSE
 from slapshot.domains.fetchslide.model import CONTROL_PERIOD, GRIP_START, TABLE_HALF, TABLE_MIDDLE
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.safety import SafetyReport
-
-Array = NDArray[np.float64]
 
 MOST_COMMAND = 1.0  # the environment clips what is more
 # m over where the gripper begins, where its fingers rest on the table: what a decoded path may sink, and how

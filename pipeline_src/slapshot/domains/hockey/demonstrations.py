@@ -11,12 +11,10 @@ import mujoco
 import numpy as np
 from dm_control import mujoco as dm_mujoco
 from dm_control.utils import inverse_kinematics
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.domains.hockey.model import BLADE_HALF_SIZE, STICK_LENGTH, WRIST_TO_FLANGE
 from slapshot.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 # A pose over the puck with the elbow up, from which inverse kinematics stays on one branch.
 SEED_POSE = (0.0, -0.34, 0.0, 1.51, 0.0, -1.31, 0.0)

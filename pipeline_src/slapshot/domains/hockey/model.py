@@ -11,6 +11,7 @@ from typing import Any
 
 from dm_control import mjcf
 
+from slapshot.arrays import GRAVITY
 from slapshot.domains.hockey.settings import PuckName
 from slapshot.scenes.scene import Scene, SceneInfo
 
@@ -34,8 +35,6 @@ STICK_RADIUS = 0.015
 STICK_MASS = 0.15
 BLADE_HALF_SIZE = (0.006, 0.115, 0.030)
 BLADE_MASS = 0.09
-
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from typing import Any
 
 from dm_control import mjcf
 
+from slapshot.arrays import GRAVITY
 from slapshot.scenes.scene import Scene, SceneInfo
 
-GRAVITY = 9.81
 CONTROL_PERIOD = 0.001  # s; nothing is commanded, but simulated tracks are sampled in whole periods
 
 

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import mujoco
 
-from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation, servo
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import JointEffect, Parameter, Situation, servo
 from slapshot.effects.joints.parts import shown
 
 _LINEAR = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))

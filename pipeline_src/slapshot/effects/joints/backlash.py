@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, Parameter, Situation
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import Parameter, Situation
 from slapshot.effects.joints.split import AT_LINK, AT_MOTOR, SplitJoint, deflection
 
 _HIT = 1000.0  # rad/s, of the stop: four steps of a time constant

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
 from slapshot.effects.joints.split import base_joint, put_on_base
 
 _SLOW, _USUAL, _FAST = 10.0, 60.0, 400.0  # rad/s at which the robot may sway on its base

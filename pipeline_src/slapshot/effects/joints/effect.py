@@ -13,9 +13,8 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slapshot.arrays import Array
 
 
 @dataclass(frozen=True)

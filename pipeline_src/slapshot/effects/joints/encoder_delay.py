@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, JointEffect, Observed, Parameter, Situation
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, Situation
 
 ALL_SENSORS = "all sensors"
 

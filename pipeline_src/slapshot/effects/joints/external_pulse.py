@@ -5,15 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slapshot.effects.joints.effect import (
-    Array,
-    Joint,
-    JointEffect,
-    Parameter,
-    Situation,
-    State,
-    on_joint,
-)
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
 
 
 @dataclass(frozen=True)

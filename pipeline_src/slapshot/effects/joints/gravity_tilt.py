@@ -5,7 +5,8 @@ from collections.abc import Iterator, Sequence
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
 from slapshot.effects.joints.parts import level
 
 

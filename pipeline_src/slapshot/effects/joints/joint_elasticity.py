@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, Parameter, Situation
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import Parameter, Situation
 from slapshot.effects.joints.split import AT_LINK, AT_MOTOR, FASTEST, SplitJoint, deflection, stiffest
 
 

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, Joint, JointEffect, Observed, Parameter, Situation, servo
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import Joint, JointEffect, Observed, Parameter, Situation, servo
 
 
 class JointOffset(JointEffect):

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
 
 
 class LoadFriction(JointEffect):

@@ -6,7 +6,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, Parameter, Situation
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import Parameter, Situation
 
 _COUNTS = 1e-3  # of the whole mass: lighter bodies cannot be told
 _STIFFEST = 0.9999  # impedance that MuJoCo allows

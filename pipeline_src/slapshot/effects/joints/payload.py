@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import mujoco
 
-from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
 from slapshot.effects.joints.parts import add_point_mass, carriers, far_end, moving_bodies
 
 _SLIDES = 2  # of body_simple: where its mass is does not matter

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, JointEffect, Parameter, Situation, State
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import JointEffect, Parameter, Situation, State
 from slapshot.effects.joints.parts import freely, weight
 
 

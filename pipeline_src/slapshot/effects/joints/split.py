@@ -9,7 +9,8 @@ import xml.etree.ElementTree as ElementTree
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter
 
 # Of the fastest mode that a time step of 1 ms can hold with some margin, in rad/s.
 FASTEST = 400.0

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 
-from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
 
 
 class Spring(JointEffect):

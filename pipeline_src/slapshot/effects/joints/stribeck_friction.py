@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
 from slapshot.effects.joints.parts import add_friction
 
 

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
 
 MOST = 18  # orders that are looked at, half a period over the travel apart
 

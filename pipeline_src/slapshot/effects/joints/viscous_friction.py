@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import mujoco
 
-from slapshot.effects.joints.effect import Array, Joint, JointEffect, Parameter, Situation
+from slapshot.arrays import Array
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation
 
 
 class ViscousFriction(JointEffect):

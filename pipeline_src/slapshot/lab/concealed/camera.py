@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from slapshot.lab.concealed.hidden_effect import Array, HiddenEffect, NominalMotion, Shape
+from slapshot.arrays import Array
+from slapshot.lab.concealed.hidden_effect import HiddenEffect, NominalMotion, Shape
 
 _FOOT_SD = 0.12  # m, along x and y, by which a camera looks past the point it is meant to look at
 

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slapshot.errors import InputError
 from slapshot.lab.camera import foot_of
@@ -20,8 +19,6 @@ from slapshot.lab.hit_types import Hit, HitNoise, HitSpec, draw_hit_noise
 from slapshot.lab.release_detection import nearest_pose
 from slapshot.lab.rig import Rig
 from slapshot.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 HITS = 32  # that are rehearsed
 REPEATED, TIMES = 16, 3  # commands and executions, to measure the scatter with

@@ -10,13 +10,12 @@ from typing import Any, ClassVar, Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.lab.blade_truth import BladeTruth
 from slapshot.lab.surface import Ground
 from slapshot.scenes.scene import Scene
 
-Array = NDArray[np.float64]
 Shape = Mapping[str, Any]
 
 Phase = Literal["swing", "contact", "slide", "across hits", "camera"]

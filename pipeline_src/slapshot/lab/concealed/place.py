@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from slapshot.arrays import Array
 from slapshot.lab.board import draw_height, draw_log_friction
-from slapshot.lab.concealed.hidden_effect import Array, HiddenEffect, NominalMotion, Shape
+from slapshot.lab.concealed.hidden_effect import HiddenEffect, NominalMotion, Shape
 from slapshot.lab.surface import Ground
 
 _WAVELENGTHS = (0.4, 1.6)  # m

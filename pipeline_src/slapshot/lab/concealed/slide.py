@@ -5,7 +5,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from slapshot.lab.concealed.hidden_effect import Array, HiddenEffect, NominalMotion, Shape
+from slapshot.arrays import Array
+from slapshot.lab.concealed.hidden_effect import HiddenEffect, NominalMotion, Shape
 from slapshot.lab.surface import EVEN, Ground, rise
 from slapshot.scenes.scene import Scene
 

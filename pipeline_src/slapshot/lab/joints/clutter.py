@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from slapshot.lab.joints.hidden_effect import Array, Law, NominalMotion, Now, Plant
+from slapshot.arrays import Array
+from slapshot.lab.joints.hidden_effect import Law, NominalMotion, Now, Plant
 
 LAW_ERROR = 0.1  # rms of h
 _WAVES = 8

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.lab.joints.rig import Rig
-
-Array = NDArray[np.float64]
 
 _WAVES = 6  # sines that are added up
 _RAMP = 0.3  # s, in which they set in

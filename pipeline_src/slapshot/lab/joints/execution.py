@@ -12,13 +12,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.lab.joints.excitation import Excitation
 from slapshot.lab.joints.hidden_effect import Law, Now, Plant
 from slapshot.lab.joints.rig import Rig
-
-Array = NDArray[np.float64]
 
 TIP = "lab_tip"
 FLEX = "lab_flex_"  # before a joint's name: what lies between its actuator and its link

@@ -9,12 +9,10 @@ from functools import cache
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.domains.fetchslide.model import FINGER_JOINTS, GRIPPER, STEP
 from slapshot.lab.joints.execution import Execution
-
-Array = NDArray[np.float64]
 
 _TOWARDS = np.array([1.0, 0.0, 1.0, 0.0])  # added to the gripper's quaternion, as the environment does
 _LEAVES = 0.6  # share of the time before an episode in which the gripper leaves its start

@@ -12,11 +12,10 @@ from typing import Any, ClassVar, NamedTuple
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.lab.joints.rig import Rig
 
-Array = NDArray[np.float64]
 Shape = Mapping[str, Any]
 
 

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from slapshot.arrays import Array
 from slapshot.lab.joints.execution import Motion
-from slapshot.lab.joints.hidden_effect import Array, Concealed
+from slapshot.lab.joints.hidden_effect import Concealed
 from slapshot.lab.joints.order import Colour, Condition
 from slapshot.lab.joints.rig import Rig
 

@@ -6,11 +6,9 @@ from typing import Literal, NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.recordings.channels import PLACE, QUATERNION, Channel
-
-Array = NDArray[np.float64]
 
 _ENCODERS, _COMMANDS = "encoders", "commands"  # clocks
 

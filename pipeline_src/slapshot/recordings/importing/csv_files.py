@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.errors import InputError
 from slapshot.recordings.importing.files import fields_of_names, find_sources, natural_key
 from slapshot.recordings.importing.mapping import TrackMapping
 from slapshot.recordings.importing.rows import Rows, read_rows
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.errors import InputError, reading
 from slapshot.recordings.importing.mapping import LONGEST_TEXT, Column, CsvStyle
 from slapshot.validation import short
-
-Array = NDArray[np.float64]
 
 _NOT_SEEN = {"", "nan", "na", "null", "none"}
 _LONGEST_FILE = 200_000_000  # bytes

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.recordings.importing.mapping import Crop, TrackMapping
 from slapshot.recordings.motion import Episode, find_episodes, find_slide
-
-Array = NDArray[np.float64]
 
 _FEWEST_FRAMES = 5
 _START_WINDOW_S = 0.2  # before motion begins: earlier frames may be from before a nudge

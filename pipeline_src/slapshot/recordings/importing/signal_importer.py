@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.errors import InputError
 from slapshot.recordings.importing.files import fields_of_names, find_sources, natural_key
 from slapshot.recordings.importing.importer import write_sources
@@ -22,8 +23,6 @@ from slapshot.recordings.importing.signal_mapping import (
 from slapshot.recordings.signals import SignalRecording, write_signals
 from slapshot.recordings.write import check_new
 from slapshot.validation import short
-
-Array = NDArray[np.float64]
 
 _EPISODE_FIELD = "episode"  # of a file's name
 

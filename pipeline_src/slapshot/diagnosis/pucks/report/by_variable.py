@@ -8,14 +8,13 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.report import residuals
 from slapshot.diagnosis.pucks.report.outcome import Launches, Outcome
 from slapshot.diagnosis.pucks.report.residuals import CHANCE, Z90
 from slapshot.diagnosis.pucks.report.style import ALONG, LEFT
 from slapshot.diagnosis.pucks.search import Candidate
 from slapshot.effects.effect import Follows
-
-Array = NDArray[np.float64]
 
 # Spins are not seen, and commands are not part of a slide: their marks are shown against these.
 _INSTEAD: dict[str, Follows] = {"spin": "time", "command": "speed"}

@@ -8,7 +8,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PatchCollection
 from matplotlib.colors import Normalize
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
 from slapshot.diagnosis.pucks.report import residuals
 from slapshot.diagnosis.pucks.report.by_variable import (
@@ -23,8 +22,6 @@ from slapshot.diagnosis.pucks.report.by_variable import (
 from slapshot.diagnosis.pucks.report.outcome import Outcome
 from slapshot.diagnosis.pucks.report.style import NOTHING, PUSH, mark_stand_in
 from slapshot.plotting import Drawing
-
-Array = NDArray[np.float64]
 
 NAME = "D1-location"
 CAPTION = (

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.level import Level
 from slapshot.diagnosis.pucks.report.predictions import Predicted, predict
 from slapshot.diagnosis.pucks.report.residuals import arrow_table
@@ -17,8 +16,6 @@ from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.verdict import Verdict
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

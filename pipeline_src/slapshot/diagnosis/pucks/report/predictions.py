@@ -5,12 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.held_out import first_frames
 from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.told import told_launches
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

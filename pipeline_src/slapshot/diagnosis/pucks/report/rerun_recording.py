@@ -9,15 +9,13 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.report import style
 from slapshot.diagnosis.pucks.report.location_map import arrow_scale
 from slapshot.diagnosis.pucks.report.outcome import Outcome
 from slapshot.diagnosis.pucks.report.predictions import Predicted
 from slapshot.viewer.names import APPLICATION, TIME
-
-Array = NDArray[np.float64]
 
 RECORDING_FILE = "diagnosis.rrd"
 HIT = "hit"

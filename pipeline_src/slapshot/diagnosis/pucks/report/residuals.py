@@ -16,14 +16,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.evidence import LARGEST
 from slapshot.diagnosis.pucks.free_form import FreePlaceForce
 from slapshot.diagnosis.pucks.search import Candidate
 from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.effects.bases import BOARD
 from slapshot.effects.effect import Effect, Follows, Parameter, SlideState
-
-Array = NDArray[np.float64]
 
 BINS = 8
 MOVING = 0.05  # m/s: slower frames have no heading

@@ -5,14 +5,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.report.outcome import Outcome
 from slapshot.diagnosis.pucks.report.predictions import Predicted
 from slapshot.diagnosis.pucks.report.style import AUGMENTED, NOMINAL, RECORDED, mark_stand_in
 from slapshot.plotting import Drawing
-
-Array = NDArray[np.float64]
 
 NAME = "D3-tracks"
 CAPTION = (

@@ -5,16 +5,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from slapshot.lab.joints.hidden_effect import (
-    Array,
-    Bounds,
-    HiddenEffect,
-    Law,
-    NominalMotion,
-    Now,
-    Plant,
-    Shape,
-)
+from slapshot.arrays import Array
+from slapshot.lab.joints.hidden_effect import Bounds, HiddenEffect, Law, NominalMotion, Now, Plant, Shape
 from slapshot.lab.joints.hidden_effects.friction import Bristles
 from slapshot.lab.joints.hidden_effects.structure import linear
 from slapshot.lab.joints.rig import Rig

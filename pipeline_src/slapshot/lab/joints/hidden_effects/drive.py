@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from slapshot.arrays import Array
 from slapshot.lab.joints.hidden_effect import (
-    Array,
     Bounds,
     HiddenEffect,
     Law,

@@ -7,9 +7,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from slapshot.arrays import Array
 from slapshot.lab.joints.execution import FLEX
 from slapshot.lab.joints.hidden_effect import (
-    Array,
     Bounds,
     HiddenEffect,
     Law,
