@@ -22,7 +22,7 @@ def normal(name: str) -> str:
 
 def test_there_are_the_files_that_the_makefile_installs():
     named = set(re.findall(r"requirements/([\w-]+\.txt)", (ROOT / "Makefile").read_text()))
-    assert named == {"build.txt", "cuda.txt", "lock.txt", "torch-cpu.txt"}
+    assert named == {"build.txt", "cuda.txt", "docs.txt", "lock.txt", "torch-cpu.txt"}
     assert set(LOCKS) == named | {"benchmark.txt"}
 
 
