@@ -6,7 +6,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 from snakemake.utils import min_version
 
-from slapshot.config import read_config
+from slapshot.config.files import read_config
 from slapshot.errors import InputError
 from slapshot.dag import FIGURES, STAGES, make_plan
 from slapshot.dag.marks import Marks

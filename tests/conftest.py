@@ -20,14 +20,21 @@ import torch
 import yaml
 from hypothesis import HealthCheck, settings
 from slapshot.command import Run
-from slapshot.config import load_config
+from slapshot.config.domain import Domain
+from slapshot.config.files import load_config
+from slapshot.config.trajectories import (
+    DemonstrationsSettings,
+    SwingsSettings,
+    TrajectoryModelSettings,
+)
 from slapshot.rollouts.hits import Hits
-from slapshot.scenes.domain import load_domain
+from slapshot.scenes.domain import build_scene
 from slapshot.scenes.randomisation import draw_conditions, draw_start_errors
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories import demonstrations, fit, pool
 from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
+from slapshot.validation import values_of
 from workspace import Workspace, copy_repository
 
 ROOT = Path(__file__).parents[1]
@@ -57,13 +64,13 @@ def torch_globals():
 
 
 @pytest.fixture(scope="session")
-def hockey_config():
-    return load_config(ROOT / "config/tiny.yaml")["domains"]["hockey"]
+def hockey_config() -> Domain:
+    return load_config(ROOT / "config/tiny.yaml").domains["hockey"]
 
 
 @pytest.fixture(scope="session")
 def scene(hockey_config) -> Scene:
-    return load_domain("hockey").build_scene(hockey_config["scene"])
+    return build_scene(hockey_config.scene)
 
 
 @pytest.fixture(scope="session")
@@ -74,18 +81,23 @@ def rig(scene, hockey_config, tmp_path_factory) -> Rig:
     for folder in folders.values():
         folder.mkdir()
     scene.save(folders["scene"])
-    settings = hockey_config["demonstrations"]
-    common = {"seed": 3, "duration_s": settings["duration_s"]}
-    for produce, name, config in (
-        (demonstrations.produce, "demonstrations", {"domain": "hockey", **settings, "count": 1024}),
+    scripted, motions = hockey_config.demonstrations, hockey_config.trajectory_model
+    for produce, name, told in (
+        (
+            demonstrations.produce,
+            "demonstrations",
+            DemonstrationsSettings.from_parts(scripted, domain="hockey", seed=3, count=1024),
+        ),
         (
             fit.produce,
             "trajectory_model",
-            {**hockey_config["trajectory_model"], "steps": 2500, "hidden": [128, 128]},
+            TrajectoryModelSettings.from_parts(
+                motions, seed=3, duration_s=scripted.duration_s, steps=2500, hidden=(128, 128)
+            ),
         ),
-        (pool.produce, "swings", {"domain": "hockey", "train": 24, "validation": 8, "test": 8}),
+        (pool.produce, "swings", SwingsSettings(domain="hockey", seed=3, train=24, validation=8, test=8)),
     ):
-        produce(Run({**common, **config}, folders, folders[name], 2))
+        produce(Run(values_of(told), folders, folders[name], 2))
     model = TrajectoryVae.load(folders["trajectory_model"])
     return Rig(scene, model, Swings.load(folders["swings"]), folders)
 
@@ -96,11 +108,11 @@ def make_hits(rig, hockey_config):
 
     def make(count: int, seed: int = 0) -> Hits:
         rng = np.random.default_rng(seed)
-        randomisation = hockey_config["randomisation"]
+        randomisation = hockey_config.randomisation
         return Hits(
             swings=rng.integers(0, len(rig.swings.latents), count),
             conditions=draw_conditions(randomisation, count, rng),
-            start_errors=draw_start_errors(randomisation, count, rng),
+            start_errors=draw_start_errors(randomisation.start_error, count, rng),
         )
 
     return make

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from recordings.builder import make_recording
 from slapshot import cli
-from slapshot.config import load_config
+from slapshot.config.files import load_config
 from slapshot.dag import make_plan
 from slapshot.recordings.write import write_recording
 from slapshot.store.code_dependencies import code_digest, imported_libraries

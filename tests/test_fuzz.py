@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from slapshot.config import read_config
+from slapshot.config.files import read_config
 from slapshot.diagnosis.pucks.rig_file import read_rig
 from slapshot.diagnosis.pucks.verdict_file import VERDICT_FILE, read_verdict
 from slapshot.errors import InputError

@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from slapshot.config import load_config
+from slapshot.config.files import load_config
 from slapshot.dag import Plan, make_plan
 from slapshot.dag.marks import Marks
 from slapshot.errors import InputError

@@ -25,7 +25,7 @@ COPIED = ("Snakefile", "workflow", "profiles", "config", "pipeline_src", "pyproj
 _PLAN = """
 import json, sys
 from pathlib import Path
-from slapshot.config import load_config
+from slapshot.config.files import load_config
 from slapshot.dag import make_plan
 recipes = make_plan(load_config(Path(sys.argv[1]))).of_figures()
 print(json.dumps({label: [r.stage, r.id, list(r.upstream.values())] for label, r in recipes.items()}))

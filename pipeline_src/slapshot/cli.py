@@ -4,6 +4,7 @@ import argparse
 import json
 import os
 import signal
+import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
@@ -12,8 +13,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from slapshot.config import DEFAULT_CONFIG, read_config
-from slapshot.dag import Plan, load_plan, make_plan
+from slapshot.config.files import DEFAULT_CONFIG, read_config
+from slapshot.dag import STAGES, Plan, in_words, load_plan, make_plan
 from slapshot.errors import InputError, writing
 from slapshot.own_code import own_code_may_run
 from slapshot.scenes.domain import find_domain, is_built_in
@@ -101,6 +102,12 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(
                 "--config", type=Path, action="append", help="configuration; may be repeated"
             )
+    stage = commands.add_parser("stage", help="make the versions of one stage, whose inputs are there")
+    stage.add_argument("stage", help="for example rollouts")
+    stage.add_argument("--config", type=Path, action="append", help="configuration, else the default")
+    stage.add_argument("--store", type=Path, default=DEFAULT_STORE)
+    stage.add_argument("--cores", type=int, default=os.cpu_count() or 1)
+    stage.set_defaults(run=_stage)
     config = commands.add_parser("config", help="check a configuration")
     config.add_argument("file", type=Path)
     config.set_defaults(run=_config)
@@ -227,13 +234,37 @@ def _table(*columns: str) -> Table:
     return table
 
 
+def _stage(args: argparse.Namespace) -> int:
+    for label, recipe in _of_stage(args).items():
+        # A process each, as in the workflow: a stage sets how many threads its libraries use.
+        module = STAGES[recipe.stage].module.removesuffix(".__main__")
+        command = [sys.executable, "-m", module, "--recipe", recipe.to_json(), "--label", in_words(label)]
+        done = subprocess.run([*command, "--store", args.store, "--cores", str(args.cores)], check=False)
+        if done.returncode:
+            return done.returncode
+    return 0
+
+
+def _of_stage(args: argparse.Namespace) -> dict[str, Recipe]:
+    """Label -> recipe of the stage that was named.
+
+    Raises:
+        InputError: the configuration asks for no version of it.
+    """
+    plan = _plan_of(args.config)
+    wanted = plan.of_stage(args.stage)
+    if not wanted:
+        raise InputError(f"no stage {args.stage!r}; stages: {', '.join(plan.ids())}")
+    return wanted
+
+
 def _config(args: argparse.Namespace) -> int:
-    config = read_config([args.file])
-    plan = make_plan(config.values, config.where)
+    checked = read_config([args.file])
+    plan = make_plan(checked.settings, checked.layers.where)
     _say(f"{args.file}: {len(plan.recipes)} versions")
-    for name, domain in config.values["domains"].items():
-        if not is_built_in(domain["scene"]["domain"]):
-            source = find_domain(domain["scene"]["domain"])
+    for name, domain in checked.settings.domains.items():
+        if not is_built_in(domain.scene.domain):
+            source = find_domain(domain.scene.domain)
             _say(f"domains.{name}.scene.domain: {source} is code of its own, which stages will run")
     return 0
 
@@ -283,10 +314,7 @@ def _print_difference(first: dict[str, Any], second: dict[str, Any], a: str, b: 
 
 
 def _why(args: argparse.Namespace) -> int:
-    store, plan = _store(args), _plan_of(args.config)
-    wanted = plan.of_stage(args.stage)
-    if not wanted:
-        raise InputError(f"no stage {args.stage!r}; stages: {', '.join(plan.ids())}")
+    store, wanted = _store(args), _of_stage(args)
     _say_unreadable(store)
     made = [v for _, v in store.versions() if v["recipe"]["stage"] == args.stage]
     for label, recipe in wanted.items():

@@ -1,23 +1,26 @@
-"""What every stage's command line has in common.
+"""What stages' command lines have in common: `python -m slapshot.<stage> --recipe JSON` makes one version.
 
-`python -m slapshot.<stage> --recipe JSON` makes one version in the store; Snakemake calls it so.
-`python -m slapshot.<stage> --config FILE` works the recipe out first; people call it so.
+Snakemake calls it so, and so does `slapshot stage NAME --config FILE`, which works the recipes out first.
 """
 
 import argparse
+import json
 import logging
 import os
 import sys
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import BaseModel
 
 from slapshot.errors import InputError, writing
 from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe
+
+M = TypeVar("M", bound=BaseModel)
 
 log = logging.getLogger("slapshot")
 
@@ -27,7 +30,7 @@ class Run:
     """What a stage is given.
 
     Attributes:
-        config: the values of the recipe.
+        config: what the recipe says, as JSON has it; `settings` reads it.
         inputs: role -> folder of an upstream version.
         out: folder to write the payload to.
         cores: how many to use; the content must not depend on it.
@@ -37,6 +40,10 @@ class Run:
     inputs: Mapping[str, Path]
     out: Path
     cores: int
+
+    def settings(self, model: type[M]) -> M:
+        """What the stage is told, as the plan said it (see `slapshot.dag.recipes.Plan.add`)."""
+        return model.model_validate_json(json.dumps(self.config))
 
 
 def stage_command(stage: str, produce: Callable[[Run], None], resume: bool = False) -> None:
@@ -48,9 +55,7 @@ def stage_command(stage: str, produce: Callable[[Run], None], resume: bool = Fal
         resume: `produce` can go on from what an interrupted run left in `out`.
     """
     parser = argparse.ArgumentParser(prog=f"python -m slapshot ({stage})")
-    what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--recipe", help="canonical JSON, as the workflow passes it")
-    what.add_argument("--config", type=Path, help="configuration to work the recipes out from")
+    parser.add_argument("--recipe", required=True, help="canonical JSON, as the workflow passes it")
     parser.add_argument("--store", type=Path, default=Path("data/store"))
     parser.add_argument("--cores", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--log", type=Path, help="file that gets a copy of all messages")
@@ -59,8 +64,8 @@ def stage_command(stage: str, produce: Callable[[Run], None], resume: bool = Fal
     store = Store(args.store)
     try:
         set_up_logging(args.label or stage, args.log)
-        for label, recipe in _recipes(stage, args.recipe, args.config).items():
-            make_version(store, recipe, produce, args.cores, resume, args.label or label)
+        recipe = Recipe.from_json(args.recipe)
+        make_version(store, recipe, produce, args.cores, resume, args.label or "")
     except InputError as error:
         log.debug("%s", traceback.format_exc())
         log.error("%s", error)
@@ -96,15 +101,6 @@ def make_version(
                     made = True
     log.info("%s %s", recipe.id, "made" if made else "is already whole")
     return folder
-
-
-def _recipes(stage: str, recipe: str | None, config: Path | None) -> dict[str, Recipe]:
-    """By label, where the configuration is given."""
-    if recipe is not None:
-        return {"": Recipe.from_json(recipe)}
-    # By name: a stage's result does not depend on how configurations are checked and planned.
-    load_plan, in_words = import_module("slapshot.dag").load_plan, import_module("slapshot.dag").in_words
-    return {in_words(label): made for label, made in load_plan(config).of_stage(stage).items()}
 
 
 def set_up_logging(label: str, file: Path | None) -> None:

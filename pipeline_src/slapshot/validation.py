@@ -12,7 +12,7 @@ import reprlib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -74,6 +74,26 @@ class Model(BaseModel):
         extra="forbid", strict=True, frozen=True, allow_inf_nan=False, protected_namespaces=()
     )
 
+    @classmethod
+    def from_parts(cls, *parts: BaseModel, **values: Any) -> Self:
+        """This model with what others say of its keys, and further values.
+
+        Args:
+            parts: models; what they leave out stays out.
+            values: count more than any part.
+
+        Raises:
+            ValueError: two parts say something of the same key.
+        """
+        said: dict[str, Any] = {}
+        for part in parts:
+            own = {key: getattr(part, key) for key in cls.model_fields if key in part.model_fields_set}
+            twice = own.keys() & said.keys() - values.keys()
+            if twice:
+                raise ValueError(f"{cls.__name__}: two parts say {', '.join(sorted(twice))}")
+            said |= own
+        return cls(**said | values)
+
 
 class ProblemAtError(ValueError):
     """What is wrong with a value, and where it stands below what is checked: `what; remedy`.
@@ -108,6 +128,11 @@ def validated(model: type[M], values: Any, where: Callable[[Loc], str] | Path | 
     except ValidationError as error:
         problem = _first_problem(error, model, values)
         raise InputError(f"{told(problem.loc)}: {key_of(problem.loc)}: {problem}") from None
+
+
+def values_of(model: BaseModel) -> dict[str, Any]:
+    """What a model says, as JSON has it and `validated` takes it; what it leaves out stays out."""
+    return model.model_dump(mode="json", exclude_unset=True)
 
 
 def validated_part(model: type[M], values: Any, loc: Loc) -> M:

@@ -16,7 +16,9 @@ import torch
 from slapshot.adaptation import train
 from slapshot.adaptation.checkpoint import save_ensemble
 from slapshot.adaptation.data import Standardiser
-from slapshot.adaptation.method import Sizes, load_method
+from slapshot.adaptation.lstm import Lstm
+from slapshot.adaptation.method import Sizes
+from slapshot.config.methods import LstmSettings
 from slapshot.recordings.format import ObjectInfo, Recording
 from slapshot.recordings.write import write_recording
 from slapshot.rollouts.reading import read_sequences
@@ -80,10 +82,10 @@ def world(tmp_path_factory) -> World:
     train_kalman(rollouts, kalman)
     torch.set_num_threads(threads)
     # Not trained: what is tested with it does not depend on how good it is.
-    settings = {"state": 6, "hidden": [8]}
+    settings = LstmSettings(state=6, hidden=(8,))
     g = torch.Generator().manual_seed(2)
-    method = load_method("lstm").from_configuration(Sizes(2, 2, 2), settings, 2, g)
-    save_ensemble(lstm, "lstm", method, settings, Standardiser.fit(read_sequences(rollouts, "train")))
+    method = Lstm(Sizes(2, 2, 2), settings, 2, g)
+    save_ensemble(lstm, "lstm", method, Standardiser.fit(read_sequences(rollouts, "train")))
     return World(rollouts, kalman, lstm, (rigs[0], rigs[1]), trajectory_model)
 
 

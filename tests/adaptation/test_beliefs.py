@@ -10,8 +10,10 @@ import torch
 from slapshot.adaptation import beliefs
 from slapshot.adaptation.checkpoint import load_ensemble, save_ensemble
 from slapshot.adaptation.data import Standardiser
-from slapshot.adaptation.method import Sizes, load_method
+from slapshot.adaptation.kalman import Kalman
+from slapshot.adaptation.method import Sizes
 from slapshot.command import Run
+from slapshot.config.methods import KalmanSettings
 from slapshot.rollouts.reading import read_sequences
 
 MODELS, CONDITIONS, TASKS, REPEATS = 2, 22, 4, 3
@@ -83,11 +85,11 @@ def test_hidden_states_are_a_list_of_fixed_size(kalman):
 
 
 def test_a_hidden_state_of_one_dimension_is_a_list_too(world, tmp_path):
-    settings = {"latent": 1, "hidden": [4], "drift": 0.0}
+    settings = KalmanSettings(latent=1, hidden=(4,), drift=0.0)
     generator = torch.Generator().manual_seed(0)
-    method = load_method("kalman").from_configuration(Sizes(2, 2, 2), settings, MODELS, generator)
+    method = Kalman(Sizes(2, 2, 2), settings, MODELS, generator)
     standardiser = Standardiser.fit(read_sequences(world.rollouts, "train"))
-    save_ensemble(tmp_path, "kalman", method, settings, standardiser)
+    save_ensemble(tmp_path, "kalman", method, standardiser)
     out = tmp_path / "out"
     out.mkdir()
     beliefs.produce(Run(world.config(**SETTINGS), world.inputs() | {"train": tmp_path}, out, 1))

@@ -18,7 +18,7 @@ MODELS, CONDITIONS, SAMPLES, QUERIES = 2, 22, [0, 2, 8], 6
 LEVELS, VARIANCES, VARIANCE_MAX = [0.5, 0.9], [0.0, 0.1, 0.4], 0.2
 SETTINGS = {
     "seed": 5, "method": "kalman", "draws": 24, "levels": LEVELS, "samples": SAMPLES, "queries": QUERIES,
-    "shown_noise_variance": 0.1, "noise_variances": VARIANCES, "noise_variance_max": VARIANCE_MAX,
+    "noise_variances": VARIANCES, "noise_variance_max": VARIANCE_MAX,
 }  # fmt: skip
 
 

@@ -17,9 +17,10 @@ from slapshot.adaptation.intervals import (
     predictive,
     raw_radius2,
 )
-from slapshot.adaptation.kalman import Kalman, KalmanBelief, KalmanSettings
-from slapshot.adaptation.lstm import Lstm, LstmSettings
+from slapshot.adaptation.kalman import Kalman, KalmanBelief
+from slapshot.adaptation.lstm import Lstm
 from slapshot.adaptation.method import Sizes
+from slapshot.config.methods import KalmanSettings, LstmSettings
 from slapshot.errors import InputError
 
 SIZES = Sizes(state=2, action=3, outcome=2)
@@ -43,7 +44,7 @@ def generator(seed: int) -> torch.Generator:
 def make_linear(tasks: int = B) -> tuple[Kalman, Standardiser, KalmanBelief]:
     """A method whose outcome is linear in phi, and a belief that differs between models and tasks."""
     g = generator(0)
-    method = Kalman(SIZES, KalmanSettings(latent=H, hidden=(), drift=0.0), M, g)
+    method = Kalman(SIZES, KalmanSettings.model_construct(latent=H, hidden=(), drift=0.0), M, g)
     scale = {"state": torch.ones(2), "action": torch.ones(3), "outcome": torch.tensor([0.5, 2.0])}
     mean = {"state": torch.zeros(2), "action": torch.zeros(3), "outcome": torch.tensor([1.0, -3.0])}
     factor = torch.randn(M, tasks, H, H, generator=g)

@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 import torch
+from pydantic import ValidationError
 from scipy import stats
 from slapshot.adaptation.kalman import (
     LARGEST_FACTOR,
     Kalman,
-    KalmanSettings,
     filter_means,
     kalman_step,
 )
 from slapshot.adaptation.method import Sizes
-from slapshot.errors import InputError
+from slapshot.config.methods import KalmanSettings
 from torch import Tensor
 
 SIZES = Sizes(state=2, action=3, outcome=2)
@@ -242,7 +242,7 @@ def test_sampled_parameters_have_the_beliefs_moments(method):
 
 @pytest.mark.parametrize("wrong", [{"latent": 0}, {"hidden": (8, 0)}, {"drift": -1e-3}])
 def test_impossible_settings_are_refused(wrong):
-    with pytest.raises(InputError, match="Kalman"):
+    with pytest.raises(ValidationError):
         KalmanSettings(**({"latent": 2, "hidden": (8,), "drift": 0.0} | wrong))
 
 
@@ -269,7 +269,7 @@ class Measures(Kalman):
 def measuring(tasks: int, drift: float) -> tuple[Measures, tuple[Tensor, Tensor, Tensor, Tensor]]:
     """A filter of two dimensions, with sequences (M, B, N, ...) drawn from its own model: z and L."""
     g, (M, N) = generator(9), (2, 5)
-    method = Measures(Sizes(1, 2, 2), KalmanSettings(2, (4,), drift), M, g).double()
+    method = Measures(Sizes(1, 2, 2), KalmanSettings(latent=2, hidden=(4,), drift=drift), M, g).double()
     with torch.no_grad():
         method.C.normal_(generator=g)
         method.prior_mean.normal_(generator=g)

@@ -4,10 +4,11 @@ from pathlib import Path
 
 import pytest
 import torch
-from slapshot.adaptation.lstm import Lstm, LstmSettings
+from pydantic import ValidationError
+from slapshot.adaptation.lstm import Lstm
 from slapshot.adaptation.method import Sizes, load_method
-from slapshot.errors import InputError
-from slapshot.yaml_file import read_yaml
+from slapshot.config.files import load_config
+from slapshot.config.methods import LstmSettings
 from torch import nn
 
 ROOT = Path(__file__).parents[2]
@@ -86,7 +87,7 @@ def test_forget_gates_start_open():
 
 @pytest.mark.parametrize("wrong", [{"state": 0}, {"hidden": (8, 0)}])
 def test_impossible_settings_are_refused(wrong):
-    with pytest.raises(InputError, match="LSTM"):
+    with pytest.raises(ValidationError):
         LstmSettings(**({"state": 2, "hidden": (8,)} | wrong))
 
 
@@ -96,14 +97,14 @@ def test_parameter_count(method):
     assert method.parameter_count() == cell + (5 + H + 1) * 8 + (8 + 1) * 2
 
 
-def test_sizes_of_the_default_methods_are_alike():
+def test_sizes_of_the_default_methods_are_alike(monkeypatch):
     """Differences between methods are not to be differences of size, as far as whole widths allow."""
-    methods = read_yaml(ROOT / "config/default.yaml")["domains"]["hockey"]["methods"]
+    monkeypatch.chdir(ROOT)
+    methods = load_config().domains["hockey"].methods
     counts = {}
     for name, settings in methods.items():
-        own = {key: value for key, value in settings.items() if key != "learning_rate"}
         g = torch.Generator().manual_seed(0)
-        counts[name] = load_method(name).from_configuration(SIZES, own, 1, g).parameter_count()
+        counts[name] = load_method(name)(SIZES, settings.own, 1, g).parameter_count()
     assert {"kalman", "lstm", "maml_1", "maml_4", "maml_8"} <= set(counts)
     assert counts["lstm"] == pytest.approx(counts["kalman"], rel=0.03)
     # Four layers of 128 are 12 % smaller.

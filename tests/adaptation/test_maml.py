@@ -4,10 +4,11 @@ import itertools
 
 import pytest
 import torch
+from pydantic import ValidationError
 from slapshot.adaptation import maml
-from slapshot.adaptation.maml import Maml, MamlSettings
+from slapshot.adaptation.maml import Maml
 from slapshot.adaptation.method import AdaptationMethod, Sizes
-from slapshot.errors import InputError
+from slapshot.config.methods import MamlSettings
 from torch import Tensor
 from torch.nn import functional
 
@@ -181,7 +182,7 @@ def test_no_inner_loop_diverges():
 
 @pytest.mark.parametrize("wrong", [{"hidden": (8, 0)}, {"batch": 0}, {"steps": 0}, {"step_size": 0.0}])
 def test_impossible_settings_are_refused(wrong):
-    with pytest.raises(InputError, match="MAML"):
+    with pytest.raises(ValidationError):
         MamlSettings(**({"hidden": (8,), "batch": 1, "steps": 3, "step_size": 0.1} | wrong))
 
 

@@ -6,9 +6,10 @@ import pytest
 import torch
 from slapshot.adaptation.kalman import Kalman
 from slapshot.adaptation.maml import Maml
-from slapshot.adaptation.method import AdaptationMethod, Sizes, build_settings, load_method
+from slapshot.adaptation.method import AdaptationMethod, Sizes, load_method
 from slapshot.adaptation.names import method_file
 from slapshot.errors import InputError
+from slapshot.validation import Model, validated
 from torch import Tensor, nn
 
 SIZES = Sizes(state=2, action=3, outcome=2)
@@ -20,9 +21,7 @@ class SumBelief:
     count: int
 
 
-@dataclass(frozen=True)
-class SumSettings:
-    widths: tuple[int, ...]
+class SumSettings(Model):
     scale: float
 
 
@@ -60,7 +59,7 @@ def one_thread():
 
 @pytest.fixture
 def method() -> RunningSum:
-    return RunningSum(SIZES, SumSettings((), 1.0), 2, torch.Generator())
+    return RunningSum(SIZES, SumSettings(scale=1.0), 2, torch.Generator())
 
 
 @pytest.fixture
@@ -98,7 +97,7 @@ def test_loss_is_the_squared_error_of_all_predictions_summed_over_models():
 
 def test_gradient_of_a_model_does_not_depend_on_their_number(data):
     def gradient(models: int) -> Tensor:
-        method = RunningSum(SIZES, SumSettings((), 1.0), models, torch.Generator())
+        method = RunningSum(SIZES, SumSettings(scale=1.0), models, torch.Generator())
         parts = tuple(x[:models] for x in data)
         method.sequence_loss(method.sequence_predictions(*parts), parts[2]).backward()
         assert method.offset.grad is not None
@@ -115,23 +114,6 @@ def test_parameter_count_is_per_model_and_counts_trained_ones(method):
 def test_interface_cannot_be_instantiated():
     with pytest.raises(TypeError, match="abstract"):
         AdaptationMethod(SIZES, None, 1, torch.Generator())
-
-
-def test_settings_come_from_the_configuration():
-    configuration = {"widths": [8, 9], "scale": 0.5}
-    assert build_settings(SumSettings, configuration) == SumSettings((8, 9), 0.5)
-    method = RunningSum.from_configuration(SIZES, configuration, 3, torch.Generator())
-    assert isinstance(method, RunningSum)
-    assert (method.settings.widths, method.models, method.sizes) == ((8, 9), 3, SIZES)
-
-
-@pytest.mark.parametrize(
-    ("configuration", "message"),
-    [({"widths": [8], "scale": 1, "sclae": 2}, "sclae"), ({"widths": [8]}, "scale")],
-)
-def test_settings_refuse_unknown_and_missing_keys(configuration, message):
-    with pytest.raises(InputError, match=message):
-        build_settings(SumSettings, configuration)
 
 
 def test_load_method_finds_a_file_by_its_name():
@@ -164,7 +146,8 @@ both_modes = pytest.mark.parametrize("training", [True, False], ids=["train", "e
 
 def build(name: str, models: int = 2, seed: int = 0) -> AdaptationMethod:
     generator = torch.Generator().manual_seed(seed)
-    return load_method(name).from_configuration(SIZES, CONFIGURATIONS[name], models, generator)
+    kind = load_method(name)
+    return kind(SIZES, validated(kind.Settings, CONFIGURATIONS[name], name), models, generator)
 
 
 def draw(models: int, tasks: int, samples: int, dtype=torch.float64) -> tuple[Tensor, ...]:

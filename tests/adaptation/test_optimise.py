@@ -5,15 +5,18 @@ import math
 import pytest
 import torch
 from slapshot.adaptation.data import Batch
-from slapshot.adaptation.method import Sizes, load_method
+from slapshot.adaptation.maml import Maml
+from slapshot.adaptation.method import Sizes
 from slapshot.adaptation.optimise import clip_gradients, fit
+from slapshot.config.methods import MamlSettings
 
 SIZES = Sizes(state=1, action=1, outcome=1)
 
 
 def build(models: int = 2):
-    settings = {"batch": 1, "steps": 2, "step_size": 0.1, "hidden": [4]}  # has a parameter of shape (M,)
-    return load_method("maml").from_configuration(SIZES, settings, models, torch.Generator().manual_seed(0))
+    # Has a parameter of shape (M,).
+    settings = MamlSettings(batch=1, steps=2, step_size=0.1, hidden=(4,))
+    return Maml(SIZES, settings, models, torch.Generator().manual_seed(0))
 
 
 def batch(seed: int, models: int = 2) -> Batch:

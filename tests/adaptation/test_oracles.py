@@ -11,6 +11,7 @@ from typing import NamedTuple
 import pytest
 import torch
 from slapshot.adaptation.method import AdaptationMethod, Sizes, load_method
+from slapshot.validation import validated
 from torch import Tensor
 
 DIMENSIONS, SAMPLES, NOISE = 2, 11, 0.5
@@ -54,8 +55,8 @@ def exact_predictions(tasks: Tasks) -> Tensor:
 
 def train(name: str, settings: dict, steps: int, seed: int) -> AdaptationMethod:
     g = torch.Generator().manual_seed(seed)
-    sizes = Sizes(state=0, action=DIMENSIONS, outcome=1)
-    method = load_method(name).from_configuration(sizes, settings, MODELS, g)
+    sizes, kind = Sizes(state=0, action=DIMENSIONS, outcome=1), load_method(name)
+    method = kind(sizes, validated(kind.Settings, settings, name), MODELS, g)
     optimiser = torch.optim.Adam(method.parameters())
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 1e-2, total_steps=steps)
     for _ in range(steps):

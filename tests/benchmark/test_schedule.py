@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from slapshot.benchmark.scale import LEAST_CORES, WIDE, long_jobs, stage_hours
 from slapshot.benchmark.schedule import Job, core_seconds, critical_path, makespan
-from slapshot.config import load_config
+from slapshot.config.files import load_config
 from slapshot.dag import make_plan
 
 ROOT = Path(__file__).parents[2]
@@ -111,14 +111,14 @@ def test_published_hours_add_up(scales):
     """Of figures/benchmark.csv: what all stages take together follows from what each takes (to 4 digits)."""
     value = pd.read_csv(ROOT / "figures/benchmark.csv").set_index("measure")["value"]
     for name, (config, plan) in scales.items():
-        for domain, settings in config["domains"].items():
+        for domain, settings in config.domains.items():
             prefix = f"{domain}_{name}"
-            costs = {f"train_{m}": HOUR * value[f"{prefix}_train_{m}_hours"] for m in settings["methods"]}
+            costs = {f"train_{m}": HOUR * value[f"{prefix}_train_{m}_hours"] for m in settings.methods}
             for part in ("demonstrations", "trajectory_model", "swings", "rollouts"):
                 costs[part] = HOUR * value[f"{prefix}_{part}_hours"] * (2 if part in WIDE else 1)
-            if "acting" in settings:
-                turns = settings["acting"]["policy"]["models"] / 2
+            if settings.acting is not None:
+                turns = settings.acting.policy.models / 2
                 costs["policy"] = HOUR * value[f"{prefix}_policy_hours"] / turns
-            refined = settings.get("refinement", {}).get("method")
+            refined = None if settings.refinement is None else settings.refinement.method
             for measure, found, _ in stage_hours(prefix, long_jobs(plan, domain, costs, refined), 2):
                 assert value[measure] == pytest.approx(found, rel=1e-3), measure

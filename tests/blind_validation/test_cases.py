@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from slapshot.blind_validation.cases import Case, read_cases, write_cases
 from slapshot.blind_validation.conditions import LISTS, PLAIN, WEAK, draw_list
+from slapshot.config.files import load_config
+from slapshot.config.lab import Lab
 from slapshot.errors import InputError
 from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
+from slapshot.validation import values_of
 
 ROOT = Path(__file__).parents[2]
 CASES = [
@@ -84,38 +87,39 @@ def test_a_missing_list_is_told(tmp_path):
         read_cases(tmp_path / "none.csv")
 
 
-def test_settings_of_a_case_lie_over_those_that_all_share():
-    base = {
-        "camera": {"rate_hz": 50, "mistrack_share": 0},
-        "objects": {"red": {}, "blue": {}},
-        "hits": 1,
-        "repeats": {"commands": 0, "times": 0},
-    }
+@pytest.fixture
+def base(monkeypatch) -> Lab:
+    """What all cases of the default configuration share."""
+    monkeypatch.chdir(ROOT)
+    return load_config().lab_of_cases
+
+
+def test_settings_of_a_case_lie_over_those_that_all_share(base):
     settings = CASES[1].settings(base, 256)
-    assert settings["hits"] == 50
-    assert settings["repeats"] == base["repeats"]
-    assert settings["keep"] == "tracks only"
-    assert settings["camera"] == {"rate_hz": 50, "mistrack_share": 0.01, "noise_time_s": 0.04}
-    assert settings["concealed"] == [
-        {"kind": "tilt", "displacement": 0.7},
-        {"kind": "curl", "displacement": 1.25},
-    ]
-    assert base["camera"] == {"rate_hz": 50, "mistrack_share": 0}
+    assert settings.hits == 50
+    assert settings.repeats == base.repeats
+    assert settings.keep == "tracks only"
+    assert values_of(settings.camera) == values_of(base.camera) | {
+        "mistrack_share": 0.01,
+        "noise_time_s": 0.04,
+    }
+    assert [(one.kind, one.displacement) for one in settings.concealed] == [("tilt", 0.7), ("curl", 1.25)]
+    kept = ("objects", "blade", "board", "friction_field", "scatter", "joints", "scale_sd_kg")
+    assert all(getattr(settings, key) == getattr(base, key) for key in kept)
 
 
 @pytest.mark.parametrize("published", ["published", "small", "tiny"])
-def test_the_pool_has_commands_enough_for_every_case(published):
+def test_the_pool_has_commands_enough_for_every_case(published, base):
     """As `slapshot.lab.commands.draw_session` counts them; a case of 400 hits repeats some."""
-    base = {"camera": {}, "objects": {"red": {}, "blue": {}}, "repeats": {"commands": 0, "times": 0}}
     pool = 256
     for case in read_cases(ROOT / f"config/cases/{published}.csv"):
         settings = case.settings(base, pool)
-        repeats = settings["repeats"]
-        single = settings["hits"] - repeats["commands"] * repeats["times"]
+        repeats = settings.repeats
+        single = settings.hits - repeats.hits
         assert single >= 0
-        assert repeats["commands"] + 2 * single <= pool
-        assert 2 * settings["hits"] == case.hits
-        assert (repeats["commands"] > 0) == (case.hits > pool)
+        assert repeats.commands + 2 * single <= pool
+        assert 2 * settings.hits == case.hits
+        assert (repeats.commands > 0) == (case.hits > pool)
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,9 @@ from slapshot.blind_validation.figures import draw_all
 from slapshot.blind_validation.measures import measures_of
 from slapshot.blind_validation.page import percent, write_page
 from slapshot.blind_validation.redraw import redraw
+from slapshot.config.cases import ProofSettings
+from slapshot.config.files import load_config
+from slapshot.config.trajectories import Pool
 from slapshot.errors import InputError
 
 from .conftest import concealed, effect, verdict
@@ -43,19 +46,15 @@ def cases(scored, tmp_path):
     return run
 
 
-def test_the_page_tells_aims_and_confusions(scored, cases, tmp_path):
+def test_the_page_tells_aims_and_confusions(scored, cases, tmp_path, monkeypatch):
     wrong = scored("plain", [concealed("tilt")], verdict(effect("curl")))
     flagged = scored("plain", [concealed("curl")], verdict(effect("tilt"), unknown=True), "c2")
     table = cases(wrong, flagged, scored("null", [], verdict(), "c3"))
-    config = {
-        "list": "small",
-        "pool": {"count": 9, "heading_rad": 1.5, "speed_m_s": [1, 2], "contact_offset_m": 0.06},
-        "lab": {
-            "camera": {"noise_sd_m": 0.003, "rate_hz": 50},
-            "joints": {"noise_sd_rad": 0.001, "rate_hz": 100},
-        },
-    }
-    write_page(tmp_path / "proof.md", table, pd.DataFrame(measures_of(table)), config)
+    monkeypatch.chdir(ROOT)
+    config = load_config()
+    pool = Pool.from_parts(config.cases.pool, count=9, heading_rad=1.5, speed_m_s=[1, 2])
+    told = ProofSettings(list="small", pool=pool, lab=config.lab_of_cases)
+    write_page(tmp_path / "proof.md", table, pd.DataFrame(measures_of(table)), told)
     text = (tmp_path / "proof.md").read_text()
     assert "A small proof: 3 cases" in text
     assert "| naming_top1 | plain | at least 92 % | 0 % (0 to 66) | 2 | **no** |" in text

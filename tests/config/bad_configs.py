@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from slapshot.config import Configuration
+from slapshot.config.configuration import Configuration
 from slapshot.validation import NAME, key_of
 from slapshot.yaml_file import Loc, read_yaml
 

@@ -11,11 +11,12 @@ from typing import Any
 import pytest
 from bad_configs import DELETE, ROOT, Bad, base, mistakes
 from slapshot import cli
-from slapshot.config import check_config, read_config
+from slapshot.config.configuration import Configuration
+from slapshot.config.files import read_config
 from slapshot.dag import Plan, load_plan, make_plan
 from slapshot.errors import InputError
 from slapshot.store.code_dependencies import code_digest
-from slapshot.validation import key_of
+from slapshot.validation import key_of, validated
 from slapshot.yaml_file import Loc
 
 HOCKEY = "domains.hockey"
@@ -44,8 +45,7 @@ def message_of(config: dict[str, Any]) -> str:
 
 
 def plan(config: dict[str, Any], where: Callable[[Loc], str] = lambda loc: "my.yaml") -> Plan:
-    check_config(config, where)
-    return make_plan(config, where)
+    return make_plan(validated(Configuration, config, where), where)
 
 
 def put(path: str, value: Any) -> dict[str, Any]:
@@ -243,7 +243,7 @@ def test_files_of_a_recording_that_are_none_are_not_opened(tmp_path):
         message = message_of(put(".recordings.own", OWN | {"path": str(tmp_path / str(number))}))
         assert str(tmp_path / str(number)) in message
         assert problem in message
-    assert make_plan(put(".recordings.own", OWN | {"path": str(_recording(tmp_path / "good"))})).recipes
+    assert plan(put(".recordings.own", OWN | {"path": str(_recording(tmp_path / "good"))})).recipes
 
 
 def test_lists_of_cases_that_are_no_files_are_not_opened(tmp_path):

@@ -10,10 +10,13 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from slapshot.config import check_config, load_config, merge
+from slapshot.config.configuration import Configuration
+from slapshot.config.files import load_config
+from slapshot.config.layers import merge
 from slapshot.dag import make_plan
 from slapshot.errors import InputError
 from slapshot.store.code_dependencies import code_digest
+from slapshot.validation import validated, values_of
 from slapshot.yaml_file import read_yaml
 from snakemake.utils import update_config
 
@@ -53,7 +56,7 @@ def changed(path: str, value: object) -> dict:
 
 def message_of(config: dict) -> str:
     with pytest.raises(InputError) as caught:
-        check_config(config, "my.yaml")
+        validated(Configuration, config, "my.yaml")
     return str(caught.value)
 
 
@@ -63,7 +66,7 @@ def test_every_configuration_that_ships_is_valid_and_can_be_planned(path):
 
 
 def test_default_and_tiny_are_there_and_publish_apart():
-    names = [load_config(path)["name"] for path in CONFIGS]
+    names = [load_config(path).name for path in CONFIGS]
     assert {"default", "tiny"} <= set(names)
     assert len(set(names)) == len(names)
 
@@ -73,9 +76,9 @@ def test_a_file_is_laid_over_the_default(tmp_path):
     file.write_text("name: my\ndomains: {hockey: {rollouts: {hits: 70}}}\n")
     expected = changed(".rollouts.hits", 70)
     expected["name"] = "my"
-    assert load_config(file) == expected
-    assert load_config() == DEFAULT
-    assert load_config(Path("config/default.yaml")) == DEFAULT
+    assert values_of(load_config(file)) == expected
+    assert values_of(load_config()) == DEFAULT
+    assert load_config(Path("config/default.yaml")) == load_config()
 
 
 @pytest.mark.parametrize(
@@ -230,8 +233,8 @@ def test_a_method_may_have_several_settings_under_names_that_begin_alike(name):
     methods = DEFAULT["domains"]["hockey"]["methods"]
     settings = methods[{"kalman": "kalman", "maml": "maml_1", "lstm": "lstm"}[name.partition("_")[0]]]
     config = changed(f".methods.{name}", settings)
-    check_config(config, "my.yaml")
-    assert f"train/hockey/{name}" in make_plan(config).recipes
+    plan = make_plan(validated(Configuration, config, "my.yaml"))
+    assert f"train/hockey/{name}" in plan.recipes
 
 
 def test_odd_keys_and_long_values_still_give_one_short_line():
@@ -360,8 +363,7 @@ def mutations(draw) -> dict:
 @given(mutations())
 def test_whatever_is_done_to_a_configuration_it_is_planned_or_refused_in_one_line(config):
     try:
-        check_config(config, "my.yaml")
-        plan = make_plan(config)
+        plan = make_plan(validated(Configuration, config, "my.yaml"))
     except InputError as error:
         message = str(error)
         assert message

@@ -59,7 +59,7 @@ def test_commands_that_take_a_configuration_check_it_first(copied):
     for command in (
         (*SLAPSHOT, "versions", "why", "rollouts"),
         (*SLAPSHOT, "versions", "gc", "--yes"),
-        ("-m", "slapshot.rollouts"),
+        (*SLAPSHOT, "stage", "rollouts"),
     ):
         done = copied.python(*command, "--config", "bad.yaml")
         assert done.stdout.partition(" ")[2].startswith(line)

@@ -7,12 +7,12 @@ from typing import get_args
 import mujoco
 import numpy as np
 import pytest
+from slapshot.config.scene import PuckName
 from slapshot.domains.hockey.model import PUCKS
-from slapshot.domains.hockey.settings import PuckName
-from slapshot.scenes.domain import PARTS, load_domain, load_part, part_module, scene_settings
+from slapshot.scenes.domain import PARTS, build_scene, load_domain, load_part, part_module, scene_settings
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.swings import SPLITS
-from slapshot.validation import validated
+from slapshot.validation import validated, values_of
 
 
 def test_a_scene_survives_being_saved(bench):
@@ -22,33 +22,33 @@ def test_a_scene_survives_being_saved(bench):
 
 
 def test_the_same_settings_give_the_same_scene(bench):
-    assert load_domain(bench.name).build_scene(bench.config["scene"]) == bench.scene
+    assert build_scene(bench.config.scene) == bench.scene
 
 
 def test_tasks_are_within_their_ranges_and_demonstrations_have_the_shape_of_commands(bench):
-    domain, settings = load_domain(bench.name), bench.config["demonstrations"]
+    domain, settings = load_domain(bench.name), bench.config.demonstrations
     rng = np.random.default_rng(0)
     tasks = [domain.draw_task(settings, rng) for _ in range(64)]
-    low, high = settings["speed_m_s"]
+    low, high = settings.speed_m_s
     assert all(low <= task["speed"] <= high for task in tasks)
-    assert all(abs(task["heading"]) <= settings["heading_rad"] for task in tasks)
+    assert all(abs(task["heading"]) <= settings.heading_rad for task in tasks)
     found = [d for d in domain.demonstrate(bench.scene, settings, tasks) if d is not None]
     assert len(found) > 48
-    assert {d.shape for d in found} == {(settings["waypoints"], bench.scene.info.commands)}
+    assert {d.shape for d in found} == {(settings.waypoints, bench.scene.info.commands)}
     check = load_part(bench.name, "safety").SafetyCheck(bench.scene)
-    reports = [check.report(Motion.through(d, settings["duration_s"])) for d in found]
+    reports = [check.report(Motion.through(d, settings.duration_s)) for d in found]
     assert np.mean([r.safe for r in reports]) > 0.9
     assert all(0 < r.speed_share <= 1 for r in reports if r.safe)
 
 
 def test_what_is_not_finite_or_too_fast_is_refused(bench):
     check = load_part(bench.name, "safety").SafetyCheck(bench.scene)
-    settings = bench.config["demonstrations"]
+    settings = bench.config.demonstrations
     task = load_domain(bench.name).draw_task(settings, np.random.default_rng(1))
     (waypoints,) = load_domain(bench.name).demonstrate(bench.scene, settings, [task])
-    assert check.report(Motion.through(waypoints, settings["duration_s"])).safe
+    assert check.report(Motion.through(waypoints, settings.duration_s)).safe
     middle = waypoints.mean(0)
-    fast = Motion.through(middle + 5 * (waypoints - middle), settings["duration_s"])
+    fast = Motion.through(middle + 5 * (waypoints - middle), settings.duration_s)
     assert not check.report(fast).safe
 
 
@@ -118,8 +118,7 @@ def test_settings_are_checked_without_mujoco():
     """Planning and a configuration's check import them, on machines where MuJoCo may be broken."""
     code = (
         "import sys\n"
-        "from slapshot.domains.fetchslide.settings import FetchSlideScene\n"
-        "from slapshot.domains.hockey.settings import HockeyScene\n"
+        "from slapshot.config.scene import FetchslideScene, HockeyScene\n"
         "from slapshot.domains.table.settings import TableScene\n"
         "print(*sorted({'torch', 'mujoco', 'dm_control', 'scipy'} & set(sys.modules)))\n"
     )
@@ -129,7 +128,7 @@ def test_settings_are_checked_without_mujoco():
 
 def test_the_configurations_scenes_fit_the_models_of_their_domains(bench):
     model = scene_settings(load_domain(bench.name))
-    validated(model, bench.config["scene"], "scene")
+    validated(model, values_of(bench.config.scene), "scene")
 
 
 def test_every_puck_that_may_be_named_is_there():

@@ -7,6 +7,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from slapshot.config.scene import SceneSettings
+from slapshot.config.trajectories import ScriptedHits
 from slapshot.domains.fetchslide import build_scene, demonstrate, model
 from slapshot.domains.fetchslide.collector import Collector, PucksAlone
 from slapshot.domains.fetchslide.demonstrations import RESPONSE, commands_of, draw_task
@@ -182,7 +184,7 @@ def _motion(commands):
 
 
 def test_commands_of_another_period_are_refused(fetchslide):
-    settings = fetchslide.config["demonstrations"] | {"duration_s": 1.0}
+    settings = ScriptedHits.from_parts(fetchslide.config.demonstrations, duration_s=1.0)
     task = draw_task(settings, np.random.default_rng(0))
     with pytest.raises(InputError, match=r"demonstrations\.duration_s: 24 waypoints .* write 0\.92"):
         demonstrate(fetchslide.scene, settings, [task])
@@ -191,4 +193,4 @@ def test_commands_of_another_period_are_refused(fetchslide):
 def test_without_the_package_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(InputError, match="needs the scene of gymnasium-robotics, which is not installed"):
-        build_scene({"domain": "fetchslide"})
+        build_scene(SceneSettings(domain="fetchslide"))

@@ -6,10 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.domains.table.model import disc_radius
+from slapshot.domains.table.settings import TableScene
 from slapshot.errors import InputError
 from slapshot.scenes.domain import load_domain, scene_settings
 from slapshot.scenes.scene import Scene, set_condition
 from slapshot.validation import validated
+from told import scripted_hits
 
 G = 9.81
 SETTINGS: dict[str, Any] = {
@@ -24,7 +26,7 @@ SETTINGS: dict[str, Any] = {
 
 @pytest.fixture(scope="module")
 def table() -> Scene:
-    return load_domain("table").build_scene(SETTINGS)
+    return load_domain("table").build_scene(validated(TableScene, SETTINGS, "scene"))
 
 
 def slide(
@@ -96,9 +98,9 @@ def test_the_scene_survives_saving_and_has_one_contact(table: Scene, tmp_path: A
 def test_a_domain_without_an_arm_says_so_when_asked_to_demonstrate(table: Scene) -> None:
     domain = load_domain("table")
     with pytest.raises(InputError, match="no arm"):
-        domain.draw_task({}, np.random.default_rng(0))
+        domain.draw_task(scripted_hits(), np.random.default_rng(0))
     with pytest.raises(InputError, match="no arm"):
-        domain.demonstrate(table, {}, [])
+        domain.demonstrate(table, scripted_hits(), [])
 
 
 @pytest.mark.parametrize(

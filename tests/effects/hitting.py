@@ -11,6 +11,7 @@ from slapshot.effects.slide_law import ActiveEffect, Tracks, slide
 from slapshot.scenes.domain import load_domain
 from slapshot.scenes.scene import Scene, SceneInfo
 from slapshot.trajectories.motion import Motion
+from told import scripted_hits
 
 RADIUS = 0.04  # m, of the paddle's disc
 FRICTION = 0.05  # of paddle and disc
@@ -128,10 +129,10 @@ def push(scene: Scene = PADDLE) -> Swing:
 
 def arm_swing(scene: Scene) -> Swing:
     """A scripted hit of the arm, up to when the puck has left the blade."""
-    settings = {"waypoints": 17, "duration_s": 0.8}
+    settings = scripted_hits()
     task = {"heading": 0.2, "speed": 1.3, "contact_offset": 0.02}
     (waypoints,) = load_domain("hockey").demonstrate(scene, settings, [task])
-    motion = Motion.through(waypoints, settings["duration_s"])
+    motion = Motion.through(waypoints, settings.duration_s)
     times = np.arange(700) * scene.info.control_period
     return Swing(scene, motion.servo_targets(times, scene.info.servo_time), waypoints[0])
 

@@ -115,8 +115,10 @@ def test_a_stage_by_hand_on_a_read_only_store_says_so_in_one_line(copy, namespac
     shutil.rmtree(copy.folder(version))
     stage = (
         *snakemake_command(config=copy.config)[:1],
-        "-m",
-        "slapshot.scenes",
+        "-c",
+        "from slapshot.cli import main; main()",
+        "stage",
+        "scene",
         "--config",
         str(copy.config),
     )
@@ -124,7 +126,7 @@ def test_a_stage_by_hand_on_a_read_only_store_says_so_in_one_line(copy, namespac
     done = copy.run(*namespace, "bash", "-c", READ_ONLY, "bash", "data/store", *environment, *stage)
     assert done.returncode == 1
     assert done.stdout.startswith(
-        f"[scene] data/store/scene/{version.id} could not be written: Read-only file system "
+        f"[scene hockey] data/store/scene/{version.id} could not be written: Read-only file system "
     )
     assert done.stdout.count("\n") == 1
 

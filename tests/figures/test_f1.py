@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from matplotlib.patches import Ellipse
 from slapshot.figures import f1_intro
+from told import FIGURE
 
 
 def predictions(seed: int = 0) -> pd.DataFrame:
@@ -40,7 +41,7 @@ def inputs(tmp_path, scene):
 
 @pytest.fixture
 def drawing(inputs):
-    return f1_intro.draw(inputs, {"domain": "hockey"})
+    return f1_intro.draw(inputs, FIGURE)
 
 
 def test_the_most_ordinary_hit_is_shown(drawing):
@@ -97,4 +98,4 @@ def test_a_region_is_where_the_mahalanobis_distance_is_the_calibrated_radius(cov
 
 
 def test_the_same_drawing_gives_the_same_bytes(inputs, assert_same_bytes):
-    assert_same_bytes(lambda: f1_intro.draw(inputs, {"domain": "hockey"}))
+    assert_same_bytes(lambda: f1_intro.draw(inputs, FIGURE))

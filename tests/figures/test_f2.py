@@ -6,8 +6,11 @@ import torch
 from matplotlib.patches import FancyBboxPatch
 from slapshot.adaptation.kalman import Kalman
 from slapshot.adaptation.method import Sizes
+from slapshot.config.methods import KalmanSettings
+from slapshot.config.results import MethodFigureSettings
 from slapshot.figures import f2_method
 from slapshot.plotting import save, use_style
+from slapshot.validation import validated
 
 SIZES = {"state": 2, "action": 3, "outcome": 2}
 KALMAN = {"latent": 16, "hidden": [128, 64], "drift": 1e-4}
@@ -19,7 +22,8 @@ def style():
 
 
 def draw(sizes=SIZES, kalman=KALMAN):
-    return f2_method.draw({}, {"domain": "hockey", "sizes": sizes, "kalman": kalman})
+    told = {"module": "any", "domain": "hockey", "sizes": sizes, "kalman": kalman}
+    return f2_method.draw({}, validated(MethodFigureSettings, told, "figure"))
 
 
 def texts(drawing):
@@ -32,7 +36,9 @@ def texts(drawing):
 )
 def test_parameters_of_the_table_are_those_of_the_method(sizes, kalman):
     drawing = draw(sizes, kalman)
-    method = Kalman.from_configuration(Sizes(**sizes), kalman, 3, torch.Generator().manual_seed(0))
+    method = Kalman(
+        Sizes(**sizes), validated(KalmanSettings, kalman, "kalman"), 3, torch.Generator().manual_seed(0)
+    )
     table = drawing.table
     assert table["parameters"].sum() == method.parameter_count()
     trained = table[table["parameters"] > 0]

@@ -7,6 +7,7 @@ from matplotlib.patches import Ellipse
 from slapshot.errors import InputError
 from slapshot.figures import f3_linear_regression
 from slapshot.plotting import save, use_style
+from told import FIGURE
 
 COUNTS = (0, 2, 10)
 
@@ -38,7 +39,7 @@ def folder(tmp_path):
 
 @pytest.fixture
 def drawing(folder):
-    return f3_linear_regression.draw({"regression": folder}, {})
+    return f3_linear_regression.draw({"regression": folder}, FIGURE)
 
 
 def test_six_panels_with_samples_in_their_titles(drawing):
@@ -106,13 +107,13 @@ def test_belief_of_one_dimension_is_refused_with_a_remedy(folder):
     belief = pd.read_parquet(folder / "belief.parquet")[["samples", "mean_1", "covariance_1_1"]]
     belief.to_parquet(folder / "belief.parquet")
     with pytest.raises(InputError, match=r"regression\.kalman\.latent to 2"):
-        f3_linear_regression.draw({"regression": folder}, {})
+        f3_linear_regression.draw({"regression": folder}, FIGURE)
 
 
 def test_same_drawing_gives_the_same_bytes(folder):
     for name in ("first", "second"):
         (folder / name).mkdir()
-        save(f3_linear_regression.draw({"regression": folder}, {}), folder / name)
+        save(f3_linear_regression.draw({"regression": folder}, FIGURE), folder / name)
     for suffix in ("png", "pdf", "csv"):
         name = f"F3-linear-regression.{suffix}"
         assert (folder / "first" / name).read_bytes() == (folder / "second" / name).read_bytes()

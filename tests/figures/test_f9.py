@@ -3,9 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
+from slapshot.config.results import LatentsFigureSettings
 from slapshot.figures import f9_latents
 from slapshot.latent_space import fit_projection, read_latents
 from slapshot.plotting import STAND_IN
+from told import FIGURE
 
 METHODS = ["kalman", "lstm"]
 NAMED = {"low friction": 0.2, "medium friction": 0.5}
@@ -50,11 +52,11 @@ def inputs(tmp_path):
     return folders
 
 
-CONFIG = {"domain": "hockey", "methods": METHODS}
+SETTINGS = LatentsFigureSettings.from_parts(FIGURE, methods=METHODS)
 
 
 def test_a_row_of_panels_for_each_method(inputs, panel, texts):
-    drawing = f9_latents.draw(inputs, CONFIG)
+    drawing = f9_latents.draw(inputs, SETTINGS)
     assert drawing.name == "F9-hockey-latents"
     for title in ("(a) Kalman after 20", "(b) Kalman by", "(c) LSTM after 20", "(d) LSTM by"):
         panel(drawing.figure, title)
@@ -65,7 +67,7 @@ def test_a_row_of_panels_for_each_method(inputs, panel, texts):
 
 
 def test_points_are_those_of_the_table(inputs, panel):
-    drawing = f9_latents.draw(inputs, CONFIG)
+    drawing = f9_latents.draw(inputs, SETTINGS)
     for title, letter in (("(a)", "a"), ("(c)", "c")):
         table = drawing.table[drawing.table["panel"] == letter]
         axes = panel(drawing.figure, title)
@@ -88,7 +90,7 @@ def test_points_are_those_of_the_table(inputs, panel):
 
 
 def test_points_are_projections_of_the_first_models_hidden_states(inputs):
-    table = f9_latents.draw(inputs, CONFIG).table
+    table = f9_latents.draw(inputs, SETTINGS).table
     states = read_latents(inputs["lstm"])
     states = states[states["model"] == 0]
     scores = fit_projection(states).apply(np.stack(states["hidden"].to_list()))
@@ -111,10 +113,10 @@ def test_points_are_projections_of_the_first_models_hidden_states(inputs):
 
 def test_without_recordings_or_twenty_samples(tmp_path, panel):
     latents(3, samples=(0, 4), recorded=False).to_parquet(tmp_path / "latents.parquet")
-    drawing = f9_latents.draw({"lstm": tmp_path}, {"domain": "hockey", "methods": ["lstm"]})
+    drawing = f9_latents.draw({"lstm": tmp_path}, LatentsFigureSettings.from_parts(FIGURE, methods=["lstm"]))
     panel(drawing.figure, "(a) LSTM after 4 samples")
     assert set(drawing.table["source"]) == {"simulated"}
 
 
 def test_the_same_drawing_gives_the_same_bytes(inputs, assert_same_bytes):
-    assert_same_bytes(lambda: f9_latents.draw(inputs, CONFIG))
+    assert_same_bytes(lambda: f9_latents.draw(inputs, SETTINGS))

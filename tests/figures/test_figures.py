@@ -6,9 +6,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from slapshot.config.randomisation import MassDistribution, Randomisation, StartErrorDistribution
+from slapshot.config.results import RandomisationFigureSettings
 from slapshot.error_curves import draw_curves, summarise
 from slapshot.figures import f7_simulated, f8_recorded, randomisation_table
 from slapshot.plotting import STAND_IN, method_colour, method_line, method_name
+from told import FIGURE
 
 METHODS = ("kalman", "lstm", "maml_1", "maml_8")
 
@@ -121,7 +124,7 @@ def write(tmp_path):
 
 @pytest.fixture
 def simulated(write):
-    return f7_simulated.draw(write(*METHODS), {"domain": "hockey"})
+    return f7_simulated.draw(write(*METHODS), FIGURE)
 
 
 def test_simulated_figure_shows_every_method_and_panel(simulated, texts):
@@ -159,7 +162,7 @@ def test_what_is_drawn_is_what_the_table_says(simulated, panel):
 
 @pytest.mark.parametrize("methods", [("kalman",), ("maml_1", "maml_8"), ("kalman", "lstm")])
 def test_some_methods_alone_can_be_drawn(write, methods, panel):
-    drawing = f7_simulated.draw(write(*methods, named=False), {"domain": "hockey"})
+    drawing = f7_simulated.draw(write(*methods, named=False), FIGURE)
     assert len(panel(drawing.figure, "(a)").lines) == len(methods)
     assert set(drawing.table["panel"]) == {"a", "c"}
 
@@ -167,7 +170,7 @@ def test_some_methods_alone_can_be_drawn(write, methods, panel):
 @pytest.mark.parametrize("stand_in", [True, False])
 def test_recorded_figure_names_a_stand_in_as_one(tmp_path, stand_in, texts):
     recorded_errors(stand_in).to_parquet(tmp_path / "errors.parquet")
-    drawing = f8_recorded.draw({"kalman/lab": tmp_path}, {"domain": "hockey"})
+    drawing = f8_recorded.draw({"kalman/lab": tmp_path}, FIGURE)
     assert (STAND_IN in texts(drawing.figure)) == stand_in
     assert drawing.table["stand_in"].all() == stand_in
     assert {"red", "blue"} <= set(drawing.table["object"].dropna())
@@ -188,7 +191,7 @@ def recorded(tmp_path):
 
 
 def test_recorded_curves_are_those_of_the_table(recorded, texts):
-    drawing = f8_recorded.draw(recorded, {"domain": "hockey"})
+    drawing = f8_recorded.draw(recorded, FIGURE)
     rows = [axes for axes in drawing.figure.axes if axes.get_visible()]
     # All pucks, the first samples, and each puck.
     assert len(rows) == (2 + 2) + (2 + 1)
@@ -208,7 +211,7 @@ def test_recorded_curves_are_those_of_the_table(recorded, texts):
 
 
 def test_the_interval_is_over_rigs_where_there_are_several(recorded):
-    table = f8_recorded.draw(recorded, {"domain": "hockey"}).table
+    table = f8_recorded.draw(recorded, FIGURE).table
     for recording, unit in (("lab", "rig"), ("mine", "model")):
         errors = pd.read_parquet(recorded[f"kalman/{recording}"] / "errors.parquet")
         expected = summarise(errors, ["method"], unit)
@@ -218,9 +221,12 @@ def test_the_interval_is_over_rigs_where_there_are_several(recorded):
         assert own["mean_low_m"].to_numpy() == pytest.approx(expected["mean_low_m"].to_numpy())
 
 
+def table_of(randomisation: Randomisation) -> RandomisationFigureSettings:
+    return RandomisationFigureSettings.from_parts(FIGURE, figure="T1", randomisation=randomisation)
+
+
 def test_randomisation_table_is_the_configuration(hockey_config):
-    config = {"figure": "T2", "domain": "hockey", "randomisation": hockey_config["randomisation"]}
-    drawing = randomisation_table.draw({}, config)
+    drawing = randomisation_table.draw({}, table_of(hockey_config.randomisation))
     table = drawing.table.set_index("parameter")
     assert table.loc["friction_y", "times"] == "friction_x"
     assert table.loc["mass", ["low_or_mean", "high_or_sd"]].tolist() == [0.01, 0.1]
@@ -228,26 +234,26 @@ def test_randomisation_table_is_the_configuration(hockey_config):
 
 
 def test_small_numbers_of_the_table_have_no_exponent(hockey_config):
-    mass = {"uniform": [0.00005, 0.001], "label": "Mass", "unit": "kg"}
-    randomisation = {**hockey_config["randomisation"], "mass": mass}
-    drawing = randomisation_table.draw({}, {"figure": "T1", "domain": "x", "randomisation": randomisation})
+    mass = MassDistribution(uniform=[0.00005, 0.001], label="Mass", unit="kg")
+    randomisation = Randomisation.from_parts(hockey_config.randomisation, mass=mass)
+    drawing = randomisation_table.draw({}, table_of(randomisation))
     (table,) = drawing.figure.axes[0].tables
     assert r"(0.00005,\ 0.001)" in table[1, 1].get_text().get_text()
 
 
 def test_what_does_not_vary_is_left_out_of_the_table(hockey_config):
-    mass = {"uniform": [2.0, 2.0], "label": "Mass", "unit": "kg"}
-    start = {"normal": [0.1, 0.0], "label": "Start", "unit": "m"}
-    same = {**hockey_config["randomisation"], "mass": mass, "start_error": start}
-    drawing = randomisation_table.draw({}, {"figure": "T1", "domain": "x", "randomisation": same})
+    mass = MassDistribution(uniform=[2.0, 2.0], label="Mass", unit="kg")
+    start = StartErrorDistribution(normal=[0.1, 0.0], label="Start", unit="m")
+    same = Randomisation.from_parts(hockey_config.randomisation, mass=mass, start_error=start)
+    drawing = randomisation_table.draw({}, table_of(same))
     assert not {"mass", "start_error"} & set(drawing.table["parameter"])
-    assert drawing.name == "T1-x-randomisation"
+    assert drawing.name == "T1-hockey-randomisation"
 
 
 def test_same_drawing_gives_the_same_bytes(write, recorded, assert_same_bytes):
     folders = write("kalman", "maml_8")
-    assert_same_bytes(lambda: f7_simulated.draw(folders, {"domain": "hockey"}))
-    assert_same_bytes(lambda: f8_recorded.draw(recorded, {"domain": "hockey"}))
+    assert_same_bytes(lambda: f7_simulated.draw(folders, FIGURE))
+    assert_same_bytes(lambda: f8_recorded.draw(recorded, FIGURE))
 
 
 def test_missing_gl_library_names_the_package():

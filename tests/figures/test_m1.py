@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from slapshot.figures import m1_training
 from slapshot.plotting import method_colour, method_name
+from told import FIGURE
 
 PARAMETERS = {"kalman": 57_258, "maml_8": 50_563}
 STEPS = (0, 50, 100)
@@ -27,7 +28,7 @@ def inputs(tmp_path):
 
 
 def test_lines_are_the_mean_of_the_models_and_bands_their_range(inputs, panel):
-    drawing = m1_training.draw(inputs, {"domain": "hockey"})
+    drawing = m1_training.draw(inputs, FIGURE)
     assert drawing.name == "M1-hockey-training"
     axes = panel(drawing.figure, "(a)")
     assert axes.get_yscale() == "log"
@@ -43,7 +44,7 @@ def test_lines_are_the_mean_of_the_models_and_bands_their_range(inputs, panel):
 
 
 def test_bars_are_the_sizes_of_one_model(inputs, panel):
-    drawing = m1_training.draw(inputs, {"domain": "hockey"})
+    drawing = m1_training.draw(inputs, FIGURE)
     axes = panel(drawing.figure, "(b)")
     assert [bar.get_width() for bar in axes.patches] == pytest.approx([57.258, 50.563])
     assert [label.get_text() for label in axes.get_yticklabels()] == ["Kalman", "MAML, 8 an update"]
@@ -53,4 +54,4 @@ def test_bars_are_the_sizes_of_one_model(inputs, panel):
 
 
 def test_the_same_drawing_gives_the_same_bytes(inputs, assert_same_bytes):
-    assert_same_bytes(lambda: m1_training.draw(inputs, {"domain": "hockey"}))
+    assert_same_bytes(lambda: m1_training.draw(inputs, FIGURE))

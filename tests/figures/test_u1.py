@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from slapshot.figures import u1_coverage
 from slapshot.plotting import STAND_IN
+from told import FIGURE
 
 LEVELS, SAMPLES, VARIANCES = (0.5, 0.975), (0, 2, 8), (0.0, 0.1, 0.5)
 
@@ -66,11 +67,8 @@ def make(tmp_path):
     return make
 
 
-CONFIG = {"domain": "hockey"}
-
-
 def test_lines_are_those_of_the_table(make, panel, texts):
-    drawing = u1_coverage.draw(make(), CONFIG)
+    drawing = u1_coverage.draw(make(), FIGURE)
     assert drawing.name == "U1-hockey-coverage"
     table = drawing.table
     measured = coverage()
@@ -103,7 +101,7 @@ def test_lines_are_those_of_the_table(make, panel, texts):
 
 def test_recorded_coverage_is_the_share_within_the_radius(make):
     """Distances are known: 0.6 and 0.98 lie inside, of every rig, so that rigs do not differ."""
-    table = u1_coverage.draw(make(), CONFIG).table
+    table = u1_coverage.draw(make(), FIGURE).table
     recorded = table[table["panel"] == "c"].set_index(["level", "samples"])
     for n in SAMPLES:
         for level, share in zip(LEVELS, (0.6, 0.98), strict=True):
@@ -117,14 +115,14 @@ def test_the_interval_is_over_rigs(make):
     shown.loc[shown["rig"] == 0, ["true_x_m", "true_y_m"]] = shown[["x_m", "y_m"]].to_numpy()[
         shown["rig"] == 0
     ]
-    table = u1_coverage.draw(make(shown), CONFIG).table
+    table = u1_coverage.draw(make(shown), FIGURE).table
     row = table[(table["panel"] == "c") & (table["level"] == 0.5)].iloc[0]
     assert row["coverage"] == pytest.approx(0.7)
     assert row["high"] - row["coverage"] == pytest.approx(1.96 * 0.2 / 2)
 
 
 def test_areas_are_those_of_the_largest_level(make, panel):
-    drawing = u1_coverage.draw(make(), CONFIG)
+    drawing = u1_coverage.draw(make(), FIGURE)
     axes = panel(drawing.figure, "(d)")
     assert "97.5 %" in axes.get_title(loc="left")
     for kind, line in zip(("raw", "calibrated"), axes.lines, strict=True):
@@ -140,10 +138,10 @@ def test_areas_are_those_of_the_largest_level(make, panel):
 def test_one_rig_or_none_can_be_drawn(make, rigs, texts):
     shown = predictions()
     shown = shown[(shown["source"] == "simulated") | (shown["rig"] < rigs)]
-    drawing = u1_coverage.draw(make(shown), CONFIG)
+    drawing = u1_coverage.draw(make(shown), FIGURE)
     assert (drawing.table["panel"] == "c").sum() == rigs * len(LEVELS) * len(SAMPLES)
 
 
 def test_the_same_drawing_gives_the_same_bytes(make, assert_same_bytes):
     folders = make()
-    assert_same_bytes(lambda: u1_coverage.draw(folders, CONFIG))
+    assert_same_bytes(lambda: u1_coverage.draw(folders, FIGURE))

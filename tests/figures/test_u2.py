@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 from slapshot.figures import u2_innovations
 from slapshot.plotting import STAND_IN
+from told import FIGURE
 
 SAMPLES, MODELS = range(5), 2
-CONFIG = {"domain": "hockey"}
 
 
 def innovations(seed: int = 0, recorded: bool = True) -> pd.DataFrame:
@@ -47,7 +47,7 @@ def make(tmp_path):
 
 
 def test_bands_are_quantiles_by_source_and_samples(make, panel, texts):
-    drawing = u2_innovations.draw(make(), CONFIG)
+    drawing = u2_innovations.draw(make(), FIGURE)
     assert drawing.name == "U2-hockey-innovations"
     bands = drawing.table[drawing.table["panel"] == "a"]
     assert len(bands) == 2 * len(SAMPLES)
@@ -65,7 +65,7 @@ def test_bands_are_quantiles_by_source_and_samples(make, panel, texts):
 
 def test_surprise_is_held_against_simulated_samples_of_the_same_model(make, panel):
     """A model's own 95 %: 97 is beyond model 0's 95.05, and 500 of model 1 is not beyond its 950.5."""
-    drawing = u2_innovations.draw(make(), CONFIG)
+    drawing = u2_innovations.draw(make(), FIGURE)
     rigs = drawing.table[drawing.table["panel"] == "b"].set_index(["object", "rig"])["beyond"]
     assert rigs["red"].tolist() == pytest.approx([0.2, 0.2])
     assert rigs["blue"].tolist() == pytest.approx([1.0, 1.0])
@@ -78,7 +78,7 @@ def test_surprise_is_held_against_simulated_samples_of_the_same_model(make, pane
 
 
 def test_cells_hold_what_came_to_rest_there(make, panel):
-    drawing = u2_innovations.draw(make(), CONFIG)
+    drawing = u2_innovations.draw(make(), FIGURE)
     cells = drawing.table[drawing.table["panel"] == "c"]
     assert cells["n"].sum() == 2 * 2 * 20 * len(SAMPLES) * MODELS
     assert cells.loc[cells["x_m"] < 1.5, "beyond"].to_numpy() == pytest.approx(0.2)
@@ -94,15 +94,15 @@ def test_a_cell_of_a_few_samples_is_not_shown(tmp_path):
     table = innovations()
     lonely = table[table["source"] == "recorded"].head(7).assign(x_m=-3.0)
     pd.concat([table, lonely]).to_parquet(tmp_path / "innovations.parquet")
-    drawing = u2_innovations.draw({"beliefs": tmp_path}, CONFIG)
+    drawing = u2_innovations.draw({"beliefs": tmp_path}, FIGURE)
     assert drawing.table["x_m"].min() > 0
 
 
 def test_without_recordings_only_simulation_is_drawn(make):
-    drawing = u2_innovations.draw(make(recorded=False), CONFIG)
+    drawing = u2_innovations.draw(make(recorded=False), FIGURE)
     assert set(drawing.table["source"].dropna()) == {"simulated"}
 
 
 def test_the_same_drawing_gives_the_same_bytes(make, assert_same_bytes):
     folders = make()
-    assert_same_bytes(lambda: u2_innovations.draw(folders, CONFIG))
+    assert_same_bytes(lambda: u2_innovations.draw(folders, FIGURE))

@@ -10,6 +10,8 @@ from slapshot.adaptation.data import Batch
 from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.method import Sizes
 from slapshot.claims import s12, s13
+from slapshot.config.acting import Inverse
+from slapshot.config.methods import KalmanSettings, Training
 from slapshot.errors import InputError
 from slapshot.figures import a1_acting, a2_exploration
 from slapshot.goal_reaching.choose import (
@@ -26,14 +28,15 @@ from slapshot.goal_reaching.goals import goals_of
 from slapshot.goal_reaching.inverse import Standardisation, train_inverse
 from slapshot.goal_reaching.rigs import Robot
 from slapshot.goal_reaching.uncertainty import outcome_jacobian, predicted_variance, variance_after
+from told import FIGURE
 
 MODELS, TASKS, LATENT, PHI = 2, 3, 3, 4
 
 
 @pytest.fixture
 def method() -> Kalman:
-    settings = {"latent": PHI, "hidden": [16], "drift": 0.001}
-    made = Kalman.from_configuration(Sizes(2, LATENT, 2), settings, MODELS, torch.Generator().manual_seed(3))
+    settings = KalmanSettings(latent=PHI, hidden=(16,), drift=0.001)
+    made = Kalman(Sizes(2, LATENT, 2), settings, MODELS, torch.Generator().manual_seed(3))
     return made.requires_grad_(False)
 
 
@@ -262,8 +265,8 @@ def test_an_inverse_model_learns_to_hit_targets(method):
             outcome = method.predict(belief, state, action)
             return Batch(state, action, outcome, outcome)
 
-    settings = {"hidden": [32], "steps": 300, "learning_rate": 0.01, "draws": 2}
-    training = {"tasks": 8, "sequence": 6, "noise_variance_max": 0.0}
+    settings = Inverse(hidden=(32,), steps=300, learning_rate=0.01, draws=2)
+    training = Training(models=MODELS, steps=300, tasks=8, sequence=6, noise_variance_max=0.0)
     identity = Standardisation(torch.zeros(LATENT), torch.ones(LATENT))
     generator = torch.Generator().manual_seed(0)
     inverse, losses = train_inverse(method, Sampler(), identity, settings, training, generator)
@@ -341,11 +344,11 @@ def test_the_verdict_on_acting_is_the_ratio_to_the_oracle(tmp_path, gain, verdic
 
 
 def test_the_figures_show_their_tables(tmp_path, assert_drawn):
-    drawing = a1_acting.draw(acting_folders(tmp_path, 1.5), {"domain": "hockey"})
+    drawing = a1_acting.draw(acting_folders(tmp_path, 1.5), FIGURE)
     assert_drawn(drawing, "A1-hockey-acting")
     assert set(drawing.table["chooser"]) == {"oracle", *s12.CHOOSERS}
     exploration_table().to_parquet(tmp_path / "exploration.parquet")
-    drawing = a2_exploration.draw({"exploration": tmp_path}, {"domain": "hockey"})
+    drawing = a2_exploration.draw({"exploration": tmp_path}, FIGURE)
     assert_drawn(drawing, "A2-hockey-exploration")
     assert "stand-in" in drawing.figure.axes[0].get_title(loc="left")
 

@@ -7,16 +7,19 @@ import numpy as np
 import pytest
 import torch
 from slapshot.command import Run
+from slapshot.config.scene import HockeyScene
 from slapshot.lab.__main__ import produce
 from slapshot.lab.board import FLAT
 from slapshot.lab.concealed.hidden_effect import Concealed, NominalMotion
 from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
 from slapshot.lab.release_detection import nearest_pose
 from slapshot.lab.rig import Camera, ObjectTruth, Rig, Scatter
-from slapshot.scenes.domain import load_domain
+from slapshot.scenes.domain import build_scene, load_domain
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
+from slapshot.validation import validated
+from told import scripted_hits
 
 SCENE = {
     "domain": "hockey",
@@ -25,19 +28,13 @@ SCENE = {
     "start_m": [0.55, 0.0],
     "board_m": [2.4, 1.2],
 }
-DEMONSTRATIONS = {
-    "heading_rad": 0.5,
-    "speed_m_s": [0.9, 1.7],
-    "contact_offset_m": 0.04,
-    "waypoints": 17,
-    "duration_s": 0.8,
-}
+DEMONSTRATIONS = scripted_hits()
 LATENT = 3
 
 
 @pytest.fixture(scope="session")
 def lab_scene() -> Scene:
-    return load_domain("hockey").build_scene(SCENE)
+    return build_scene(validated(HockeyScene, SCENE, "scene"))
 
 
 @pytest.fixture(scope="session")
@@ -51,7 +48,7 @@ def waypoints(lab_scene) -> np.ndarray:
 
 @pytest.fixture(scope="session")
 def motions(waypoints) -> list[Motion]:
-    return [Motion.through(w, DEMONSTRATIONS["duration_s"]) for w in waypoints]
+    return [Motion.through(w, DEMONSTRATIONS.duration_s) for w in waypoints]
 
 
 @pytest.fixture(scope="session")
@@ -60,7 +57,7 @@ def folders(lab_scene, waypoints, tmp_path_factory) -> dict[str, Path]:
     flat = waypoints.reshape(len(waypoints), -1)
     _, size, direction = np.linalg.svd(flat - flat.mean(0), full_matrices=False)
     shape = waypoints.shape[1:]
-    sizes = VaeSizes(shape[0], shape[1], LATENT, hidden=(), duration=DEMONSTRATIONS["duration_s"])
+    sizes = VaeSizes(shape[0], shape[1], LATENT, hidden=(), duration=DEMONSTRATIONS.duration_s)
     model = TrajectoryVae(sizes)
     # Half of the demonstrations' spread keeps sampled latents among them.
     spread = 0.5 * size[:LATENT, None] / np.sqrt(len(flat))
@@ -133,7 +130,8 @@ def make(folders, lab_settings, tmp_path) -> Callable[..., Path]:
     ) -> Path:
         out = tmp_path / name
         out.mkdir()
-        config = {"seed": seed, "rig": rig, "trajectory_model_id": model, "lab": {**lab_settings, **changed}}
+        lab = {**lab_settings, **changed}
+        config = {"seed": seed, "rig": rig, "scene": SCENE, "trajectory_model_id": model, "lab": lab}
         if model is None:
             del config["trajectory_model_id"]
         produce(Run(config, folders, out, cores))

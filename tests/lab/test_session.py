@@ -6,13 +6,23 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.command import Run
+from slapshot.config.lab import StandIns
+from slapshot.config.trajectories import ScriptedHits
 from slapshot.errors import InputError
 from slapshot.lab.__main__ import produce, record
 from slapshot.lab.commands import Diverse
 from slapshot.recordings.read import read_recording
 from slapshot.scenes.domain import load_domain
 from slapshot.trajectories.safety import SafetyCheck
+from slapshot.validation import validated
 
+SCENE = {
+    "domain": "hockey",
+    "puck": "inline",
+    "timestep_s": 0.0005,
+    "start_m": [0.55, 0.0],
+    "board_m": [2.4, 1.2],
+}
 DIVERSE = {
     "heading_rad": 1.57,
     "speed_m_s": [0.8, 2.4],
@@ -29,7 +39,7 @@ def truth_of(folder):
 
 def test_diverse_hits_go_all_ways_and_hold_no_latents(lab_scene, lab_settings, tmp_path):
     settings = {**lab_settings, **SMALL, "hits": 5, "commands": {"diverse": DIVERSE}}
-    config = {"seed": 1, "rig": 0, "scene": {"domain": "hockey"}, "lab": settings}
+    config = {"seed": 1, "rig": 0, "scene": SCENE, "lab": settings}
     lab_scene.save(tmp_path)
     out = tmp_path / "out"
     out.mkdir()
@@ -53,17 +63,19 @@ def test_diverse_hits_go_all_ways_and_hold_no_latents(lab_scene, lab_settings, t
 
 def test_all_directions_and_strengths_can_be_executed(lab_scene):
     # Measured: every one of 400 tasks, with blade speeds up to 2.4 m/s, so launches up to 3.2 m/s.
-    source = Diverse(lab_scene, load_domain("hockey"), DIVERSE)
+    diverse = ScriptedHits(**DIVERSE)
+    source = Diverse(lab_scene, load_domain("hockey"), diverse)
     rng = np.random.default_rng(0)
-    tasks = [source.domain.draw_task(DIVERSE, rng) for _ in range(40)]
+    tasks = [source.domain.draw_task(diverse, rng) for _ in range(40)]
     commands = source.draw(40, SafetyCheck(lab_scene), np.random.default_rng(0))
     assert [command.task for command in commands] == tasks
 
 
 def test_what_the_arm_is_not_up_to_is_refused(lab_scene, lab_settings, tmp_path):
-    source = Diverse(lab_scene, load_domain("hockey"), {**DIVERSE, "speed_m_s": [6.0, 8.0]})
+    fast = ScriptedHits(**DIVERSE | {"speed_m_s": [6.0, 8.0]})
+    source = Diverse(lab_scene, load_domain("hockey"), fast)
     with pytest.raises(InputError, match=r"lab\.commands\.diverse: only 0 of"):
-        record(lab_scene, source, {**lab_settings, **SMALL}, 1, tmp_path)
+        record(lab_scene, source, validated(StandIns, {**lab_settings, **SMALL}, "lab"), 1, tmp_path)
 
 
 def test_recordings_keep_what_is_asked_for(make):

@@ -8,6 +8,8 @@ import pandas as pd
 import pytest
 import torch
 from slapshot.claims import c6
+from slapshot.config.randomisation import Draw
+from slapshot.config.results import PolicyFigureSettings
 from slapshot.figures import a4_policy
 from slapshot.policy import __main__ as stage
 from slapshot.policy.adapt import OwnHits, ratio, update
@@ -18,13 +20,14 @@ from slapshot.rollouts.collector import Collector
 from slapshot.rollouts.reading import Sequences
 from slapshot.trajectories.execution import execute
 from slapshot.trajectories.ideal import ideal_swings
+from told import FIGURE, policy_training
 
 TASKS, HITS, LATENT = 3, 8, 3
-SETTINGS = {"hidden": [16], "step_size": 0.1}
+SETTINGS = policy_training()
 
 
 def new_policy(seed: int = 0, **settings) -> GaussianPolicy:
-    return GaussianPolicy(2, LATENT, SETTINGS | settings, torch.Generator().manual_seed(seed))
+    return GaussianPolicy(2, LATENT, policy_training(**settings), torch.Generator().manual_seed(seed))
 
 
 def normal(*shape: int, seed: int = 0) -> torch.Tensor:
@@ -137,8 +140,8 @@ def test_a_trained_policy_hits_targets_and_adapts():
                 normal(3, 16, 16, 2, seed=int(torch.randint(10**6, (), generator=generator))),
             )
 
-    policy = new_policy(hidden=[32])
-    settings = {"learning_rate": 0.01, "epochs": 8}
+    policy = new_policy(hidden=(32,))
+    settings = policy_training(epochs=8)
     table = train(policy, tasks(), 120, act, settings, generator)
     per = table.pivot(index="iteration", columns="updates", values="distance")
     first, last = per.iloc[:5].mean(), per.iloc[-10:].mean()
@@ -152,7 +155,7 @@ def test_the_same_seed_trains_the_same_policy():
     def trained() -> dict:
         policy, generator = new_policy(), torch.Generator().manual_seed(0)
         batch = (torch.arange(4), normal(2, 4, 6, 2))
-        train(policy, itertools.repeat(batch), 3, act, {"learning_rate": 0.01, "epochs": 2}, generator)
+        train(policy, itertools.repeat(batch), 3, act, SETTINGS, generator)
         return policy.state_dict()
 
     for a, b in zip(trained().values(), trained().values(), strict=True):
@@ -172,7 +175,7 @@ def test_tasks_are_all_conditions_before_any_comes_again_and_targets_are_their_o
     outcome = np.arange(10, dtype=np.float32)[:, None, None] * np.ones((10, 7, 2), np.float32)
     data = Sequences(outcome, outcome, outcome, pd.DataFrame())
     same = SimpleNamespace(standardise=lambda name, x: torch.as_tensor(x))
-    settings = {"tasks": 5, "updates": 2, "hits": 4}
+    settings = policy_training(tasks=5, updates=2, hits=4)
     drawn = stage.tasks(data, same, settings, torch.Generator().manual_seed(0))
     for _ in range(3):
         two = [next(drawn) for _ in range(2)]
@@ -204,11 +207,11 @@ def test_swings_that_follow_commands_exactly_are_near_simulated_ones(rig):
     assert lengths == pytest.approx(np.ones_like(lengths), abs=1e-3)
 
 
-def test_simulated_hits_of_new_latents_are_those_of_the_collector(rig, make_hits, hockey_config):
+def test_simulated_hits_of_new_latents_are_those_of_the_collector(rig, make_hits):
     """With swings that follow commands exactly, rest points are within the start error of the collector's."""
     hits = make_hits(24, seed=4)
     conditions = pd.DataFrame(hits.conditions)
-    still = hockey_config["randomisation"] | {"start_error": {"normal": [0.0, 0.0]}}
+    still = Draw(normal=[0.0, 0.0])
     simulator = Simulator(rig.scene, "hockey", rig.model, conditions, still, 1)
     latents = rig.swings.latents[hits.swings].clip(-2, 2)
     rng = np.random.default_rng(0)
@@ -281,7 +284,9 @@ def test_a_policy_that_no_model_catches_is_said_to_be_ahead(tmp_path):
 
 
 def test_the_figure_shows_everybody(tmp_path):
-    drawing = a4_policy.draw(folders(tmp_path, 0.15), {"domain": "hockey", "method": "kalman"})
+    drawing = a4_policy.draw(
+        folders(tmp_path, 0.15), PolicyFigureSettings.from_parts(FIGURE, method="kalman")
+    )
     assert drawing.name == "A4-hockey-policy"
     drawing.figure.canvas.draw()
     assert set(drawing.table["method"]) == {"", "kalman", "lstm", "policy", "predicted"}

@@ -10,6 +10,10 @@ import yaml
 from slapshot.adaptation.data import Standardiser
 from slapshot.claims import s11
 from slapshot.command import Run
+from slapshot.config.methods import EnsembleTraining, KalmanSettings
+from slapshot.config.randomisation import Draw, Draws
+from slapshot.config.refinement import RefinedRolloutsSettings, RefinedTrainSettings
+from slapshot.config.rollouts import RolloutsSettings
 from slapshot.figures import a3_refinement, a5_refined
 from slapshot.refinement import rollouts as refined_rollouts
 from slapshot.refinement import train as refined_train
@@ -18,15 +22,17 @@ from slapshot.refinement.coverage import produce as cover
 from slapshot.refinement.errors import ALL_RANGES, REFINED
 from slapshot.refinement.refined import narrowed, refined_settings
 from slapshot.rollouts.reading import Sequences
+from slapshot.validation import values_of
+from told import FIGURE
 
-RANDOMISATION = {
-    "mass": {"uniform": [0.01, 0.1]},
-    "friction_x": {"uniform": [0.15, 0.95]},
-    "friction_y": {"uniform": [0.7, 1.3], "times": "friction_x"},
-    "friction_torsional": {"uniform": [0.001, 0.05]},
-    "friction_rolling": {"uniform": [0.2, 0.2]},
-    "start_error": {"normal": [0.0, 0.02]},
-}
+RANDOMISATION = Draws(
+    mass=Draw(uniform=[0.01, 0.1]),
+    friction_x=Draw(uniform=[0.15, 0.95]),
+    friction_y=Draw(uniform=[0.7, 1.3], times="friction_x"),
+    friction_torsional=Draw(uniform=[0.001, 0.05]),
+    friction_rolling=Draw(uniform=[0.2, 0.2]),
+    start_error=Draw(normal=[0.0, 0.02]),
+)
 
 
 def test_only_what_is_drawn_is_refined_and_ratios_stay_ratios():
@@ -36,13 +42,13 @@ def test_only_what_is_drawn_is_refined_and_ratios_stay_ratios():
          "friction_rolling": [0.2]}
     )  # fmt: skip
     found = prior.parameters(conditions)
-    assert np.exp(found[0]) == pytest.approx([0.05, 0.4, 1.1, 0.01])
+    assert np.exp(found[0]) == pytest.approx([0.01, 0.4, 1.1, 0.05])
     rows = prior.rows(np.repeat(found, 3, axis=0), np.log([0.1, 0.2, 0.3]))
     assert [row["parameter"] for row in rows] == [
-        "mass",
+        "friction_torsional",
         "friction_x",
         "friction_y",
-        "friction_torsional",
+        "mass",
         NOISE,
     ]
     assert rows[2]["median"] == pytest.approx(1.1)
@@ -51,7 +57,7 @@ def test_only_what_is_drawn_is_refined_and_ratios_stay_ratios():
 
 def test_a_refined_range_is_never_outside_of_what_was_drawn_from_and_has_a_width():
     prior = Prior(RANDOMISATION, 0.5)
-    far = np.log(np.array([[1.0, 0.9, 1.0, 0.01], [2.0, 0.92, 1.0, 0.01], [9.0, 3.0, 1.0, 0.01]]))
+    far = np.log(np.array([[0.01, 0.9, 1.0, 1.0], [0.01, 0.92, 1.0, 2.0], [0.01, 3.0, 1.0, 9.0]]))
     rows = {row["parameter"]: row for row in prior.rows(far, np.log([0.6, 0.7, 0.8]))}
     assert (rows["mass"]["low"], rows["mass"]["high"]) == pytest.approx((0.0955, 0.1))
     assert (rows["friction_x"]["low"], rows["friction_x"]["high"]) == pytest.approx((0.9, 0.95))
@@ -66,7 +72,8 @@ def table(rigs: int = 4, shift: float = 1.0) -> pd.DataFrame:
         for name in ("red", "blue"):
             for parameter, middle in (("mass", 0.05), ("friction_x", 0.4), ("friction_y", 1.0),
                                       ("friction_torsional", 0.01), (NOISE, 0.1)):  # fmt: skip
-                low, high = RANDOMISATION.get(parameter, {"uniform": [0.0, 0.5]})["uniform"]
+                known = parameter != NOISE
+                low, high = RANDOMISATION.of_parameter(parameter).numbers if known else (0.0, 0.5)
                 rows.append(
                     {"recording": "lab", "rig": rig, "object": name, "parameter": parameter,
                      "low": 0.8 * shift * middle, "median": shift * middle, "high": 1.25 * shift * middle,
@@ -89,7 +96,7 @@ def simulated(share: float, conditions: int = 40) -> pd.DataFrame:
 def test_a_rig_s_configuration_holds_all_its_objects():
     own = table(1)
     own.loc[own["object"] == "blue", ["low", "high"]] *= 1.5
-    told = configuration(own, {"domain": "hockey"}, "0")
+    told = configuration(own, "hockey", "0")
     domain = told["domains"]["hockey"]
     assert domain["randomisation"]["friction_x"]["uniform"] == pytest.approx([0.32, 0.75])
     assert domain["training"]["noise_variance_max"] == pytest.approx(0.1875)
@@ -148,7 +155,7 @@ def test_the_verdict_is_the_share_of_truths_inside(covered, shift, verdict):
 
 
 def test_the_figure_shows_ranges_and_truths(covered):
-    drawing = a3_refinement.draw(covered(0.6), {"domain": "hockey"})
+    drawing = a3_refinement.draw(covered(0.6), FIGURE)
     drawing.figure.canvas.draw()
     assert drawing.name == "A3-hockey-refinement"
     titles = [axes.get_title(loc="left") for axes in drawing.figure.axes]
@@ -161,26 +168,29 @@ def test_the_figure_shows_ranges_and_truths(covered):
 
 
 def test_narrowed_ranges_keep_what_was_not_refined(tmp_path):
-    told = configuration(table(1), {"domain": "hockey"}, "0")
+    told = configuration(table(1), "hockey", "0")
     (tmp_path / "rig-0.yaml").write_text(yaml.safe_dump(told))
     refined = refined_settings(tmp_path, "hockey", 0)
-    assert refined == told["domains"]["hockey"]
-    found = narrowed(RANDOMISATION, refined["randomisation"])
-    assert found["friction_y"] == {"uniform": pytest.approx([0.8, 1.25]), "times": "friction_x"}
-    assert found["friction_rolling"] == RANDOMISATION["friction_rolling"]
-    assert found["start_error"] == RANDOMISATION["start_error"]
-    assert set(found) == set(RANDOMISATION)
+    assert values_of(refined) == told["domains"]["hockey"]
+    found = narrowed(RANDOMISATION, refined)
+    assert values_of(found.friction_y) == {"uniform": pytest.approx([0.8, 1.25]), "times": "friction_x"}
+    assert found.friction_rolling == RANDOMISATION.friction_rolling
+    assert found.start_error == RANDOMISATION.start_error
 
 
 def test_refined_rollouts_are_rollouts_with_other_ranges(tmp_path, monkeypatch):
-    told = configuration(table(1), {"domain": "own"}, "0")
+    told = configuration(table(1), "own", "0")
     (tmp_path / "rig-0.yaml").write_text(yaml.safe_dump(told))
-    made: list[Run] = []
-    monkeypatch.setattr(refined_rollouts, "produce_rollouts", made.append)
-    config = {"name": "own", "rig": 0, "domain": "hockey", "hits": 7, "randomisation": RANDOMISATION}
+    made: list[RolloutsSettings] = []
+    monkeypatch.setattr(refined_rollouts, "simulate", lambda settings, *_: made.append(settings))
+    rollouts = RolloutsSettings(
+        domain="hockey", seed=1, train=4, validation=1, test=1, hits=7, track_share=0.1, track_period_s=0.02,
+        named_conditions={}, randomisation=RANDOMISATION,
+    )  # fmt: skip
+    config = values_of(RefinedRolloutsSettings.from_parts(rollouts, name="own", rig=0))
     refined_rollouts.produce(Run(config, {"refinement": tmp_path}, tmp_path, 1))
-    assert set(made[0].config) == {"domain", "hits", "randomisation"}
-    assert made[0].config["randomisation"]["mass"]["uniform"] == pytest.approx([0.04, 0.0625])
+    assert made[0].randomisation.mass.uniform == pytest.approx([0.04, 0.0625])
+    assert RolloutsSettings.from_parts(made[0], randomisation=RANDOMISATION) == rollouts
 
 
 def test_noise_means_as_many_metres_in_other_units(tmp_path, monkeypatch):
@@ -191,21 +201,26 @@ def test_noise_means_as_many_metres_in_other_units(tmp_path, monkeypatch):
     after = Sequences(outcome, outcome, outcome, pd.DataFrame())
     monkeypatch.setattr(refined_train, "load_ensemble", lambda folder: (None, Standardiser.fit(before)))
     monkeypatch.setattr(refined_train, "read_sequences", lambda folder, split: after)
-    told = configuration(table(1), {"domain": "own"}, "0")
+    told = configuration(table(1), "own", "0")
     (tmp_path / "rig-0.yaml").write_text(yaml.safe_dump(told))
-    asked: list[dict] = []
+    asked: list[EnsembleTraining] = []
 
     def train_ensemble(rollouts, method, settings, training, device):
         asked.append(training)
         raise InterruptedError
 
     monkeypatch.setattr(refined_train, "train_ensemble", train_ensemble)
-    config = {"name": "own", "rig": 0, "method": "kalman", "settings": {},
-              "training": {"steps": 3, "noise_variance_max": 0.5}}  # fmt: skip
+    training = EnsembleTraining(
+        seed=1, models=2, steps=3, tasks=4, sequence=5, learning_rate=0.01, noise_variance_max=0.5
+    )
+    own = KalmanSettings(latent=2, hidden=(4,), drift=0.0)
+    settings = RefinedTrainSettings(name="own", rig=0, method="kalman", settings=own, training=training)
+    config = values_of(settings)
     inputs = {"refinement": tmp_path, "train": tmp_path, "rollouts": tmp_path}
     with pytest.raises(InterruptedError):
         refined_train.produce(Run(config, inputs, tmp_path, torch.get_num_threads()))
-    assert asked == [{"steps": 3, "noise_variance_max": pytest.approx(4 * 0.125, rel=1e-4)}]
+    noise = pytest.approx(4 * 0.125, rel=1e-4)
+    assert [values_of(one) for one in asked] == [values_of(training) | {"noise_variance_max": noise}]
 
 
 def errors_of(gain: float) -> pd.DataFrame:
@@ -233,7 +248,7 @@ def test_the_verdict_on_models_made_again_is_the_ratio_of_errors(covered, tmp_pa
     # gain / (1 + n) = 1 / 9, up to straight lines between samples.
     assert samples.interval.value == pytest.approx((9 * gain - 1) / 8, rel=0.06)
     assert samples.verdict == "holds"
-    drawing = a5_refined.draw({"0": folder}, {"domain": "hockey"})
+    drawing = a5_refined.draw({"0": folder}, FIGURE)
     assert drawing.name == "A5-hockey-refined"
     drawing.figure.canvas.draw()
     assert set(drawing.table["arm"]) == {ALL_RANGES, REFINED}

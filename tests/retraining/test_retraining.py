@@ -7,6 +7,8 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from slapshot.command import Run
+from slapshot.config.domain import Domain
+from slapshot.config.retraining import ArmRolloutsSettings
 from slapshot.diagnosis.pucks.augmented import AUGMENTED, write_augmented
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.slide_law import slide
@@ -19,6 +21,7 @@ from slapshot.retraining.collector import AugmentedCollector, swings_with_effect
 from slapshot.retraining.compare import errors_by_arm, measures_of, noise_floor
 from slapshot.retraining.ranges import refitted_ranges
 from slapshot.rollouts.collector import Collector
+from slapshot.validation import values_of
 
 CAMERA = np.array([1.65, 0.0])
 
@@ -44,22 +47,20 @@ REFIT = {
 
 
 def test_ranges_reach_beyond_all_fits_by_the_margin(hockey_config):
-    found = refitted_ranges(hockey_config["randomisation"], REFIT, 0.2)
+    found = values_of(refitted_ranges(hockey_config.randomisation, REFIT, 0.2))
     assert found["friction_x"] == {"uniform": pytest.approx([0.3 / 1.2, 0.4 * 1.2])}
     assert found["friction_y"] == {"uniform": pytest.approx([0.95 / 1.2, 1.1 * 1.2]), "times": "friction_x"}
     assert found["friction_torsional"] == {"uniform": pytest.approx([0.004 / 1.2, 0.006 * 1.2])}
     assert found["mass"] == {"uniform": pytest.approx([0.1 / 1.2, 0.16 * 1.2])}
     assert found["start_error"] == {"normal": [0.0, 0.012]}
-    assert (
-        found["friction_rolling"]["uniform"] == hockey_config["randomisation"]["friction_rolling"]["uniform"]
-    )
+    assert found["friction_rolling"]["uniform"] == hockey_config.randomisation.friction_rolling.uniform
 
 
 def test_what_is_fitted_badly_is_drawn_widely(hockey_config):
     sure, unsure = ({**REFIT, "objects": {"red": one(0.1, *(((0.3, 0.3, 0.004),) * 2), (0.01, 0.01, sd))}}
                     for sd in (0.01, 1.0))  # fmt: skip
     narrow, wide = (
-        refitted_ranges(hockey_config["randomisation"], r, 0.1)["friction_torsional"]["uniform"]
+        refitted_ranges(hockey_config.randomisation, r, 0.1).friction_torsional.uniform
         for r in (sure, unsure)
     )
     assert narrow == pytest.approx([0.004 / 1.1, 0.004 * 1.1])
@@ -116,20 +117,29 @@ def findings(rig, tmp_path):
     return folder
 
 
+def few_rollouts(config: Domain, arm: str) -> ArmRolloutsSettings:
+    return ArmRolloutsSettings.from_parts(
+        config.rollouts,
+        arm=arm,
+        seed=1,
+        margin=0.2,
+        effects=[],
+        randomisation=config.randomisation,
+        train=3,
+        validation=1,
+        test=1,
+        hits=8,
+        named_conditions={},
+    )
+
+
 def test_the_stage_writes_what_methods_read(rig, hockey_config, findings, tmp_path):
-    sizes = {"train": 3, "validation": 1, "test": 1, "hits": 8, "named_conditions": {}, "track_share": 0.0}
-    config = {
-        "seed": 1,
-        "margin": 0.2,
-        "effects": [],
-        "randomisation": hockey_config["randomisation"],
-        **sizes,
-    }
     tables = {}
     for arm in ARMS[1:]:
         out = tmp_path / arm
         out.mkdir()
-        rollouts.produce(Run({"arm": arm, **config}, {**rig.folders, "findings": findings}, out, 1))
+        settings = values_of(few_rollouts(hockey_config, arm))
+        rollouts.produce(Run(settings, {**rig.folders, "findings": findings}, out, 1))
         tables[arm] = pq.read_table(out / "hits-train.parquet").to_pandas()
         drawn = pd.read_parquet(out / "conditions.parquet")
         assert drawn["friction_x"].between(0.25, 0.48).all()
@@ -141,8 +151,13 @@ def test_the_stage_writes_what_methods_read(rig, hockey_config, findings, tmp_pa
     assert (ends["augmented"][:, 1] <= ends["refitted"][:, 1] + 1e-3).all()
 
 
-def test_a_diagnosis_that_could_not_tell_is_no_ground_for_arms(rig, tmp_path):
-    run = Run({"arm": "augmented"}, {**rig.folders, "findings": tmp_path}, tmp_path, 1)
+def test_a_diagnosis_that_could_not_tell_is_no_ground_for_arms(rig, hockey_config, tmp_path):
+    run = Run(
+        values_of(few_rollouts(hockey_config, "augmented")),
+        {**rig.folders, "findings": tmp_path},
+        tmp_path,
+        1,
+    )
     with pytest.raises(InputError, match=r"could not tell.*retraining\.recording"):
         rollouts.produce(run)
 

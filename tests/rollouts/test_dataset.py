@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from slapshot.command import Run, make_version
+from slapshot.config.rollouts import RolloutsSettings
 from slapshot.rollouts import plan as plan_module
 from slapshot.rollouts.__main__ import produce
 from slapshot.rollouts.dataset import ROWS_PER_GROUP, concatenate, hits_schema
@@ -16,23 +17,19 @@ from slapshot.store.content import content_digest
 from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe
 from slapshot.trajectories.swings import SPLITS
+from slapshot.validation import values_of
 from waiting import started
 
 
 @pytest.fixture(scope="module")
 def settings(hockey_config):
     sizes = {"train": 24, "validation": 4, "test": 2, "hits": 16, "track_share": 0.1}
-    randomisation = {
-        n: {k: v for k, v in s.items() if k in ("uniform", "normal", "times")}
-        for n, s in hockey_config["randomisation"].items()
-    }
-    return {
-        "domain": "hockey",
-        "seed": 5,
-        "randomisation": randomisation,
-        **hockey_config["rollouts"],
-        **sizes,
-    }
+    randomisation = hockey_config.randomisation
+    return values_of(
+        RolloutsSettings.from_parts(
+            hockey_config.rollouts, domain="hockey", seed=5, randomisation=randomisation, **sizes
+        )
+    )
 
 
 def run(rig, settings, out: Path, cores: int = 2) -> Path:

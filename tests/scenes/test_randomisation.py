@@ -8,7 +8,7 @@ COUNT = 20_000
 
 @pytest.fixture(scope="module")
 def spec(hockey_config):
-    return hockey_config["randomisation"]
+    return hockey_config.randomisation
 
 
 def test_distributions_are_those_of_table_two(spec):
@@ -24,7 +24,7 @@ def test_distributions_are_those_of_table_two(spec):
     assert stats.kstest(ratio, "uniform", args=(0.7, 0.6)).pvalue > 1e-4
     # Drawn apart: a correlation beyond six standard errors would be a shared draw.
     assert abs(np.corrcoef(ratio, drawn["friction_x"])[0, 1]) < 6 / np.sqrt(COUNT)
-    errors = draw_start_errors(spec, COUNT, np.random.default_rng(1))
+    errors = draw_start_errors(spec.start_error, COUNT, np.random.default_rng(1))
     assert stats.kstest(errors.ravel(), "norm", args=(0, 0.02)).pvalue > 1e-4
     assert abs(np.corrcoef(errors.T)[0, 1]) < 6 / np.sqrt(COUNT)
 

@@ -19,7 +19,7 @@ import yaml
 from safetensors.numpy import save_file
 from slapshot import cli
 from slapshot.command import Run, make_version
-from slapshot.config import load_config
+from slapshot.config.files import load_config
 from slapshot.dag import make_plan
 from slapshot.errors import InputError
 from slapshot.parquet import write_table

@@ -16,6 +16,7 @@ HEAD = """
 import logging
 from slapshot.errors import InputError
 from slapshot.progress import progress
+from slapshot.validation import ProblemAtError
 log = logging.getLogger("slapshot")
 """
 BODY = """
@@ -64,6 +65,8 @@ def test_showing_and_logging_do_not_count(digest, before, after):
     assert digest(after) == digest(before)
 
 
+FIELD = "from pydantic import Field\nx: int = Field({})\n"
+OTHER = FIELD.replace("pydantic", "other")
 RAISE = HEAD + "\ndef f(x, rng):\n    if x:\n        raise InputError({})\n"
 LOG = HEAD + "\ndef f(x, rng):\n    log.info({})\n"
 
@@ -74,6 +77,8 @@ LOG = HEAD + "\ndef f(x, rng):\n    log.info({})\n"
         (RAISE, '"bad"', '"worse"'),
         (RAISE, '"bad"', 'f"bad {x}"'),
         (RAISE, '"bad"', '"bad") from (None'),
+        (RAISE.replace("InputError(", "ProblemAtError((), "), '"bad"', 'f"bad {x}"'),
+        (FIELD, 'ge=0, description="one"', "ge=0"),
         (LOG, '"one %s", rng.normal()', '"two %s", rng.normal()'),  # the words, not the draw
     ],
 )
@@ -99,6 +104,8 @@ def test_wording_does_not_count(digest, text, one, other):
         ("class InputError(Exception): ...\nraise InputError(1)\n",
          "class InputError(Exception): ...\nraise InputError(2)\n"),
         # Not a message.
+        (FIELD.format("ge=0"), FIELD.format("ge=1")),
+        (OTHER.format("description=1"), OTHER.format("description=2")),
         (HEAD + "log.setLevel(1)\n", HEAD + "log.setLevel(2)\n"),
         (HEAD + "x = log.info(1)\n", HEAD + "x = log.info(2)\n"),
         ("raise ValueError('one')\n", "raise ValueError('two')\n"),  # a stage may note it
@@ -133,9 +140,15 @@ def test_imports_for_type_checkers_alone_are_none(tmp_path):
 # --- the package itself ---------------------------------------------------------------------------------
 
 # Modules behind the names of NEUTRAL, with the rest of the store.
-BEHIND = ("slapshot.command", "slapshot.errors", "slapshot.progress", "slapshot.store")
+BEHIND = (
+    "slapshot.command",
+    "slapshot.errors",
+    "slapshot.progress",
+    "slapshot.store",
+    "slapshot.validation",
+)
 # What they may import beside the standard library and each other. (verify.py, which no stage runs, computes
-# statistics for the lock; command.py plans for people who type a stage's command.)
+# statistics for the lock.)
 MAY_IMPORT = {
     "rich",
     "tqdm",
@@ -143,8 +156,8 @@ MAY_IMPORT = {
     "slapshot.whole_file",
     "pyarrow",
     "slapshot.parquet",
-    "slapshot.config",
-    "slapshot.dag",
+    "pydantic",
+    "slapshot.yaml_file",
 }
 # Handlers that go on after anything, and note what it said: whatever an effect of anybody raises, and a
 # figure that cannot be drawn. Nothing of the package that runs there raises InputError but of bad input.

@@ -13,6 +13,7 @@ from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.safety import MIN_CLEARANCE, SafetyCheck
 from slapshot.trajectories.swings import SPLITS
 from slapshot.trajectories.vae import TrajectoryVae
+from told import scripted_hits
 
 
 def test_blade_travel_is_at_unit_speed_and_zero_at_contact():
@@ -30,7 +31,7 @@ def test_blade_travel_is_at_unit_speed_and_zero_at_contact():
 @pytest.mark.parametrize("heading", [-np.pi / 2, -0.6, 0.0, 0.6, np.pi / 2])
 @pytest.mark.parametrize("offset", [-0.06, 0.06])
 def test_demonstration_brings_the_blade_where_and_as_fast_as_asked(scene, rig, heading, offset):
-    settings = {"waypoints": 17, "duration_s": 0.8}
+    settings = scripted_hits()
     task = {"heading": heading, "speed": 1.2, "contact_offset": offset}
     waypoints = load_domain("hockey").demonstrate(scene, settings, [task])[0]
     motion = Motion.through(waypoints, 0.8)

@@ -15,7 +15,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 from slapshot import cli
 from slapshot.benchmark import gallery as benchmark
-from slapshot.config import load_config
+from slapshot.config.files import load_config
 from slapshot.dag import make_plan
 from slapshot.errors import InputError
 from slapshot.store.folder import Store

@@ -4,6 +4,7 @@ One full run is shared by all tests, which put back what they change; tests/faul
 """
 
 import json
+import re
 import shutil
 from collections import Counter
 from collections.abc import Callable
@@ -57,6 +58,9 @@ def fewer_queries(domain: dict) -> None:
 def no_operation(text: str) -> str:
     """A statement without effect."""
     return text + "\n_ = None\n"
+
+
+SLAPSHOT = ("-c", "from slapshot.cli import main; main()")
 
 
 def comment(text: str) -> str:
@@ -476,16 +480,19 @@ def test_an_unknown_key_on_the_command_line(workspace):
 
 
 def test_a_stage_by_hand_finds_its_version(workspace):
-    done = workspace.python("-m", "slapshot.rollouts", "--config", workspace.config)
-    versions = [v for v in workspace.plan().values() if v.stage == "rollouts"]
+    done = workspace.python(*SLAPSHOT, "stage", "rollouts", "--config", workspace.config)
+    ids = {label: v.id for label, v in workspace.plan().items() if v.stage == "rollouts"}
     assert done.returncode == 0
-    assert set(done.stdout.splitlines()) == {f"[rollouts] {v.id} is already whole" for v in versions}
+    assert set(done.stdout.splitlines()) == {
+        f"[{label.replace('/', ' ')}] {id_} is already whole" for label, id_ in ids.items()
+    }
 
 
 def test_a_stage_by_hand_without_its_input_says_what_to_run(workspace, tmp_path):
-    done = workspace.python("-m", "slapshot.rollouts", "--config", workspace.config, "--store", tmp_path)
+    command = (*SLAPSHOT, "stage", "rollouts", "--config", workspace.config, "--store", tmp_path)
+    done = workspace.python(*command)
     assert done.returncode == 1
-    assert done.stdout.startswith("[rollouts] rollouts needs scene/")
+    assert re.match(r"\[rollouts \w+\] rollouts needs scene/", done.stdout)
     assert done.stdout.endswith("run `snakemake scene` first\n")
     assert done.stdout.count("\n") == 1
     assert not list(tmp_path.rglob("*"))

@@ -17,13 +17,13 @@ try:
     checked = read_config(
         workflow.overwrite_configfiles, workflow.config_settings.config
     )
-    config = checked.values
+    config = checked.layers.values
     if config["proof"] == "fresh" and not FRESH.exists():
         # Here, because the kinds of physics take long to import.
         from slapshot.blind_validation.lists import draw_file
 
         draw_file("full", FRESH)
-    plan = make_plan(config, checked.where)
+    plan = make_plan(checked.settings, checked.layers.where)
 except InputError as error:
     raise WorkflowError(str(error)) from None
 

@@ -1,7 +1,8 @@
 """Stage `beliefs`: hidden states of test conditions and recordings, and how surprising each sample was."""
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.adaptation.recorded import recorded_tasks, split_hits
 from slapshot.command import Run, stage_command
+from slapshot.config.methods import BeliefsSettings
 from slapshot.parquet import write_table
 from slapshot.rollouts.reading import read_sequences
 
@@ -33,14 +35,17 @@ def produce(run: Run) -> None:
     before), nis (normalised innovation squared), x_m, y_m (where the hit ended), and noise_variance NaN
     where it was drawn as in training.
     """
-    settings = run.config
+    settings = run.settings(BeliefsSettings)
     torch.set_num_threads(run.cores)
     method, standardiser = load_ensemble(run.inputs["train"])
-    rng = np.random.default_rng(settings["seed"])
+    rng = np.random.default_rng(settings.seed)
     latents, innovations = [], []
-    for keys, sequences in [*_simulated(run, standardiser, rng), *_recorded(run, rng)]:
-        hidden, surprise = _adapt(method, standardiser, sequences, settings["samples"])
-        latents.append(_table(keys, hidden, "hidden", settings["samples"]))
+    for keys, sequences in [
+        *_simulated(settings, run.inputs["rollouts"], standardiser, rng),
+        *_recorded(settings, run.inputs, rng),
+    ]:
+        hidden, surprise = _adapt(method, standardiser, sequences, settings.samples)
+        latents.append(_table(keys, hidden, "hidden", settings.samples))
         if surprise is not None:
             table = _table(keys, surprise, "nis", range(surprise.shape[2]))
             ends = np.broadcast_to(sequences["outcome"], (method.models, *sequences["outcome"].shape))
@@ -52,21 +57,20 @@ def produce(run: Run) -> None:
 
 
 def _simulated(
-    run: Run, standardiser: Standardiser, rng: np.random.Generator
+    settings: BeliefsSettings, rollouts: Path, standardiser: Standardiser, rng: np.random.Generator
 ) -> Iterator[tuple[pd.DataFrame, Arrays]]:
     """Test conditions at each level of noise and with the noise of training, `repeats` times each."""
-    settings = run.config
-    data = read_sequences(run.inputs["rollouts"], "test")
+    data = read_sequences(rollouts, "test")
     count, hits, size = data.outcome.shape
-    most = max(settings["samples"])
+    most = max(settings.samples)
     scale = standardiser.scale["outcome"].numpy()
     columns = ["condition", "name", "friction_x", "friction_y"]
-    for repeat in range(settings["repeats"]):
+    for repeat in range(settings.repeats):
         order = rng.permuted(np.tile(np.arange(hits), (count, 1)), axis=1)[:, :most, None]
         taken = {name: np.take_along_axis(getattr(data, name), order, 1) for name in _NAMES}
         white = rng.normal(size=taken["outcome"].shape)
-        drawn = rng.uniform(0, settings["noise_variance_max"], (count, 1, size))
-        for variance in (np.nan, *settings["noise_variances"]):
+        drawn = rng.uniform(0, settings.noise_variance_max, (count, 1, size))
+        for variance in (np.nan, *settings.noise_variances):
             sd = np.sqrt(drawn if np.isnan(variance) else variance) * scale
             keys = data.conditions[columns].assign(
                 source="simulated", recording="", rig=-1, object="", repeat=repeat, noise_variance=variance
@@ -75,13 +79,14 @@ def _simulated(
             yield keys, taken | {"outcome": noisy}
 
 
-def _recorded(run: Run, rng: np.random.Generator) -> Iterator[tuple[pd.DataFrame, Arrays]]:
+def _recorded(
+    settings: BeliefsSettings, inputs: Mapping[str, Path], rng: np.random.Generator
+) -> Iterator[tuple[pd.DataFrame, Arrays]]:
     """Hits of each object of each recorded rig, in `repeats` random orders."""
-    settings = run.config
-    for task in recorded_tasks(run):
-        chosen, _ = split_hits(task.hits, max(settings["samples"]), settings["repeats"], rng, task.where)
+    for task in recorded_tasks(settings, inputs):
+        chosen, _ = split_hits(task.hits, max(settings.samples), settings.repeats, rng, task.where)
         parts = [task.take(rows) for rows in chosen]
-        keys = pd.DataFrame({"repeat": range(settings["repeats"])}).assign(
+        keys = pd.DataFrame({"repeat": range(settings.repeats)}).assign(
             source="recorded", recording=task.recording, rig=task.rig, object=task.object,
             condition=-1, name="", friction_x=np.nan, friction_y=np.nan, noise_variance=np.nan,
         )  # fmt: skip
@@ -119,7 +124,7 @@ def _table(keys: pd.DataFrame, values: NDArray[np.float32], name: str, samples: 
     return table.join(keys.reset_index(drop=True), on="task").drop(columns="task")
 
 
-def _write(table: pd.DataFrame, path: Any) -> None:
+def _write(table: pd.DataFrame, path: Path) -> None:
     """Hidden states as a list of fixed size: half the space, and NumPy reads it without a copy."""
     flat = pa.array(np.concatenate(table["hidden"].to_list()).astype(np.float32))
     hidden = pa.FixedSizeListArray.from_arrays(flat, len(table["hidden"].iloc[0]))

@@ -1,7 +1,6 @@
 """Stage `calibrate`: how far prediction intervals must reach, and what they then cover on test data."""
 
 import logging
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.intervals import calibrate, predictive, raw_radius2
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.command import Run, stage_command
+from slapshot.config.methods import CalibrateSettings
 from slapshot.parquet import write_table
 from slapshot.rollouts.reading import Sequences, read_sequences
 
@@ -27,10 +27,10 @@ def produce(run: Run) -> None:
     training. coverage: model, noise_variance (NaN: that of training), samples, level, kind (raw or
     calibrated), coverage, area_m2 (median); measured on the test conditions.
     """
-    settings = run.config
+    settings = run.settings(CalibrateSettings)
     torch.set_num_threads(run.cores)
     method, standardiser = load_ensemble(run.inputs["train"])
-    levels = settings["levels"]
+    levels = settings.levels
     validation = read_sequences(run.inputs["rollouts"], "validation")
     radii = pd.concat(
         [
@@ -44,7 +44,7 @@ def produce(run: Run) -> None:
     write_table(radii, run.out / "calibration.parquet")
     test = read_sequences(run.inputs["rollouts"], "test")
     rows = []
-    for variance in (None, *settings["noise_variances"]):
+    for variance in (None, *settings.noise_variances):
         for samples, distances, areas in _distances(method, standardiser, test, settings, variance):
             for level in levels:
                 measured = radii[(radii["samples"] == samples) & (radii["level"] == level)][
@@ -79,7 +79,7 @@ def _distances(
     method: AdaptationMethod[Any],
     standardiser: Standardiser,
     data: Sequences,
-    settings: Mapping[str, Any],
+    settings: CalibrateSettings,
     variance: float | None,
 ) -> list[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
     """For each number of samples: that number, squared distances and unit areas, each (M, B, Q).
@@ -87,12 +87,12 @@ def _distances(
     Hits to adapt to and hits to predict are different ones; the noise is of one variance, or drawn as in
     training.
     """
-    rng = np.random.default_rng([settings["seed"], 0 if variance is None else 1])
+    rng = np.random.default_rng([settings.seed, 0 if variance is None else 1])
     count, hits, size = data.outcome.shape
-    most, queries = max(settings["samples"]), settings["queries"]
+    most, queries = max(settings.samples), settings.queries
     order = rng.permuted(np.tile(np.arange(hits), (count, 1)), axis=1)[:, : most + queries, None]
     taken = {n: np.take_along_axis(getattr(data, n), order, 1) for n in ("state", "action", "outcome")}
-    drawn = rng.uniform(0, settings["noise_variance_max"], (count, 1, size))
+    drawn = rng.uniform(0, settings.noise_variance_max, (count, 1, size))
     spread = np.sqrt(drawn if variance is None else variance)
     noise = torch.as_tensor(spread * rng.normal(size=(count, most, size)), dtype=torch.float32)
     tensors = {n: standardiser.standardise(n, v).expand(method.models, *v.shape) for n, v in taken.items()}
@@ -102,11 +102,11 @@ def _distances(
             state[:, :, :most], action[:, :, :most], tensors["outcome"][:, :, :most] + noise
         )
     truth = torch.as_tensor(taken["outcome"][:, most:])
-    generator = torch.Generator().manual_seed(settings["seed"])
+    generator = torch.Generator().manual_seed(settings.seed)
     found = []
-    for samples in settings["samples"]:
+    for samples in settings.samples:
         predicted = predictive(method, standardiser, beliefs[samples], state[:, :, most:],
-                               action[:, :, most:], settings["draws"], generator)  # fmt: skip
+                               action[:, :, most:], settings.draws, generator)  # fmt: skip
         found.append((samples, predicted.squared_distance(truth).numpy(), predicted.area().numpy()))
     return found
 

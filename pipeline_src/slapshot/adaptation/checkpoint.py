@@ -16,7 +16,6 @@ def save_ensemble(
     folder: Path,
     name: str,
     method: AdaptationMethod[Any],
-    settings: dict[str, Any],
     standardiser: Standardiser,
 ) -> None:
     """Write ensemble.safetensors, ensemble.json and standardiser.safetensors."""
@@ -25,7 +24,7 @@ def save_ensemble(
     standardiser.save(folder / "standardiser.safetensors")
     description = {
         "method": name,
-        "settings": settings,
+        "settings": dict(sorted(method.settings.model_dump(mode="json").items())),
         "sizes": asdict(method.sizes),
         "models": method.models,
         "parameters_per_model": method.parameter_count(),
@@ -36,8 +35,8 @@ def save_ensemble(
 def load_ensemble(folder: Path) -> tuple[AdaptationMethod[Any], Standardiser]:
     """Read what `save_ensemble` wrote, ready to evaluate on the CPU."""
     raw = json.loads((folder / "ensemble.json").read_text())
-    method = load_method(raw["method"]).from_configuration(
-        Sizes(**raw["sizes"]), raw["settings"], raw["models"], torch.Generator().manual_seed(0)
-    )
+    kind = load_method(raw["method"])
+    settings = kind.Settings.model_validate_json(json.dumps(raw["settings"]))
+    method = kind(Sizes(**raw["sizes"]), settings, raw["models"], torch.Generator().manual_seed(0))
     method.load_state_dict(load_file(folder / "ensemble.safetensors"))
     return method.eval(), Standardiser.load(folder / "standardiser.safetensors")

@@ -17,7 +17,7 @@ from torch.nn import functional
 
 from slapshot.adaptation.layers import StackedMLP
 from slapshot.adaptation.method import AdaptationMethod, Sizes
-from slapshot.errors import InputError
+from slapshot.config.methods import KalmanSettings
 
 LARGEST_FACTOR = 100.0
 """Bound on the entries of L in Sigma_z^-1 = L L'. The prior's variance starts at 1 in the same
@@ -25,25 +25,6 @@ coordinates, so one sample can shrink a standard deviation about a hundredfold. 
 could come to span more than the seven digits of float32."""
 
 _SOFTPLUS_INVERSE_OF_ONE = math.log(math.e - 1)
-
-
-@dataclass(frozen=True)
-class KalmanSettings:
-    """Settings of the Kalman method.
-
-    Attributes:
-        latent: dimension of phi and of z; the paper has 16.
-        hidden: widths of the hidden layers, the same in the measurement and prediction networks.
-        drift: epsilon of Q = epsilon I, variance gained per sample (the prior's starts at 1).
-    """
-
-    latent: int
-    hidden: tuple[int, ...]
-    drift: float
-
-    def __post_init__(self) -> None:
-        if self.latent < 1 or any(width < 1 for width in self.hidden) or self.drift < 0:
-            raise InputError(f"Kalman: widths must be at least 1, drift at least 0, got {self}")
 
 
 @dataclass(frozen=True)
@@ -187,6 +168,7 @@ class Kalman(AdaptationMethod[KalmanBelief]):
     """The paper's method: measurement network, Kalman filter, prediction network."""
 
     Settings = KalmanSettings
+    settings: KalmanSettings
 
     def __init__(self, sizes: Sizes, settings: KalmanSettings, models: int, generator: torch.Generator):
         super().__init__(sizes, settings, models, generator)

@@ -13,24 +13,7 @@ from torch import Tensor, nn
 
 from slapshot.adaptation.layers import StackedMLP
 from slapshot.adaptation.method import AdaptationMethod, Sizes
-from slapshot.errors import InputError
-
-
-@dataclass(frozen=True)
-class LstmSettings:
-    """Settings of the LSTM method.
-
-    Attributes:
-        state: units of the LSTM, the dimension of h and of c.
-        hidden: widths of the hidden layers of the prediction network.
-    """
-
-    state: int
-    hidden: tuple[int, ...]
-
-    def __post_init__(self) -> None:
-        if self.state < 1 or any(width < 1 for width in self.hidden):
-            raise InputError(f"LSTM: widths must be at least 1, got {self}")
+from slapshot.config.methods import LstmSettings
 
 
 @dataclass(frozen=True)
@@ -62,6 +45,7 @@ class Lstm(AdaptationMethod[LstmBelief]):
     """M independent LSTMs, each with a prediction network."""
 
     Settings = LstmSettings
+    settings: LstmSettings
 
     def __init__(self, sizes: Sizes, settings: LstmSettings, models: int, generator: torch.Generator):
         super().__init__(sizes, settings, models, generator)

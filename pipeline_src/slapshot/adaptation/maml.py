@@ -32,7 +32,7 @@ from torch.nn import functional
 
 from slapshot.adaptation.layers import StackedMLP
 from slapshot.adaptation.method import AdaptationMethod, Sizes
-from slapshot.errors import InputError
+from slapshot.config.methods import MamlSettings
 
 LARGEST_GRADIENT = 10.0
 """Bound on the norm of a task's inner gradient, the only addition to the published method.
@@ -43,28 +43,6 @@ losses of 1e7, and ten to twenty steps on single samples ended in nan. With it a
 longer than 10 alpha. It takes hold of some 5 % of the steps on single samples, of fewer than 1 % of
 those on 4 or 8.
 """
-
-
-@dataclass(frozen=True)
-class MamlSettings:
-    """Settings of the MAML method.
-
-    Attributes:
-        hidden: widths of the hidden layers; the paper has 4 of 128.
-        batch: k, samples of a step; the paper has 1, 4 and 8.
-        steps: largest number of steps in training; the paper has 3. An evaluation makes one for
-            every complete batch.
-        step_size: alpha before training.
-    """
-
-    hidden: tuple[int, ...]
-    batch: int
-    steps: int
-    step_size: float
-
-    def __post_init__(self) -> None:
-        if min(self.batch, self.steps, *self.hidden) < 1 or not self.step_size > 0:
-            raise InputError(f"MAML: counts must be at least 1, step_size above 0, got {self}")
 
 
 @dataclass(frozen=True)
@@ -93,6 +71,7 @@ class Maml(AdaptationMethod[MamlBelief]):
     """M independent networks, each adapted to every task by its own gradient steps."""
 
     Settings = MamlSettings
+    settings: MamlSettings
 
     def __init__(self, sizes: Sizes, settings: MamlSettings, models: int, generator: torch.Generator):
         super().__init__(sizes, settings, models, generator)

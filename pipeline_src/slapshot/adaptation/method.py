@@ -9,8 +9,7 @@ import dataclasses
 import importlib
 import pkgutil
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -18,6 +17,7 @@ from torch import Tensor, nn
 import slapshot.adaptation
 from slapshot.adaptation.names import method_file
 from slapshot.errors import InputError
+from slapshot.validation import Model
 
 BeliefT = TypeVar("BeliefT")
 """What a method knows about B tasks per model: a frozen dataclass of tensors (M, B, ...)."""
@@ -41,25 +41,17 @@ class AdaptationMethod(nn.Module, ABC, Generic[BeliefT]):
     faster that gives the same result.
     """
 
-    Settings: ClassVar[type[Any]]
-    """Frozen dataclass of the method's own settings; its fields are the configuration's keys."""
+    Settings: ClassVar[type[Model]]
+    """The model of the method's own settings."""
 
-    def __init__(self, sizes: Sizes, settings: Any, models: int, generator: torch.Generator):
+    settings: Model
+
+    def __init__(self, sizes: Sizes, settings: Model, models: int, generator: torch.Generator):
+        """Draw weights from the generator, on the CPU."""
         super().__init__()
         self.sizes = sizes
         self.settings = settings
         self.models = models
-
-    @classmethod
-    def from_configuration(
-        cls,
-        sizes: Sizes,
-        configuration: Mapping[str, Any],
-        models: int,
-        generator: torch.Generator,
-    ) -> Self:
-        """Build the method from its section of the configuration, weights from the generator."""
-        return cls(sizes, build_settings(cls.Settings, configuration), models, generator)
 
     @abstractmethod
     def prior(self, tasks: int) -> BeliefT:
@@ -124,19 +116,6 @@ class AdaptationMethod(nn.Module, ABC, Generic[BeliefT]):
     def parameter_count(self) -> int:
         """Return the number of trained parameters of one model."""
         return sum(p.numel() for p in self.parameters() if p.requires_grad) // self.models
-
-
-def build_settings(settings_class: type[Any], configuration: Mapping[str, Any]) -> Any:
-    """Make a settings dataclass from a configuration section, all of its keys and no others."""
-    fields = [field.name for field in dataclasses.fields(settings_class)]
-    unknown = sorted(set(configuration) - set(fields))
-    if unknown:
-        raise InputError(f"unknown settings {', '.join(unknown)}; the method takes {', '.join(fields)}")
-    missing = [name for name in fields if name not in configuration]
-    if missing:
-        raise InputError(f"settings {', '.join(missing)} are missing from the adaptation method's")
-    frozen = {k: tuple(v) if isinstance(v, list) else v for k, v in configuration.items()}
-    return settings_class(**frozen)
 
 
 def load_method(name: str) -> type[AdaptationMethod[Any]]:

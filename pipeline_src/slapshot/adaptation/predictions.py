@@ -1,7 +1,8 @@
 """Stage `predictions`: what one model believed of single hits before and after it saw others."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from slapshot.adaptation.intervals import Calibration, predictive
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.adaptation.recorded import recorded_tasks, split_hits
 from slapshot.command import Run, stage_command
+from slapshot.config.methods import PredictionsSettings
 from slapshot.parquet import read_frame, write_table
 from slapshot.rollouts.reading import iterate_tracks, read_sequences
 
@@ -32,14 +34,17 @@ def produce(run: Run) -> None:
     Simulated are the test hits that kept their track, after other hits of their condition; recorded are
     all hits whose commands were not adapted to.
     """
-    settings = run.config
+    settings = run.settings(PredictionsSettings)
     torch.set_num_threads(run.cores)
     method, standardiser = load_ensemble(run.inputs["train"])
     calibration = Calibration(read_frame(run.inputs["calibrate"] / "calibration.parquet"))
-    rng = np.random.default_rng(settings["seed"])
-    most = max(settings["samples"])
+    rng = np.random.default_rng(settings.seed)
+    most = max(settings.samples)
     tables = []
-    for keys, adapt, query in [*_simulated(run, standardiser, most, rng), *_recorded(run, most, rng)]:
+    for keys, adapt, query in [
+        *_simulated(settings, run.inputs["rollouts"], standardiser, most, rng),
+        *_recorded(settings, run.inputs, most, rng),
+    ]:
         tables.append(_predict(method, standardiser, calibration, keys, adapt, query, settings))
     table = pd.concat(tables, ignore_index=True)
     write_table(table, run.out / "predictions.parquet")
@@ -50,13 +55,19 @@ def produce(run: Run) -> None:
                  means[source][most], most)  # fmt: skip
 
 
-def _simulated(run: Run, standardiser: Standardiser, most: int, rng: np.random.Generator):  # type: ignore[no-untyped-def]
+def _simulated(
+    settings: PredictionsSettings,
+    rollouts: Path,
+    standardiser: Standardiser,
+    most: int,
+    rng: np.random.Generator,
+) -> Iterator[tuple[pd.DataFrame, Arrays, Arrays]]:
     """Keys of the hits to predict, noisy hits to adapt to and hits to predict, for each test condition."""
-    data = read_sequences(run.inputs["rollouts"], "test")
+    data = read_sequences(rollouts, "test")
     keys = ["condition", "hit"]
-    groups = (t[t["split"] == "test"][keys] for t in iterate_tracks(run.inputs["rollouts"]))
+    groups = (t[t["split"] == "test"][keys] for t in iterate_tracks(rollouts))
     tracked = pd.concat([group.drop_duplicates() for group in groups]).drop_duplicates()
-    sd = np.sqrt(run.config["shown_noise_variance"]) * standardiser.scale["outcome"].numpy()
+    sd = np.sqrt(settings.shown_noise_variance) * standardiser.scale["outcome"].numpy()
     for condition in np.unique(tracked["condition"]):
         shown = tracked.loc[tracked["condition"] == condition, "hit"].to_numpy()
         others = np.setdiff1d(np.arange(data.outcome.shape[1]), shown)
@@ -75,9 +86,11 @@ def _simulated(run: Run, standardiser: Standardiser, most: int, rng: np.random.G
         yield labels, adapt | {"outcome": adapt["outcome"] + noise}, query
 
 
-def _recorded(run: Run, most: int, rng: np.random.Generator):  # type: ignore[no-untyped-def]
+def _recorded(
+    settings: PredictionsSettings, inputs: Mapping[str, Path], most: int, rng: np.random.Generator
+) -> Iterator[tuple[pd.DataFrame, Arrays, Arrays]]:
     """The same for each object of each recorded rig; what is recorded is noisy already."""
-    for task in recorded_tasks(run):
+    for task in recorded_tasks(settings, inputs):
         (adapt,), (query,) = split_hits(task.hits, most, 1, rng, task.where)
         keys = pd.DataFrame({"hit": task.hits["hit"].to_numpy()[query]}).assign(
             source="recorded",
@@ -97,7 +110,7 @@ def _predict(
     keys: pd.DataFrame,
     adapt: Arrays,
     query: Arrays,
-    settings: Mapping[str, Any],
+    settings: PredictionsSettings,
 ) -> pd.DataFrame:
     def tensor(values: Arrays, name: str) -> torch.Tensor:
         standardised = standardiser.standardise(name, values[name])
@@ -105,11 +118,11 @@ def _predict(
 
     with torch.no_grad():
         beliefs = method.adapt(*(tensor(adapt, name) for name in ("state", "action", "outcome")))
-    generator = torch.Generator().manual_seed(settings["seed"])
+    generator = torch.Generator().manual_seed(settings.seed)
     tables = []
-    for samples in settings["samples"]:
+    for samples in settings.samples:
         predicted = predictive(method, standardiser, beliefs[samples], tensor(query, "state"),
-                               tensor(query, "action"), settings["draws"], generator)  # fmt: skip
+                               tensor(query, "action"), settings.draws, generator)  # fmt: skip
         mean, covariance = predicted.mean[MODEL, 0].numpy(), predicted.covariance[MODEL, 0].numpy()
         levels = calibration.table["level"].unique()
         tables.append(

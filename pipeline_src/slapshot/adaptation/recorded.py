@@ -1,6 +1,6 @@
 """Recordings as an adaptation method sees them: one task for each object of each rig."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.command import Run
+from slapshot.config.sources import RecordedTasksSettings
 from slapshot.errors import InputError
 from slapshot.recordings.format import Recording
 from slapshot.recordings.read import read_recording
@@ -46,17 +46,21 @@ class RecordedTask:
         return {name: values[rows][None] for name, values in self.data.items()}
 
 
-def recorded_tasks(run: Run) -> Iterator[RecordedTask]:
-    """All tasks in the recordings that a recipe names (see `slapshot.dag.adaptation.add_recorded`).
+def recorded_tasks(settings: RecordedTasksSettings, inputs: Mapping[str, Path]) -> Iterator[RecordedTask]:
+    """All tasks in the recordings that a stage is told of.
+
+    Args:
+        settings: what it is told.
+        inputs: trajectory_model, and the stand-in rigs' versions as `recording_folders` wants them.
 
     Raises:
         InputError: a recording cannot be read, or its hits have no latents of the trajectory model.
     """
-    model = TrajectoryVae.load(run.inputs["trajectory_model"])
-    folders = recording_folders(run.config["recordings"], run.inputs)
+    model = TrajectoryVae.load(inputs["trajectory_model"])
+    folders = recording_folders(settings.recordings, inputs)
     for (name, rig), folder in folders.items():
         recording = read_recording(folder)
-        latents = hit_latents(recording, model, run.config["trajectory_model_id"], folder)
+        latents = hit_latents(recording, model, settings.trajectory_model_id, folder)
         yield from _tasks(name, rig, folder, recording, latents)
 
 

@@ -12,8 +12,8 @@ them the loss; the width of the belief itself is trained by nothing but its fixe
 
 import copy
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import pandas as pd
 import torch
@@ -25,6 +25,8 @@ from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.method import Sizes
 from slapshot.adaptation.optimise import fit
 from slapshot.command import Run, stage_command
+from slapshot.config.methods import KalmanSettings
+from slapshot.config.regression import RegressionSettings, WalkthroughTraining
 from slapshot.parquet import write_table
 
 SIZES = Sizes(state=1, action=0, outcome=1)
@@ -146,23 +148,23 @@ def learned_curve(
 def with_drift(method: Kalman, drift: float) -> Kalman:
     """The same weights with another Q = drift I."""
     twin = copy.deepcopy(method)
-    twin.settings = dataclasses.replace(method.settings, drift=drift)
+    twin.settings = method.settings.model_copy(update={"drift": drift})
     return twin
 
 
 def train(
-    lines: Lines, kalman: Mapping[str, Any], training: Mapping[str, Any], seed: int
+    lines: Lines, kalman: KalmanSettings, training: WalkthroughTraining, seed: int
 ) -> tuple[Kalman, pd.DataFrame]:
     """An ensemble trained on lines with noise variances ~ U(0, noise_variance_max) (eq. sigma_s)."""
     generator = torch.Generator().manual_seed(seed)
-    lead = (training["models"], training["tasks"])
-    method = Kalman.from_configuration(SIZES, kalman, lead[0], generator)
+    lead = (training.models, training.tasks)
+    method = Kalman(SIZES, kalman, lead[0], generator)
 
     def draw() -> Batch:
-        variance = training["noise_variance_max"] * torch.rand(*lead, 1, 1, generator=generator)
-        return lines.draw(lead, training["sequence"], variance, generator).batch
+        variance = training.noise_variance_max * torch.rand(*lead, 1, 1, generator=generator)
+        return lines.draw(lead, training.sequence, variance, generator).batch
 
-    losses = fit(method, draw, draw(), training["steps"], training["learning_rate"], "regression")
+    losses = fit(method, draw, draw(), training.steps, training.learning_rate, "regression")
     return method.eval(), losses
 
 
@@ -259,23 +261,24 @@ def contraction(
 
 def produce(run: Run) -> None:
     """Write the ensemble, losses.csv, and the tables belief, prediction, observed, contraction."""
-    config, shown = run.config, run.config["walkthrough"]
+    settings = run.settings(RegressionSettings)
+    shown = settings.walkthrough
     # Tensors this small only wait for a second thread.
     torch.set_num_threads(1)
-    lines = Lines(config["slope_sd"], config["intercept_sd"], config["x_range"])
-    method, losses = train(lines, config["kalman"], config["training"], config["seed"])
+    lines = Lines(settings.slope_sd, settings.intercept_sd, settings.x_range)
+    method, losses = train(lines, settings.kalman, settings.training, settings.seed)
     losses.to_csv(run.out / "losses.csv", index=False, float_format="%.6g")
-    save_ensemble(run.out, "kalman", method, dict(config["kalman"]), _as_it_is())
+    save_ensemble(run.out, "kalman", method, _as_it_is())
 
-    variance = shown["noise_variance"]
+    variance = shown.noise_variance
     # Apart from training: the tasks stay when the training changes. All models see the same ones.
-    generator = torch.Generator().manual_seed(config["seed"] + 1)
-    drawn = lines.draw((1, config["tasks"]), max(COUNTS), torch.tensor(variance), generator)
+    generator = torch.Generator().manual_seed(settings.seed + 1)
+    drawn = lines.draw((1, settings.tasks), max(COUNTS), torch.tensor(variance), generator)
     every = (method.models, -1, -1)
     tasks = Tasks(drawn.line.expand(every), _each(drawn.batch, lambda t: t.expand(*every, -1)))
-    counts = sorted({0, *shown["samples"]})
+    counts = sorted({0, *shown.samples})
     tables = walkthrough(method, lines, tasks, counts, variance, generator)
-    tables["contraction"] = contraction(method, lines, tasks, COUNTS, variance, config["seed"])
+    tables["contraction"] = contraction(method, lines, tasks, COUNTS, variance, settings.seed)
     for name, table in tables.items():
         write_table(table, run.out / f"{name}.parquet")
 

@@ -10,7 +10,6 @@ import torch
 from rich.console import Console
 from rich.table import Table
 
-from slapshot.adaptation.names import method_settings
 from slapshot.benchmark.diagnosis import diagnosis_measures
 from slapshot.benchmark.gallery import gallery_measures
 from slapshot.benchmark.measures import (
@@ -21,7 +20,8 @@ from slapshot.benchmark.measures import (
 )
 from slapshot.benchmark.peers import need_sysid, peer_measures
 from slapshot.benchmark.scale import hours
-from slapshot.config import load_config
+from slapshot.config.files import load_config
+from slapshot.config.rollouts import RolloutsSettings
 from slapshot.dag import make_plan
 from slapshot.errors import InputError
 from slapshot.scenes.scene import Scene
@@ -39,24 +39,24 @@ def measure(store: Store, cores: int) -> list[Measure]:
     configs = {name: load_config(Path(f"config/{name}.yaml")) for name in SCALES}
     plans = {name: make_plan(configs[name]) for name in SCALES}
     plan = plans["default"]
-    for domain, config in configs["default"]["domains"].items():
+    for domain, config in configs["default"].domains.items():
         inputs = store.inputs(plan.recipes[f"rollouts/{domain}"])
         folders = {**inputs, **store.inputs(plan.recipes[f"swings/{domain}"])}
         scene, swings = Scene.load(folders["scene"]), Swings.load(folders["swings"])
         model = TrajectoryVae.load(folders["trajectory_model"])
-        settings = plan.recipes[f"rollouts/{domain}"].config
+        settings = plan.recipes[f"rollouts/{domain}"].settings(RolloutsSettings)
         rows += hit_measures(domain, config, scene, model, swings)
         rows += memory_measures(domain, inputs, settings)
         torch.set_num_threads(1)  # as the stage does
         for name in SCALES:
-            scale = configs[name]["domains"][domain]
-            for method, own in scale["methods"].items():
-                action = scale["trajectory_model"]["latent"]
-                timed = training_measures(domain, method, method_settings(own), scale["training"], action)
+            scale = configs[name].domains[domain]
+            for method, own in scale.methods.items():
+                action = scale.trajectory_model.latent
+                timed = training_measures(domain, method, own.own, scale.training, action)
                 rows += [Measure(f"{row.measure}_{name}", row.value, row.unit) for row in timed]
         measured = {row.measure: row.value for row in rows}
         for name in SCALES:
-            scale = configs[name]["domains"][domain]
+            scale = configs[name].domains[domain]
             rows += hours(domain, name, scale, plans, folders, measured, cores)
     viewer = plan.recipes["viewer/hockey"]
     rows += gallery_measures("hockey", store.folder(viewer.stage, viewer.id))

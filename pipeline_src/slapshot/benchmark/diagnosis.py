@@ -1,12 +1,12 @@
 """Seconds that a diagnosis takes: of a null and of a plain case of the small proof, warm and cold."""
 
 import time
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from slapshot.benchmark.measures import Measure
 from slapshot.blind_validation.cases import read_cases
+from slapshot.config.cases import VerdictSettings
+from slapshot.config.configuration import Configuration
 from slapshot.dag import make_plan
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.rig_file import setting_of
@@ -18,16 +18,16 @@ from slapshot.store.folder import Store
 CONDITIONS = ("null", "plain")
 
 
-def diagnosis_measures(config: Mapping[str, Any], store: Store, cores: int) -> list[Measure]:
+def diagnosis_measures(config: Configuration, store: Store, cores: int) -> list[Measure]:
     """The first case of each condition; cold is with the signatures of its commands to be made."""
     plan = make_plan(config)
-    cases = read_cases(Path(config["cases"]["small"]))
+    cases = read_cases(Path(config.cases.small))
     rows: list[Measure] = []
     for condition in CONDITIONS:
         case = next(case for case in cases if case.condition == condition)
         recipe = plan.recipes[f"verdict/small/{case.case}"]
         inputs = store.inputs(recipe)
-        setting = setting_of(Scene.load(inputs["scene"]), recipe.config["friction"])
+        setting = setting_of(Scene.load(inputs["scene"]), recipe.settings(VerdictSettings).friction)
         recording = read_recording(inputs["recording"] / "recording")
         signatures = Signatures.load(inputs["signatures"] / "signatures.safetensors")
         diagnose(recording, setting, threads=cores, signatures=signatures)  # compiles what is compiled

@@ -8,14 +8,17 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
 
 from slapshot.adaptation.method import AdaptationMethod, Sizes, load_method
-from slapshot.command import Run
-from slapshot.rollouts.__main__ import produce
+from slapshot.config.domain import Domain
+from slapshot.config.methods import MethodSettings, Training
+from slapshot.config.randomisation import Draws
+from slapshot.config.rollouts import RolloutsSettings
+from slapshot.rollouts.__main__ import simulate
 from slapshot.rollouts.hits import HitCollector, Hits
 from slapshot.scenes.domain import load_part
 from slapshot.scenes.randomisation import draw_conditions, draw_start_errors
@@ -36,20 +39,18 @@ class Measure(NamedTuple):
     unit: str
 
 
-def draw_hits(
-    randomisation: Mapping[str, Any], swings: Swings, count: int, seed: int, pool: str = "test"
-) -> Hits:
+def draw_hits(randomisation: Draws, swings: Swings, count: int, seed: int, pool: str = "test") -> Hits:
     """Random swings of a split under random conditions."""
     rng = np.random.default_rng(seed)
     return Hits(
         swings=rng.choice(swings.of_split(pool), count),
         conditions=draw_conditions(randomisation, count, rng),
-        start_errors=draw_start_errors(randomisation, count, rng),
+        start_errors=draw_start_errors(randomisation.start_error, count, rng),
     )
 
 
 def hit_measures(
-    domain: str, settings: Mapping[str, Any], scene: Scene, model: TrajectoryVae, swings: Swings
+    domain: str, settings: Domain, scene: Scene, model: TrajectoryVae, swings: Swings
 ) -> list[Measure]:
     """Speed on one core against a plain loop over the same hits, and error against the reference.
 
@@ -60,7 +61,7 @@ def hit_measures(
         model: of its trajectories.
         swings: of its pool.
     """
-    randomisation, kind = settings["randomisation"], settings["scene"]["domain"]
+    randomisation, kind = settings.randomisation, settings.scene.domain
     reference, execute = load_part(kind, "reference"), load_part(kind, "execution").execute
     hits = draw_hits(randomisation, swings, HITS, seed=1)
     few = hits.rows(slice(0, SLOW_HITS))
@@ -90,7 +91,7 @@ def hit_measures(
     return rows
 
 
-def memory_measures(domain: str, folders: Mapping[str, Path], settings: Mapping[str, Any]) -> list[Measure]:
+def memory_measures(domain: str, folders: Mapping[str, Path], settings: RolloutsSettings) -> list[Measure]:
     """Peak memory of a process that collects few hits and of one that collects eight times as many."""
     peaks = []
     for factor in (1, 8):
@@ -100,7 +101,9 @@ def memory_measures(domain: str, folders: Mapping[str, Path], settings: Mapping[
             "folders, settings, factor = json.loads(sys.argv[1])\n"
             "print(peak_memory({k: Path(v) for k, v in folders.items()}, settings, factor))"
         )
-        argument = json.dumps([{k: str(v) for k, v in folders.items()}, dict(settings), factor])
+        argument = json.dumps(
+            [{k: str(v) for k, v in folders.items()}, settings.model_dump_json(exclude_unset=True), factor]
+        )
         result = subprocess.run(
             [sys.executable, "-c", code, argument], capture_output=True, text=True, check=True
         )
@@ -111,22 +114,29 @@ def memory_measures(domain: str, folders: Mapping[str, Path], settings: Mapping[
     ]
 
 
-def peak_memory(folders: Mapping[str, Path], settings: dict[str, Any], factor: int) -> float:
-    """MB that this process needed at most to roll out `factor` times 4096 hits."""
-    sizes = {"train": 64 * factor, "validation": 1, "test": 1, "hits": 64, "named_conditions": {}}
+def peak_memory(folders: Mapping[str, Path], settings: str, factor: int) -> float:
+    """MB that this process needed at most to roll out `factor` times 4096 hits; settings are as JSON."""
+    few = RolloutsSettings.from_parts(
+        RolloutsSettings.model_validate_json(settings),
+        train=64 * factor,
+        validation=1,
+        test=1,
+        hits=64,
+        named_conditions={},
+    )
     with tempfile.TemporaryDirectory() as folder:
-        produce(Run({**settings, **sizes}, folders, Path(folder), 2))
+        simulate(few, folders, Path(folder), 2)
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def training_measures(
-    domain: str, method_name: str, settings: Mapping[str, Any], training: Mapping[str, Any], action: int
+    domain: str, method_name: str, settings: MethodSettings, training: Training, action: int
 ) -> list[Measure]:
     """Seconds of a training step at the configured sizes, and against a plain loop.
 
     The plain loop trains one model after the other and goes through a sequence sample by sample.
     """
-    models = training["models"]
+    models = training.models
     together = _training_step(method_name, settings, training, action, models)
     alone = _training_step(method_name, settings, training, action, 1, plain=True)
     together()
@@ -140,16 +150,16 @@ def training_measures(
 
 def _training_step(
     method_name: str,
-    settings: Mapping[str, Any],
-    training: Mapping[str, Any],
+    settings: MethodSettings,
+    training: Training,
     action: int,
     models: int,
     plain: bool = False,
 ) -> Callable[[], None]:
     """A forward and a backward pass through random sequences."""
     generator = torch.Generator().manual_seed(0)
-    method = load_method(method_name).from_configuration(Sizes(2, action, 2), settings, models, generator)
-    shape = (models, training["tasks"], training["sequence"])
+    method = load_method(method_name)(Sizes(2, action, 2), settings, models, generator)
+    shape = (models, training.tasks, training.sequence)
     data = [torch.randn(*shape, size, generator=generator) for size in (2, action, 2)]
 
     def step() -> None:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import GRAVITY
 from slapshot.benchmark.measures import Measure
-from slapshot.config import merge
+from slapshot.config.configuration import Configuration
+from slapshot.config.lab import ConcealedEffect, StandIns
 from slapshot.dag import make_plan
 from slapshot.diagnosis.pucks.held_out import FittedScene, first_frames, predict_held_out, split_hits
 from slapshot.diagnosis.pucks.noise import estimate_noise
@@ -37,7 +38,7 @@ from slapshot.store.folder import Store
 
 Parameters = Mapping[str, float]  # friction_x, friction_y, friction_torsional (m), slope_x, slope_y
 
-SLOPES = {"kind": "tilt", "displacement": 1.5}
+SLOPES = ConcealedEffect(kind="tilt", displacement=1.5)
 HITS = 80  # of each puck
 START = {"friction_x": 0.5, "friction_y": 0.5, "friction_torsional": 0.01, "slope_x": 0.0, "slope_y": 0.0}
 BOUNDS = {
@@ -49,7 +50,7 @@ BOUNDS = {
 }
 
 
-def peer_measures(config: Mapping[str, Any], store: Store, cores: int, seed: int = 0) -> list[Measure]:
+def peer_measures(config: Configuration, store: Store, cores: int, seed: int = 0) -> list[Measure]:
     """Wall time and held-out error of both.
 
     Raises:
@@ -94,19 +95,17 @@ def peer_measures(config: Mapping[str, Any], store: Store, cores: int, seed: int
     return rows
 
 
-def _recorded(config: Mapping[str, Any], store: Store, seed: int) -> tuple[Scene, HitTracks, Parameters]:
+def _recorded(config: Configuration, store: Store, seed: int) -> tuple[Scene, HitTracks, Parameters]:
     """Slides of the first puck of a rig on a tilted board, and the true slopes."""
-    cases = config["cases"]
-    name, pool = cases["domain"], cases["pool"]
+    name, pool = config.cases.domain, config.cases.pool
     recipe = make_plan(config).recipes[f"demonstrations/{name}/pool"]
     inputs = store.inputs(recipe)
     if not store.is_whole(recipe.stage, recipe.id):
         raise InputError("benchmark: the pool of commands is not made: run `snakemake signatures` first")
     scene = Scene.load(inputs["scene"])
     file = store.folder(recipe.stage, recipe.id) / "demonstrations.parquet"
-    source = Pool.load(file, pool["count"], pool["duration_s"], len(scene.info.joints))
-    lab = merge(config["domains"][name]["recordings"][cases["like"]]["lab"], cases["lab"])
-    settings = {**lab, "hits": HITS, "concealed": [SLOPES], "commands": "pool"}
+    source = Pool.load(file, pool.count, pool.duration_s, len(scene.info.joints))
+    settings = StandIns.from_parts(config.lab_of_cases, hits=HITS, concealed=[SLOPES], commands="pool")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         record(scene, source, settings, seed, out)

@@ -4,7 +4,6 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,6 +12,8 @@ import torch
 from slapshot.benchmark.measures import Measure, seconds
 from slapshot.benchmark.schedule import Job, core_seconds, critical_path, makespan
 from slapshot.command import Run
+from slapshot.config.domain import Domain
+from slapshot.config.trajectories import DemonstrationsSettings, TrajectoryModelSettings
 from slapshot.dag import STAGES, Plan
 from slapshot.policy.simulator import Simulator
 from slapshot.scenes.randomisation import draw_conditions
@@ -21,6 +22,7 @@ from slapshot.trajectories import demonstrations
 from slapshot.trajectories.fit import train
 from slapshot.trajectories.swings import SPLITS
 from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
+from slapshot.validation import values_of
 
 WIDE = frozenset(name for name, stage in STAGES.items() if stage.all_cores)
 LEAST_CORES = 2  # hours are told for so many, too
@@ -33,7 +35,7 @@ _POLICY_HITS = 320  # hits that are timed: an iteration's, before one update
 def hours(
     domain: str,
     name: str,
-    config: Mapping[str, Any],
+    config: Domain,
     plans: Mapping[str, Plan],
     folders: Mapping[str, Path],
     measured: Mapping[str, float],
@@ -50,22 +52,23 @@ def hours(
         measured: the measures so far, by name.
         cores: of this machine.
     """
-    rollouts, training = config["rollouts"], config["training"]
-    conditions = sum(rollouts[split] for split in SPLITS) + len(rollouts["named_conditions"])
-    hits = conditions * rollouts["hits"]
+    rollouts, training = config.rollouts, config.training
+    conditions = rollouts.conditions
+    hits = conditions * rollouts.hits
     costs = {
-        "demonstrations": config["demonstrations"]["count"]
-        * _demonstration(plans["default"], domain, folders),
-        "trajectory_model": config["trajectory_model"]["steps"] * _vae_step(config, folders),
-        "swings": sum(config["swings"].values())
+        "demonstrations": config.demonstrations.count * _demonstration(plans["default"], domain, folders),
+        "trajectory_model": config.trajectory_model.steps * _vae_step(config, folders),
+        "swings": sum(config.swings.count(split) for split in SPLITS)
         / measured[f"{domain}_hits_per_second_and_core_with_own_swing"],
         "rollouts": hits / measured[f"{domain}_hits_per_second_and_core"],
     }
-    for method in config["methods"]:
-        costs[f"train_{method}"] = training["steps"] * measured[f"{domain}_{method}_training_step_{name}"]
-    if "acting" in config:
-        costs["policy"] = rollouts["train"] * rollouts["hits"] * _policy_hit(config, folders)
-    jobs = long_jobs(plans[name], domain, costs, config.get("refinement", {}).get("method"))
+    for method in config.methods:
+        costs[f"train_{method}"] = training.steps * measured[f"{domain}_{method}_training_step_{name}"]
+    if config.acting is not None:
+        costs["policy"] = rollouts.train * rollouts.hits * _policy_hit(config, folders)
+    jobs = long_jobs(
+        plans[name], domain, costs, None if config.refinement is None else config.refinement.method
+    )
     return [
         Measure(f"{domain}_{name}_conditions", conditions, "1"),
         Measure(f"{domain}_{name}_hits", hits, "1"),
@@ -132,36 +135,40 @@ def stage_hours(prefix: str, jobs: Mapping[str, Job], cores: int) -> list[Measur
 
 def _demonstration(plan: Plan, domain: str, folders: Mapping[str, Path]) -> float:
     """Seconds that a demonstration takes on the one core that the stage uses."""
-    config = {**plan.recipes[f"demonstrations/{domain}"].config, "count": _TASKS}
+    recipe = plan.recipes[f"demonstrations/{domain}"]
+    few = DemonstrationsSettings.from_parts(recipe.settings(DemonstrationsSettings), count=_TASKS)
+    config = values_of(few)
     with tempfile.TemporaryDirectory() as out:
         return seconds(lambda: demonstrations.produce(Run(config, folders, Path(out), 1))) / _TASKS
 
 
-def _policy_hit(config: Mapping[str, Any], folders: Mapping[str, Path]) -> float:
+def _policy_hit(config: Domain, folders: Mapping[str, Path]) -> float:
     """Seconds that a policy's hit takes on one core, without what PPO adds."""
     rng = np.random.default_rng(0)
-    randomisation = config["randomisation"]
+    randomisation = config.randomisation
     conditions = pd.DataFrame(draw_conditions(randomisation, _POLICY_HITS, rng))
     scene, model = Scene.load(folders["scene"]), TrajectoryVae.load(folders["trajectory_model"])
-    simulator = Simulator(scene, config["scene"]["domain"], model, conditions, randomisation, 1)
+    simulator = Simulator(scene, config.scene.domain, model, conditions, randomisation.start_error, 1)
     latents = rng.normal(size=(_POLICY_HITS, model.sizes.latent))
     rows = np.arange(_POLICY_HITS)
     simulator.rests(rows[:2], latents[:2], rng)  # compiles
     return seconds(lambda: simulator.rests(rows, latents, rng)) / _POLICY_HITS
 
 
-def _vae_step(config: Mapping[str, Any], folders: Mapping[str, Path]) -> float:
+def _vae_step(config: Domain, folders: Mapping[str, Path]) -> float:
     """Seconds of a training step of the trajectory model at the configured sizes."""
-    settings = config["trajectory_model"]
+    settings = config.trajectory_model
     known = TrajectoryVae.load(folders["trajectory_model"]).sizes
-    sizes = VaeSizes(
-        known.waypoints, known.joints, settings["latent"], tuple(settings["hidden"]), known.duration
-    )
-    flat = torch.randn(settings["batch"], sizes.waypoints * sizes.joints)
+    sizes = VaeSizes(known.waypoints, known.joints, settings.latent, settings.hidden, known.duration)
+    flat = torch.randn(settings.batch, sizes.waypoints * sizes.joints)
+
+    def of_steps(steps: int) -> TrajectoryModelSettings:
+        return TrajectoryModelSettings.from_parts(settings, seed=0, duration_s=known.duration, steps=steps)
+
     threads = torch.get_num_threads()
     torch.set_num_threads(1)  # as the stage does
     try:
-        train(flat, sizes, {**settings, "seed": 0, "steps": 2})  # what only the first steps cost
-        return seconds(lambda: train(flat, sizes, {**settings, "seed": 0, "steps": _STEPS})) / _STEPS
+        train(flat, sizes, of_steps(2))  # what only the first steps cost
+        return seconds(lambda: train(flat, sizes, of_steps(_STEPS))) / _STEPS
     finally:
         torch.set_num_threads(threads)

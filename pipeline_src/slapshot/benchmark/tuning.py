@@ -13,9 +13,11 @@ from typing import Any
 import pandas as pd
 import torch
 
-from slapshot.adaptation.names import method_settings
 from slapshot.adaptation.train import train_ensemble
-from slapshot.config import load_config
+from slapshot.config.configuration import Configuration
+from slapshot.config.domain import Domain
+from slapshot.config.files import load_config
+from slapshot.config.methods import EnsembleTraining
 from slapshot.dag import load_plan
 from slapshot.store.folder import Store
 
@@ -34,10 +36,10 @@ def main() -> None:
     args = parser.parse_args()
     config, plan = load_config(args.config), load_plan(args.config)
     trials = []
-    for name, domain in config["domains"].items():
+    for name, domain in config.domains.items():
         recipe = plan.recipes[f"rollouts/{name}"]
         rollouts = Store(args.store).folder(recipe.stage, recipe.id)
-        trials += [(name, domain, rollouts, m, rate) for m in domain["methods"] for rate in RATES]
+        trials += [(name, domain, rollouts, m, rate) for m in domain.methods for rate in RATES]
     # A trial a process: on one thread each they finish sooner than on all threads one after another.
     with get_context("spawn").Pool(args.cores) as pool:
         table = pd.DataFrame(pool.map(_try, trials, chunksize=1))
@@ -57,22 +59,24 @@ def by_rate(table: pd.DataFrame) -> pd.DataFrame:
     return shown.assign(**{"best at the edge": edge.map({True: "yes", False: "no"})})
 
 
-def _in_use(config: dict[str, Any]) -> pd.Series:
+def _in_use(config: Configuration) -> pd.Series:
     rates = {
-        (name, method): settings["learning_rate"]
-        for name, domain in config["domains"].items()
-        for method, settings in domain["methods"].items()
+        (name, method): settings.learning_rate
+        for name, domain in config.domains.items()
+        for method, settings in domain.methods.items()
     }
     return pd.Series(rates)
 
 
-def _try(trial: tuple[str, dict[str, Any], Path, str, float]) -> dict[str, Any]:
+def _try(trial: tuple[str, Domain, Path, str, float]) -> dict[str, Any]:
     """Train a small ensemble for a while; return its row of the table."""
     name, domain, rollouts, method, rate = trial
     torch.set_num_threads(1)
-    settings = method_settings(domain["methods"][method])
-    short = {"seed": domain["seed"], "models": MODELS, "steps": STEPS, "learning_rate": rate}
-    losses = train_ensemble(rollouts, method, settings, domain["training"] | short, torch.device("cpu"))[2]
+    short = EnsembleTraining.from_parts(
+        domain.training, seed=domain.seed, models=MODELS, steps=STEPS, learning_rate=rate
+    )
+    own = domain.methods[method].own
+    losses = train_ensemble(rollouts, method, own, short, torch.device("cpu"))[2]
     last = losses[losses["step"] == losses["step"].max()]["validation"]
     return {
         "domain": name,

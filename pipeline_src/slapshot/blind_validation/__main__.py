@@ -7,6 +7,7 @@ from slapshot.blind_validation.draw import draw_proof
 from slapshot.blind_validation.score import score
 from slapshot.blind_validation.true_family import gain_share
 from slapshot.command import Run, stage_command
+from slapshot.config.cases import ScoreSettings
 from slapshot.diagnosis.pucks.rig_file import setting_of
 from slapshot.diagnosis.pucks.signatures import Signatures
 from slapshot.progress import progress
@@ -15,20 +16,21 @@ from slapshot.scenes.scene import Scene
 
 def produce(run: Run) -> None:
     """Write proof.csv, proof.md, cases.csv and figures."""
+    settings = run.settings(ScoreSettings)
     scene = Scene.load(run.inputs["scene"])
-    setting = setting_of(scene, run.config["friction"])
+    setting = setting_of(scene, settings.friction)
     signatures = Signatures.load(run.inputs["signatures"] / "signatures.safetensors")
-    conditions = run.config["cases"]
+    conditions = settings.cases
     rows = []
     for case in progress(sorted(conditions), len(conditions), "scoring"):
         folder = run.inputs[f"case/{case}"]
         verdict = json.loads((run.inputs[f"verdict/{case}"] / "verdict.json").read_text())
         row = score(case, conditions[case], folder, verdict)
         if row.get("named") is not None and row["conceals"]:
-            row["gain_share"] = gain_share(row, folder, setting, signatures, run.config["diagnosis_seed"])
+            row["gain_share"] = gain_share(row, folder, setting, signatures, settings.diagnosis_seed)
         rows.append(row)
     write_cases_table(rows, run.out / "cases.csv")
-    draw_proof(run.out, run.out, run.config)
+    draw_proof(run.out, run.out, settings)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Concealed cases of pucks: what a rig conceals, how it is recorded, and under which seed."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,16 +9,9 @@ from typing import Annotated, Any
 from pydantic import Field, field_validator
 
 from slapshot.case_list import JOIN, concealed_of, concealed_text, number, read_list, write_list
-from slapshot.config.lab import ConcealedKind, Keep
-from slapshot.config.layers import merge
+from slapshot.config.lab import Camera, ConcealedEffect, ConcealedKind, Keep, Lab, Repeats, StandIns
 from slapshot.config.values import Name, Share
 from slapshot.validation import Model, validated
-
-
-def lab_settings(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Block `lab` of all cases: that of the recordings that they are like, altered by `cases.lab`."""
-    cases = config["cases"]
-    return merge(config["domains"][cases["domain"]]["recordings"][cases["like"]]["lab"], cases["lab"])
 
 
 @dataclass(frozen=True)
@@ -39,33 +32,37 @@ class Case:
     case: str
     condition: str
     seed: int
-    conceals: tuple[tuple[str, float], ...] = ()
+    conceals: tuple[tuple[ConcealedKind, float], ...] = ()
     hits: int = 200
-    keep: str = "full"
+    keep: Keep = "full"
     mistracks: float = 0.003
     noise_time: float = 0.0
 
-    def settings(self, base: Mapping[str, Any], pool: int) -> dict[str, Any]:
-        """Block `lab` of this case, from the one that all cases share.
+    def session(self, base: Lab, pool: int) -> tuple[int, Repeats]:
+        """Hits of each object, and which commands are repeated.
 
         Of more hits than the `pool` of commands has, some commands are executed twice with each object.
         """
-        camera = {**base["camera"], "mistrack_share": self.mistracks, "noise_time_s": self.noise_time}
-        concealed = [{"kind": kind, "displacement": size} for kind, size in self.conceals]
-        objects = len(base["objects"])
+        objects = len(base.objects)
         each = self.hits // objects
         # c commands twice and the rest once are c + objects (each - 2 c) commands.
         twice = math.ceil((objects * each - pool) / (2 * objects - 1))
-        repeated = {"repeats": {"commands": twice, "times": 2}} if twice > 0 else {}
-        return {
-            **base,
-            **repeated,
-            "camera": camera,
-            "hits": each,
-            "keep": self.keep,
-            "concealed": concealed,
-            "commands": "pool",
-        }
+        return each, Repeats(commands=twice, times=2) if twice > 0 else base.repeats
+
+    def settings(self, base: Lab, pool: int) -> StandIns:
+        """Block `lab` of this case, from the one that all cases share; see `session`."""
+        hits, repeats = self.session(base, pool)
+        return StandIns.from_parts(
+            base,
+            hits=hits,
+            repeats=repeats,
+            camera=Camera.from_parts(
+                base.camera, mistrack_share=self.mistracks, noise_time_s=self.noise_time
+            ),
+            keep=self.keep,
+            concealed=[ConcealedEffect(kind=kind, displacement=size) for kind, size in self.conceals],
+            commands="pool",
+        )
 
 
 _COLUMNS = tuple(field.name for field in fields(Case))

@@ -6,6 +6,8 @@ from typing import Any
 
 import pandas as pd
 
+from slapshot.config.cases import ProofSettings
+
 # Measure, condition -> aim: text, and bounds of the value (None for none).
 AIMS: dict[tuple[str, str], tuple[str, float | None, float | None]] = {
     ("false_alarm", "null"): ("at most 2 %", None, 0.02),
@@ -38,16 +40,16 @@ the recording and the nominal scene; only the step that wrote this page opened t
 """
 
 
-def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, config: Mapping[str, Any]) -> None:
+def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, settings: ProofSettings) -> None:
     """Write the page.
 
     Args:
         file: to write.
         cases: of cases.csv.
         measures: of proof.csv.
-        config: list (full or small), pool and lab, as the score was made with.
+        settings: as the score was made with.
     """
-    small = config["list"] != "full"
+    small = settings.list != "full"
     parts = [INTRODUCTION]
     if small:
         told = "Its intervals are wide; `snakemake proof` makes the full one."
@@ -70,7 +72,7 @@ def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, config: 
     ]
     parts += _table(rows, "measure", "condition", "hits", "value", "n")
     parts += ["\n## What was taken for something else\n", *_confusions(cases)]
-    parts += ["\n## How hits were made\n", _how(config)]
+    parts += ["\n## How hits were made\n", _how(settings)]
     file.write_text("\n".join(parts) + "\n")
 
 
@@ -125,16 +127,16 @@ def _confusions(cases: pd.DataFrame) -> list[str]:
     return _table(rows, "case", "condition", "concealed", "size", "named", "classes", "unknown")
 
 
-def _how(config: Mapping[str, Any]) -> str:
-    pool, camera, joints = config["pool"], config["lab"]["camera"], config["lab"]["joints"]
-    low, high = pool["speed_m_s"]
-    reach = 100 * pool["contact_offset_m"]
+def _how(settings: ProofSettings) -> str:
+    pool, camera, joints = settings.pool, settings.lab.camera, settings.lab.joints
+    low, high = pool.speed_m_s
+    reach = 100 * pool.contact_offset_m
     return (
-        f"Commands come from a pool of {pool['count']} tasks: headings to +-{pool['heading_rad']:.2f} rad, "
+        f"Commands come from a pool of {pool.count} tasks: headings to +-{pool.heading_rad:.2f} rad, "
         f"striker speeds {low:g} to {high:g} m/s, contact points to +-{reach:.0f} cm along the blade; "
         "a recording of more hits than that repeats some of them. Two pucks of unknown friction. "
-        f"Camera: {1e3 * camera['noise_sd_m']:g} mm at {camera['rate_hz']:g} Hz; "
-        f"encoders {1e3 * joints['noise_sd_rad']:g} mrad at {joints['rate_hz']:g} Hz. Sizes are rms shifts "
+        f"Camera: {1e3 * camera.noise_sd_m:g} mm at {camera.rate_hz:g} Hz; "
+        f"encoders {1e3 * joints.noise_sd_rad:g} mrad at {joints.rate_hz:g} Hz. Sizes are rms shifts "
         "of rest points (of tracks, where rest points do not move) over the hit-to-hit scatter of repeated "
         "commands; a kind that cannot be as large as was drawn is listed under a condition of smaller "
         "effects."

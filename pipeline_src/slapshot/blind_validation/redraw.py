@@ -7,14 +7,15 @@ those of the run that made cases.csv.
 import argparse
 import sys
 from pathlib import Path
+from typing import Literal
 
-from slapshot.blind_validation.cases import lab_settings
 from slapshot.blind_validation.draw import draw_proof
-from slapshot.config import load_config
+from slapshot.config.cases import ProofSettings
+from slapshot.config.files import load_config
 from slapshot.errors import InputError, writing
 
 
-def redraw(folder: Path, pages: Path, which: str) -> None:
+def redraw(folder: Path, pages: Path, which: Literal["full", "small"]) -> None:
     """Draw a published proof anew; commands and lab are those of the default configuration.
 
     Args:
@@ -26,7 +27,7 @@ def redraw(folder: Path, pages: Path, which: str) -> None:
         InputError: the table is missing or lacks a column, or a folder cannot be written.
     """
     config = load_config()
-    shown = {"list": which, "pool": config["cases"]["pool"], "lab": lab_settings(config)}
+    shown = ProofSettings(list=which, pool=config.cases.pool, lab=config.lab_of_cases)
     with writing(folder):
         draw_proof(folder, pages, shown)
 

@@ -4,6 +4,7 @@ import pandas as pd
 
 from slapshot.calibration.coverage_table import write_coverage
 from slapshot.command import Run, stage_command
+from slapshot.config.calibration import TableSettings
 
 
 def produce(run: Run) -> None:
@@ -12,7 +13,7 @@ def produce(run: Run) -> None:
     blocks = [
         pd.read_csv(run.inputs[block] / "intervals.csv", dtype=texts, keep_default_na=False,
                     na_values={"value": [""], "low": [""], "high": [""]})
-        for block in run.config["blocks"]
+        for block in run.settings(TableSettings).blocks
     ]  # fmt: skip
     write_coverage(pd.concat(blocks, ignore_index=True), run.out)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from slapshot.config import Configuration
+from slapshot.config.configuration import Configuration
 
 _HEAD = """\
 # What a configuration may hold, for editors and for reading. Made from the models in slapshot.config:

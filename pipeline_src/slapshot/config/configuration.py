@@ -1,43 +1,21 @@
 """The whole configuration."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from slapshot.config.calibration import Calibration
+from slapshot.config.cases import Cases
 from slapshot.config.domain import Domain
-from slapshot.config.lab import Lab, ScriptedHits
+from slapshot.config.lab import Lab
 from slapshot.config.layers import merge
 from slapshot.config.regression import Regression
-from slapshot.config.values import Box, FilePath, MayMiss, Name, Seed
-from slapshot.validation import Model, ProblemAtError, validated_part
+from slapshot.config.values import Name
+from slapshot.validation import Model, ProblemAtError, validated_part, values_of
 
 # Folders that the default configuration publishes to, beside its figures.
 _TAKEN = ("proof", "proof-joints", "small-proof", "fresh", "nulls", "joint-coverage")
 _TAKEN_BEGINNING = "circle-"
-
-
-class Pool(ScriptedHits):
-    """Demonstrations that commands are drawn from."""
-
-    count: Annotated[int, Field(ge=1, le=100_000)] = Field(description="how many")
-    place_m: MayMiss[Box] = Field(
-        None,
-        description="where the object lies, of a domain in which that differs: lowest and highest x, then y",
-    )
-
-
-class Cases(Model):
-    """Concealed cases, on which the diagnosis is proven."""
-
-    domain: Name = Field(description="whose scene the rigs have")
-    published: FilePath = Field(description="list of the cases of the full proof (CSV)")
-    small: FilePath = Field(description="list of those of the small one")
-    joints: FilePath = Field(description="list of those of the proof for joints")
-    seed: Seed = Field(description="of the pool of commands")
-    pool: Pool = Field(description="demonstrations that commands are drawn from")
-    like: Name = Field(description="recording of the domain whose rigs these are like")
-    lab: dict[str, Any] = Field(description="keys of its block `lab` that differ")
 
 
 class Configuration(Model):
@@ -56,7 +34,9 @@ class Configuration(Model):
     @classmethod
     def _publishes_apart(cls, name: str) -> str:
         if name in _TAKEN or name.startswith(_TAKEN_BEGINNING):
-            raise ValueError(f"figures/{name} is a folder of the default configuration; write another name")
+            raise ProblemAtError(
+                (), f"figures/{name} is a folder of the default configuration; write another name"
+            )
         return name
 
     @model_validator(mode="after")
@@ -74,8 +54,16 @@ class Configuration(Model):
                 f"{cases.like!r} is no recording of stand-in rigs of domains.{cases.domain}; use one of: "
                 f"{', '.join(domain.stand_ins)}",
             )
-        lab = domain.recordings[cases.like].lab
-        assert lab is not None
-        together = merge(lab.model_dump(exclude_unset=True), cases.lab)
-        validated_part(Lab, together, ("cases", "lab"))
+        _ = self.lab_of_cases
         return self
+
+    @property
+    def lab_of_cases(self) -> Lab:
+        """Block `lab` of all cases: that of the recording that they are like, altered by `cases.lab`.
+
+        Raises:
+            ProblemAtError: they do not go together.
+        """
+        lab = self.domains[self.cases.domain].stand_ins[self.cases.like].lab
+        together = merge(values_of(lab), self.cases.lab)
+        return validated_part(Lab, together, ("cases", "lab"))

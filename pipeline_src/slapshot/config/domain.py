@@ -6,107 +6,27 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from slapshot.config.acting import Acting
-from slapshot.config.lab import ScriptedHits
 from slapshot.config.methods import (
     BELIEVING,
     Evaluation,
     Latents,
     Methods,
+    NoiseLevels,
     Training,
     Uncertainty,
     kind_of,
 )
-from slapshot.config.recordings import Recording, Refinement, Retraining
-from slapshot.config.scene import Randomisation, Scene
-from slapshot.config.values import (
-    Box,
-    Count,
-    LearningRate,
-    Mass,
-    MayMiss,
-    Name,
-    PositiveCoefficient,
-    Seed,
-    Several,
-    Steps,
-    Title,
-    Widths,
-)
-from slapshot.scenes.settings import CONTROL_PERIOD
+from slapshot.config.randomisation import Randomisation
+from slapshot.config.recordings import Recording, StandInRecording
+from slapshot.config.refinement import Refinement
+from slapshot.config.results import Viewer
+from slapshot.config.retraining import Retraining
+from slapshot.config.rollouts import Rollouts
+from slapshot.config.scene import Scene
+from slapshot.config.trajectories import Demonstrations, Swings, TrajectoryModel
+from slapshot.config.values import MayMiss, Name, Seed, Several
 from slapshot.validation import Model, ProblemAtError
 from slapshot.yaml_file import Loc
-
-_MOST_HITS = 1_000_000_000  # of a domain; 600 hours of one core
-
-
-class Demonstrations(ScriptedHits):
-    """Scripted hits that the trajectory model learns from."""
-
-    count: Annotated[int, Field(ge=64, le=10_000_000)] = Field(description="how many are tried")
-    place_m: MayMiss[Box] = Field(
-        None,
-        description="where the object lies, of a domain in which that differs: lowest and highest x, then y",
-    )
-
-
-class TrajectoryModel(Model):
-    """A variational autoencoder over motions."""
-
-    latent: Annotated[int, Field(ge=1, le=100)] = Field(description="dimension of a latent")
-    hidden: Widths = Field(description="widths of hidden layers")
-    steps: Steps = Field(description="of the optimiser")
-    batch: Annotated[int, Field(ge=1, le=1_000_000)] = Field(description="demonstrations of a step")
-    learning_rate: LearningRate = Field(description="of Adam")
-    noise: Annotated[float, Field(gt=0, le=10)] = Field(
-        description="sd of the decoder, in the unit of waypoints"
-    )
-
-
-class Swings(Model):
-    """Sampled latents, each executed once, of the three splits."""
-
-    train: Count = Field(description="how many for training")
-    validation: Count = Field(description="how many for calibration")
-    test: Count = Field(description="how many for evaluation")
-
-
-class NamedCondition(Model):
-    """Parameters of a condition; what is left out is the mean of what is drawn."""
-
-    mass: MayMiss[Mass] = Field(None, description="kg")
-    friction_x: MayMiss[PositiveCoefficient] = Field(None, description="along x")
-    friction_y: MayMiss[PositiveCoefficient] = Field(None, description="along y")
-    friction_torsional: MayMiss[PositiveCoefficient] = Field(None, description="m")
-    friction_rolling: MayMiss[PositiveCoefficient] = Field(None, description="m")
-
-
-class Rollouts(Model):
-    """Simulated hits."""
-
-    train: Count = Field(description="conditions for training")
-    validation: Count = Field(description="conditions for calibration")
-    test: Count = Field(description="conditions for evaluation, beside the named ones")
-    hits: Annotated[int, Field(ge=1, le=100_000)] = Field(description="of each condition")
-    # Some must keep it: figures show tracks.
-    track_share: Annotated[float, Field(gt=0, le=1)] = Field(description="of hits that keep their track")
-    track_period_s: Annotated[float, Field(ge=CONTROL_PERIOD, le=10)] = Field(description="between its rows")
-    named_conditions: Annotated[dict[Title, NamedCondition], Field(max_length=100)] = Field(
-        description="test conditions that figures name"
-    )
-
-    @model_validator(mode="after")
-    def _end_some_day(self) -> "Rollouts":
-        hits = (self.train + self.validation + self.test + len(self.named_conditions)) * self.hits
-        if hits > _MOST_HITS:
-            raise ValueError(f"{hits:,} hits are more than {_MOST_HITS:,}; lower train or hits")
-        return self
-
-
-class Viewer(Model):
-    """Rerun recordings."""
-
-    simulated: Annotated[int, Field(ge=0, le=1_000_000)] = Field(description="hits to show, at most")
-    recorded: Annotated[int, Field(ge=0, le=1_000_000)] = Field(description="hits to show, at most")
 
 
 class Domain(Model):
@@ -130,13 +50,14 @@ class Domain(Model):
     latents: Latents = Field(description="hidden states of test conditions and recordings")
     viewer: Viewer = Field(description="Rerun recordings")
     retraining: MayMiss[Retraining] = Field(
-        None, description="a method trained again on what a diagnosis of a recording found"
+        default=None, description="a method trained again on what a diagnosis of a recording found"
     )
     refinement: MayMiss[Refinement] = Field(
-        None, description="ranges of randomisation from beliefs about a recording"
+        default=None, description="ranges of randomisation from beliefs about a recording"
     )
     acting: MayMiss[Acting] = Field(
-        None, description="hits at targets and hits to learn from, on the stand-in rigs of a recording"
+        default=None,
+        description="hits at targets and hits to learn from, on the stand-in rigs of a recording",
     )
     recordings: Annotated[dict[Name, Recording], Field(max_length=100)] = Field(
         description="name -> recording of stand-in rigs or of one's own"
@@ -196,9 +117,21 @@ class Domain(Model):
         return rigs
 
     @property
-    def stand_ins(self) -> list[str]:
+    def stand_ins(self) -> dict[str, StandInRecording]:
         """Recordings that the lab makes."""
-        return [name for name, recording in self.recordings.items() if recording.lab is not None]
+        return {
+            name: StandInRecording.from_parts(recording)
+            for name, recording in self.recordings.items()
+            if recording.lab is not None
+        }
+
+    @property
+    def noise_levels(self) -> NoiseLevels:
+        """Those to evaluate at, and the largest one of training."""
+        return NoiseLevels(
+            noise_variances=self.evaluation.noise_variances,
+            noise_variance_max=self.training.noise_variance_max,
+        )
 
     @model_validator(mode="after")
     def _hits_suffice(self) -> "Domain":
@@ -232,27 +165,27 @@ class Domain(Model):
             (("uncertainty", "samples"), max(self.uncertainty.samples)),
             (("latents", "samples"), max(self.latents.samples)),
         ]
-        for name in self.stand_ins:
+        for name, recording in self.stand_ins.items():
             own = list(asked)
             for key, block in (("retraining", self.retraining), ("refinement", self.refinement)):
                 if block is not None and block.recording == name:
                     own.append(((key, "samples"), block.samples))
             if self.acting is not None and self.acting.recording == name:
                 own.append((("acting", "exploration", "candidates"), self.acting.exploration.candidates))
-            lab = self.recordings[name].lab
-            assert lab is not None
             for loc, number in own:
                 _at_most(
-                    loc, number + 1, lab.hits, "with one hit to predict, ", f"recordings.{name}.lab.hits"
+                    loc,
+                    number + 1,
+                    recording.lab.hits,
+                    "with one hit to predict, ",
+                    f"recordings.{name}.lab.hits",
                 )
         return self
 
     @model_validator(mode="after")
     def _joints_fit(self) -> "Domain":
-        for name in self.stand_ins:
-            lab, joints = self.recordings[name].lab, self.scene.joints
-            assert lab is not None
-            given = len(lab.scatter.joint_offset_sd_rad)
+        for name, recording in self.stand_ins.items():
+            joints, given = self.scene.joints, len(recording.lab.scatter.joint_offset_sd_rad)
             if joints is not None and given != joints:
                 raise ProblemAtError(
                     ("recordings", name, "lab", "scatter", "joint_offset_sd_rad"),

@@ -4,9 +4,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from slapshot.config.scene import Scene
+from slapshot.config.trajectories import ScriptedHits
 from slapshot.config.values import (
     Box,
     Coefficient,
+    Count,
     Distance,
     Duration,
     Few,
@@ -22,9 +25,7 @@ from slapshot.config.values import (
     Ratio,
     Scatter,
     Share,
-    Speed,
     Stiffness,
-    Waypoints,
 )
 from slapshot.validation import Model, ProblemAtError
 
@@ -142,33 +143,20 @@ class ConcealedEffect(Model):
     """Physics that the rig conceals, by its size or by what it does."""
 
     kind: ConcealedKind = Field(description="see slapshot.lab.concealed")
-    amplitude: MayMiss[Range[Ratio]] = Field(None, description="in the unit of the kind")
+    amplitude: MayMiss[Range[Ratio]] = Field(default=None, description="in the unit of the kind")
     displacement: MayMiss[Range[PositiveRatio]] = Field(
-        None, description="rms shift of rest points, or of tracks, over the hit-to-hit scatter"
+        default=None, description="rms shift of rest points, or of tracks, over the hit-to-hit scatter"
     )
 
     @model_validator(mode="after")
     def _one_size(self) -> "ConcealedEffect":
         given = [key for key in ("amplitude", "displacement") if getattr(self, key) is not None]
         if len(given) != 1:
-            raise ValueError(
-                f"has {' and '.join(given) or 'none'} of amplitude, displacement; give exactly one of them"
+            raise ProblemAtError(
+                (),
+                f"has {' and '.join(given) or 'none'} of amplitude, displacement; give exactly one of them",
             )
         return self
-
-
-class ScriptedHits(Model):
-    """Tasks of the domain: where a hit goes, how hard, and where the striker meets the object."""
-
-    heading_rad: Annotated[float, Field(ge=0, le=1.58)] = Field(
-        description="largest angle to either side of straight ahead"
-    )
-    speed_m_s: Interval[Speed] = Field(description="of the striker at contact, lowest and highest")
-    contact_offset_m: Annotated[float, Field(ge=0, le=0.115)] = Field(
-        description="largest distance of the point of contact from the striker's middle"
-    )
-    duration_s: Duration = Field(description="of a motion")
-    waypoints: Waypoints = Field(description="of a motion, at equal times")
 
 
 class DiverseCommands(Model):
@@ -177,8 +165,8 @@ class DiverseCommands(Model):
     diverse: ScriptedHits = Field(description="what they are drawn from")
 
 
-class Lab(Model):
-    """Settings of stand-in rigs."""
+class StandIns(Model):
+    """Stand-in rigs, and how a session with them is recorded."""
 
     hits: Annotated[int, Field(ge=1, le=100_000)] = Field(description="of each object")
     repeats: Repeats = Field(description="commands that are executed several times")
@@ -197,13 +185,14 @@ class Lab(Model):
     concealed: Annotated[list[ConcealedEffect], Field(max_length=100)] = Field(
         description="physics that the rig conceals beside the blocks above; each kind at most once"
     )
-    commands: Literal["latents"] | DiverseCommands = Field(
-        description="latents of the trajectory model, or scripted hits of the domain without latents"
+    commands: Literal["latents", "pool"] | DiverseCommands = Field(
+        description="latents of the trajectory model, commands that other sessions draw from as well, or "
+        "scripted hits of the domain without latents"
     )
     keep: Keep = Field(description="which tables the recording holds")
 
     @model_validator(mode="after")
-    def _possible(self) -> "Lab":
+    def _possible(self) -> "StandIns":
         repeats, kinds = self.repeats, [effect.kind for effect in self.concealed]
         if repeats.hits > self.hits:
             raise ProblemAtError(
@@ -220,3 +209,29 @@ class Lab(Model):
             if effect.displacement is not None and self.scatter.nothing:
                 raise ProblemAtError(at, "a displacement needs scatter to be measured by; give an amplitude")
         return self
+
+
+class Lab(StandIns):
+    """Settings of stand-in rigs."""
+
+    commands: Literal["latents"] | DiverseCommands = Field(
+        description="latents of the trajectory model, or scripted hits of the domain without latents"
+    )
+
+
+class SharedCommands(Model):
+    """Demonstrations that commands are drawn from, as they were made."""
+
+    count: Count
+    duration_s: Duration
+
+
+class LabSettings(Model):
+    """What the stage `lab` is told, and the stage `case`, whose commands come from a pool."""
+
+    seed: Annotated[int, Field(ge=0)]
+    rig: Annotated[int, Field(ge=0)]
+    scene: Scene
+    lab: StandIns
+    trajectory_model_id: MayMiss[str] = None
+    pool: MayMiss[SharedCommands] = None

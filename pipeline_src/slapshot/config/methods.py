@@ -7,13 +7,16 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
+from slapshot.config.sources import RecordedTasksSettings
 from slapshot.config.values import (
     Few,
+    Hits,
     LearningRate,
     Models,
     Name,
     PositiveRatio,
     Samples,
+    Seed,
     SomeOf,
     Steps,
     Variance,
@@ -21,32 +24,73 @@ from slapshot.config.values import (
 )
 from slapshot.validation import LONGEST_NAME, Model, ProblemAtError, short, validated_part
 
+Draws = Annotated[int, Field(ge=4, le=100_000)]
+"""Of phi; its covariance is taken from them."""
 
-class Kalman(Model):
+
+class KalmanSettings(Model):
     """The Kalman filter in a learned space."""
 
-    learning_rate: LearningRate = Field(description="of Adam")
     latent: Annotated[int, Field(ge=1, le=1_000)] = Field(description="dimension of phi and z")
-    hidden: Widths = Field(description="widths of hidden layers")
-    drift: Variance = Field(description="epsilon of Q")
+    hidden: Widths = Field(description="widths of hidden layers, the same in both networks")
+    drift: Variance = Field(
+        description="epsilon of Q = epsilon I, gained per sample; the prior's variance is 1"
+    )
 
 
-class Lstm(Model):
+class LstmSettings(Model):
     """A recurrent network."""
 
-    learning_rate: LearningRate = Field(description="of Adam")
     state: Annotated[int, Field(ge=1, le=16_384)] = Field(description="units of the cell")
     hidden: Widths = Field(description="of the prediction network")
 
 
-class Maml(Model):
+class MamlSettings(Model):
+    """Gradient steps from learned weights."""
+
+    batch: Annotated[int, Field(ge=1, le=10_000)] = Field(description="samples an update")
+    steps: Annotated[int, Field(ge=1, le=10_000)] = Field(
+        description="most updates in training; an evaluation makes one for every complete batch"
+    )
+    step_size: PositiveRatio = Field(description="of the inner step, before it is learned")
+    hidden: Widths = Field(description="widths of hidden layers")
+
+
+MethodSettings = KalmanSettings | LstmSettings | MamlSettings
+"""A method's own settings, without those of its training."""
+
+
+class Kalman(KalmanSettings):
+    """The Kalman filter in a learned space."""
+
+    learning_rate: LearningRate = Field(description="of Adam")
+
+    @property
+    def own(self) -> KalmanSettings:
+        """Without the training's."""
+        return KalmanSettings.from_parts(self)
+
+
+class Lstm(LstmSettings):
+    """A recurrent network."""
+
+    learning_rate: LearningRate = Field(description="of Adam")
+
+    @property
+    def own(self) -> LstmSettings:
+        """Without the training's."""
+        return LstmSettings.from_parts(self)
+
+
+class Maml(MamlSettings):
     """Gradient steps from learned weights."""
 
     learning_rate: LearningRate = Field(description="of Adam")
-    batch: Annotated[int, Field(ge=1, le=10_000)] = Field(description="samples an update")
-    steps: Annotated[int, Field(ge=1, le=10_000)] = Field(description="most updates in training")
-    step_size: PositiveRatio = Field(description="of the inner step, before it is learned")
-    hidden: Widths = Field(description="widths of hidden layers")
+
+    @property
+    def own(self) -> MamlSettings:
+        """Without the training's."""
+        return MamlSettings.from_parts(self)
 
 
 Method = Kalman | Lstm | Maml
@@ -105,29 +149,100 @@ class Training(Model):
     noise_variance_max: Variance = Field(description="of the standardised outcome")
 
 
+class EnsembleTraining(Training):
+    """Meta-training of one method."""
+
+    seed: Seed
+    learning_rate: LearningRate
+
+
+class TrainSettings(Model):
+    """What the stage `train` is told."""
+
+    method: Name
+    settings: MethodSettings
+    training: EnsembleTraining
+
+
 class Evaluation(Model):
     """Error against samples on simulated test conditions."""
 
-    samples: Annotated[int, Field(ge=1, le=10_000)] = Field(description="hits to adapt to, at most")
-    queries: Annotated[int, Field(ge=1, le=10_000)] = Field(description="hits to predict")
+    samples: Hits = Field(description="hits to adapt to, at most")
+    queries: Hits = Field(description="hits to predict")
     repeats: Few = Field(description="random splits of a condition's hits")
     noise_variances: SomeOf[Variance] = Field(description="of the standardised outcome")
 
 
-class Uncertainty(Model):
-    """Prediction intervals from sampled phi, calibrated on the validation conditions."""
+class EvaluateSettings(Evaluation):
+    """What the stage `evaluate` is told."""
+
+    method: Name
+    seed: Seed
+
+
+class EvaluateRecordingSettings(RecordedTasksSettings):
+    """What the stage `evaluate_recording` is told."""
+
+    method: Name
+    seed: Seed
+    samples: Hits
+    repeats: Few
+
+
+class Intervals(Model):
+    """Prediction intervals, and what they are calibrated and tried on."""
 
     method: Name = Field(description="one of methods, with a belief to draw phi from")
-    draws: Annotated[int, Field(ge=4, le=100_000)] = Field(description="of phi, for one interval")
+    draws: Draws = Field(description="of phi, for one interval")
     levels: SomeOf[Annotated[float, Field(gt=0, lt=1)]] = Field(description="shares to be covered")
     samples: Samples = Field(description="numbers of hits seen")
-    queries: Annotated[int, Field(ge=1, le=10_000)] = Field(description="hits of a condition to predict")
+    queries: Hits = Field(description="hits of a condition to predict")
+
+
+class Uncertainty(Intervals):
+    """Prediction intervals from sampled phi, calibrated on the validation conditions."""
+
     shown_noise_variance: Variance = Field(description="of simulated hits that are shown")
 
 
-class Latents(Model):
+class NoiseLevels(Model):
+    """Noise of simulated outcomes, as variances of the standardised outcome."""
+
+    noise_variances: SomeOf[Variance] = Field(description="levels to evaluate at")
+    noise_variance_max: Variance = Field(description="largest one of training")
+
+
+class CalibrateSettings(Intervals, NoiseLevels):
+    """What the stage `calibrate` is told."""
+
+    seed: Seed
+
+
+class PredictionsSettings(RecordedTasksSettings):
+    """What the stage `predictions` is told."""
+
+    method: Name
+    seed: Seed
+    draws: Draws
+    samples: Samples
+    shown_noise_variance: Variance
+
+
+class HiddenStates(Model):
+    """How hidden states are looked at."""
+
+    samples: Samples = Field(description="numbers of hits seen")
+    repeats: Few = Field(description="random orders of a condition's hits")
+
+
+class Latents(HiddenStates):
     """Hidden states of test conditions and recordings."""
 
     methods: SomeOf[Name] = Field(description="whose hidden states")
-    samples: Samples = Field(description="numbers of hits seen")
-    repeats: Few = Field(description="random orders of a condition's hits")
+
+
+class BeliefsSettings(HiddenStates, NoiseLevels, RecordedTasksSettings):
+    """What the stage `beliefs` is told."""
+
+    method: Name
+    seed: Seed

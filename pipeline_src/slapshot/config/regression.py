@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from slapshot.config.methods import KalmanSettings
 from slapshot.config.values import (
     LearningRate,
     Models,
@@ -13,22 +14,18 @@ from slapshot.config.values import (
     Seed,
     Several,
     Steps,
-    Variance,
-    Widths,
 )
 from slapshot.validation import Model, ProblemAtError
 
 _DRAWN = 2  # dimensions of the ellipses in figure F3
 
 
-class WalkthroughKalman(Model):
+class WalkthroughKalman(KalmanSettings):
     """The Kalman filter of the walkthrough."""
 
     latent: Annotated[int, Field(ge=2, le=1_000)] = Field(
         description="dimension of phi; the first two are drawn"
     )
-    hidden: Widths = Field(description="widths of hidden layers")
-    drift: Variance = Field(description="epsilon of Q")
 
 
 class WalkthroughTraining(Model):
@@ -49,12 +46,10 @@ class Walkthrough(Model):
     noise_variance: Annotated[float, Field(gt=0, le=100)] = Field(description="of the observed y")
 
 
-class Regression(Model):
-    """Lines y = w x + b from noisy samples."""
+class RegressionSettings(Model):
+    """What the stage `regression` is told."""
 
     seed: Seed = Field(description="of all that is drawn")
-    figures: Several[Name] = Field(description="F3, or none")
-    claims: Several[Name] = Field(description="C1, or none")
     slope_sd: PositiveRatio = Field(description="standard deviation of w")
     intercept_sd: PositiveRatio = Field(description="standard deviation of b")
     x_range: PositiveRatio = Field(description="x ~ U(-x_range, x_range)")
@@ -62,6 +57,13 @@ class Regression(Model):
     training: WalkthroughTraining = Field(description="how it is trained")
     walkthrough: Walkthrough = Field(description="what is shown of one line")
     tasks: Annotated[int, Field(ge=1, le=10_000)] = Field(description="test tasks")
+
+
+class Regression(RegressionSettings):
+    """Lines y = w x + b from noisy samples."""
+
+    figures: Several[Name] = Field(description="F3, or none")
+    claims: Several[Name] = Field(description="C1, or none")
 
     @model_validator(mode="after")
     def _can_be_drawn(self) -> "Regression":

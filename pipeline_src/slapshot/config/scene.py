@@ -1,36 +1,86 @@
-"""Blocks `scene` and `randomisation` of a domain: what moves, and what is drawn for every condition."""
+"""Block `scene` of a domain: what moves."""
 
+import math
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, field_validator
 
-from slapshot.config.values import (
-    Coefficient,
-    Coordinate,
-    Interval,
-    Label,
-    Mass,
-    MayMiss,
-    Point,
-    Text,
-)
-from slapshot.domains.fetchslide import settings as fetchslide
-from slapshot.domains.hockey import settings as hockey
-from slapshot.scenes.randomisation import CONDITION_PARAMETERS
-from slapshot.scenes.settings import SceneSettings, Timestep
+from slapshot.config.values import MayMiss, Point
+from slapshot.own_code import MODULE
 from slapshot.validation import Model, ProblemAtError
 
-_SAFE_SPREADS = 5  # a normal draw is taken to stay within so many standard deviations
+CONTROL_PERIOD = 0.001  # s; commands are sent at whole steps of integration
 
 
-class HockeyScene(hockey.HockeyScene):
+def _divides_control_period(timestep: float) -> float:
+    steps = CONTROL_PERIOD / timestep
+    if abs(steps - round(steps)) > 1e-9 * steps:
+        raise ProblemAtError(
+            (),
+            f"{timestep} does not divide {CONTROL_PERIOD} s; use 0.001, 0.0005, 0.00025 or another whole "
+            "part",
+        )
+    return timestep
+
+
+# Contacts have a time constant of 5 ms, which a step must resolve: above 1 ms rest points move by
+# centimetres. Below 10 microseconds they no longer change, and a hit of 2 s takes more than 200,000 steps.
+Timestep = Annotated[
+    float,
+    Field(ge=1e-5, le=CONTROL_PERIOD, description="step of integration in s; divides 1 ms"),
+    AfterValidator(_divides_control_period),
+]
+# What a camera sees: a laboratory is no larger.
+Coordinate = Annotated[float, Field(ge=-100, le=100, description="m")]
+Extent = Annotated[float, Field(ge=0.01, le=100, description="m, of a surface")]
+
+PuckName = Literal["inline", "ice"]
+
+# From axis 1 to the middle of the blade of an arm that lies flat: links of 0.4 and 0.39 m, 0.078 m to the
+# flange, 0.5 m of stick. The arm's own foot takes 0.15 m.
+NEAREST, FARTHEST = 0.15, 1.37  # m
+
+
+def _within_reach(start: tuple[float, float]) -> tuple[float, float]:
+    distance = math.hypot(*start)
+    if not NEAREST <= distance <= FARTHEST:
+        raise ProblemAtError(
+            (),
+            f"{list(start)} is {distance:g} m from the robot's axis 1; put the puck within reach of the "
+            f"stick, {NEAREST:g} to {FARTHEST:g} m from it",
+        )
+    return start
+
+
+class SceneSettings(Model):
+    """Base of the block `scene` of a domain."""
+
+    domain: str = Field(
+        pattern=MODULE,
+        max_length=200,
+        description="folder of slapshot.domains, or dotted name of a module of one's own",
+    )
+
+
+class HockeySettings(SceneSettings):
+    """A puck before an arm with a stick, in hockey or in a domain of one's own that builds on it."""
+
+    puck: PuckName = Field(description="which puck one buys")
+    timestep_s: Timestep
+    start_m: Annotated[tuple[Coordinate, Coordinate], AfterValidator(_within_reach)] = Field(
+        description="x, y in m where the puck is meant to lie"
+    )
+    board_m: tuple[Extent, Extent] = Field(description="x, y in m of the whiteboard that one sees")
+
+
+class HockeyScene(HockeySettings):
     """A puck on a whiteboard, and an arm with a stick."""
 
     joints: ClassVar[int] = 7
     domain: Literal["hockey"] = Field(description="built in")
 
 
-class FetchslideScene(fetchslide.FetchSlideScene):
+class FetchslideScene(SceneSettings):
     """The environment of gymnasium-robotics as it is."""
 
     joints: ClassVar[None] = None  # of scripted commands alone; no stand-in rig has been made of it
@@ -43,16 +93,17 @@ class OwnScene(SceneSettings):
     model_config = ConfigDict(extra="allow")
 
     joints: ClassVar[None] = None  # only its module knows
-    timestep_s: MayMiss[Timestep] = Field(None, description="s; divides 1 ms")
-    start_m: MayMiss[Point] = Field(None, description="x and y, where the object is meant to lie")
+    timestep_s: MayMiss[Timestep] = Field(default=None, description="s; divides 1 ms")
+    start_m: MayMiss[Point] = Field(default=None, description="x and y, where the object is meant to lie")
 
     @field_validator("domain")
     @classmethod
     def _strikes(cls, domain: str) -> str:
         if domain == "table":
-            raise ValueError(
+            raise ProblemAtError(
+                (),
                 "nothing strikes the box of a 'table'; name hockey or fetchslide, or diagnose recordings of "
-                "a table with a rig file"
+                "a table with a rig file",
             )
         return domain
 
@@ -68,85 +119,3 @@ Scene = Annotated[
     | Annotated[OwnScene, Tag("own")],
     Discriminator(_scene_of),
 ]
-
-
-class Distribution(Model):
-    """What a parameter is drawn from."""
-
-    nonnegative: ClassVar[bool] = True
-    normal: MayMiss[Annotated[list[Coordinate], Field(min_length=2, max_length=2)]] = Field(
-        None, description="[mean, standard deviation]"
-    )
-    times: MayMiss[Text] = Field(None, description="another parameter that scales the draw")
-    label: Label = Field(description="for pictures")
-    unit: Label = Field(description="for pictures")
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> "Distribution":
-        given = [key for key in ("uniform", "normal") if getattr(self, key) is not None]
-        if len(given) != 1:
-            raise ValueError(
-                f"has {' and '.join(given) or 'none'} of uniform, normal; give exactly one of them"
-            )
-        if self.normal is not None:
-            mean, spread = self.normal
-            if spread < 0:
-                raise ProblemAtError(
-                    ("normal",), f"standard deviation {spread} is negative; write [mean, sd] with sd >= 0"
-                )
-            if self.nonnegative and mean - _SAFE_SPREADS * spread <= 0:
-                raise ProblemAtError(
-                    ("normal",),
-                    f"{self.normal} draws values below 0, which this parameter cannot have; write a mean "
-                    f"above {_SAFE_SPREADS} standard deviations, or use uniform",
-                )
-        return self
-
-
-class MassDistribution(Distribution):
-    """Of what weighs something."""
-
-    uniform: MayMiss[Interval[Mass]] = Field(None, description="[low, high]")
-
-
-class FrictionDistribution(Distribution):
-    """Of what may be 0, but not for all conditions: an object without friction never rests."""
-
-    uniform: MayMiss[Interval[Coefficient]] = Field(None, description="[low, high]")
-
-
-class StartErrorDistribution(Distribution):
-    """Of what may be negative."""
-
-    nonnegative: ClassVar[bool] = False
-    uniform: MayMiss[Interval[Coordinate]] = Field(None, description="[low, high]")
-
-
-class Randomisation(Model):
-    """What conditions, and starts, are drawn from."""
-
-    mass: MassDistribution = Field(description="kg")
-    friction_x: FrictionDistribution = Field(description="of object and plane, along x")
-    friction_y: FrictionDistribution = Field(description="along y")
-    friction_torsional: FrictionDistribution = Field(description="m")
-    friction_rolling: FrictionDistribution = Field(description="m")
-    start_error: StartErrorDistribution = Field(description="m, along x and along y, anew for every hit")
-
-    @model_validator(mode="after")
-    def _in_order(self) -> "Randomisation":
-        for parameter in type(self).model_fields:
-            spec: Distribution = getattr(self, parameter)
-            drawn = CONDITION_PARAMETERS
-            earlier = drawn[: drawn.index(parameter)] if parameter in drawn else ()
-            if spec.times is not None and spec.times not in earlier:
-                advice = f"use one of: {', '.join(earlier)}" if earlier else "leave `times` out"
-                raise ProblemAtError(
-                    (parameter, "times"), f"no parameter {spec.times!r} is drawn before {parameter}; {advice}"
-                )
-        for parameter in ("friction_x", "friction_y"):
-            if getattr(self, parameter).uniform == [0, 0]:
-                raise ProblemAtError(
-                    (parameter, "uniform"),
-                    "[0, 0] is no friction, so that nothing comes to rest; write a high > 0",
-                )
-        return self

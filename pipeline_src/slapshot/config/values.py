@@ -6,23 +6,23 @@ from filling a disk, and a wrong unit from being simulated.
 
 from typing import Annotated, TypeAlias, TypeVar
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from slapshot.validation import LABEL, NAME, TITLE, short
+from slapshot.validation import LABEL, NAME, TITLE, ProblemAtError, short
 
 T = TypeVar("T")
 
 
 def _given(value: T) -> T:
     if value is None:
-        raise ValueError("null says nothing here; write a value or leave the key out")
+        raise ProblemAtError((), "null says nothing here; write a value or leave the key out")
     return value
 
 
 def _unique(values: list[T]) -> list[T]:
     if len(set(values)) < len(values):
-        raise ValueError(f"{short(values)} names something twice; name it once")
+        raise ProblemAtError((), f"{short(values)} names something twice; name it once")
     return values
 
 
@@ -30,24 +30,25 @@ def ascending(values: list[T]) -> list[T]:
     """A pair as it is.
 
     Raises:
-        ValueError: its second number is below its first.
+        ProblemAtError: its second number is below its first.
     """
     low, high = values
     if low > high:  # type: ignore[operator]
-        raise ValueError(f"{short(values)} runs backwards; write [low, high] with low <= high")
+        raise ProblemAtError((), f"{short(values)} runs backwards; write [low, high] with low <= high")
     return values
 
 
 def _box(values: list[float]) -> list[float]:
     if values[0] >= values[1] or values[2] >= values[3]:
-        raise ValueError(
+        raise ProblemAtError(
+            (),
             f"{short(values)} holds no place; write lowest x, highest x, lowest y, highest y, each lowest "
-            "below its highest"
+            "below its highest",
         )
     return values
 
 
-MayMiss = Annotated[T | SkipJsonSchema[None], BeforeValidator(_given)]
+MayMiss = Annotated[T | SkipJsonSchema[None], AfterValidator(_given)]
 """A key that may be left out; null is no value for it."""
 
 # Whole numbers.
@@ -57,6 +58,8 @@ Few = Annotated[int, Field(ge=1, le=1_000)]
 Models = Annotated[int, Field(ge=1, le=100)]
 Steps = Annotated[int, Field(ge=2, le=10_000_000)]
 Waypoints = Annotated[int, Field(ge=5, le=1_000)]
+Hits = Annotated[int, Field(ge=1, le=10_000)]
+"""Of a condition, or of an object of a recording."""
 SampleCount = Annotated[int, Field(ge=0, le=10_000)]
 
 # Numbers.
@@ -95,7 +98,7 @@ Several = Annotated[
 """Values of which none stands twice; perhaps none."""
 SomeOf = Annotated[Several[T], Field(min_length=1)]
 """Values of which none stands twice; at least one."""
-Widths = Annotated[list[Annotated[int, Field(ge=1, le=16_384)]], Field(min_length=1, max_length=16)]
+Widths = Annotated[tuple[Annotated[int, Field(ge=1, le=16_384)], ...], Field(min_length=1, max_length=16)]
 """Of hidden layers."""
 Samples = SomeOf[SampleCount]
 """Numbers of hits seen."""

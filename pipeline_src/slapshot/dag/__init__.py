@@ -4,11 +4,11 @@ This package is the one place that knows how stages follow on each other. The wo
 into a job; adding a method, a recording or a domain to the configuration adds recipes here by itself.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from slapshot.config import read_config
+from slapshot.config.configuration import Configuration
+from slapshot.config.files import read_config
 from slapshot.dag.acting import add_acting
 from slapshot.dag.adaptation import add_method, add_regression, add_uncertainty
 from slapshot.dag.calibration import add_calibration
@@ -34,15 +34,15 @@ def load_plan(path: Path | None = None) -> Plan:
     Raises:
         InputError: the configuration is not allowed, or names what does not exist.
     """
-    config = read_config([] if path is None else [path])
-    return make_plan(config.values, config.where)
+    checked = read_config([] if path is None else [path])
+    return make_plan(checked.settings, checked.layers.where)
 
 
-def make_plan(config: Mapping[str, Any], where: Callable[[Loc], str] | None = None) -> Plan:
+def make_plan(config: Configuration, where: Callable[[Loc], str] | None = None) -> Plan:
     """Work out all recipes of a checked configuration.
 
     Args:
-        config: its values.
+        config: what it says.
         where: file and line of a value, for messages.
 
     Raises:
@@ -56,13 +56,13 @@ def make_plan(config: Mapping[str, Any], where: Callable[[Loc], str] | None = No
         raise InputError(f"{place}{key_of(problem.loc)}: {problem}") from None
 
 
-def _make_plan(config: Mapping[str, Any]) -> Plan:
+def _make_plan(config: Configuration) -> Plan:
     plan = Plan()
-    add_regression(plan, config["regression"])
-    for name, domain in config["domains"].items():
+    add_regression(plan, config.regression)
+    for name, domain in config.domains.items():
         add_simulation(plan, name, domain)
         add_labs(plan, name, domain)
-        for method in domain["methods"]:
+        for method in domain.methods:
             add_method(plan, name, domain, method)
         add_uncertainty(plan, name, domain)
         add_acting(plan, name, domain)
@@ -71,8 +71,8 @@ def _make_plan(config: Mapping[str, Any]) -> Plan:
         add_diagnoses(plan, name, domain)
         add_retraining(plan, name, domain)
     add_proof(plan, config)
-    add_joint_proof(plan, config)
-    add_calibration(plan, config["calibration"])
+    add_joint_proof(plan, config.cases)
+    add_calibration(plan, config.calibration)
     add_claims(plan, config)
     add_figures(plan, config)
     return plan

@@ -1,40 +1,47 @@
 """Recipes of acting: stand-in rigs hit anew with adapted models and with policies, and exploration."""
 
-from collections.abc import Mapping
-from typing import Any
-
-from slapshot.dag.adaptation import add_recorded, method_module
+from slapshot.config.acting import (
+    ActingSettings,
+    ExplorationSettings,
+    InverseSettings,
+    Policy,
+    PolicyActingSettings,
+    PolicySettings,
+    PolicyTraining,
+    StartError,
+)
+from slapshot.config.domain import Domain
+from slapshot.dag.adaptation import add_recorded, method_module, of_model
 from slapshot.dag.recipes import Plan
 from slapshot.dag.rigs import add_on_rig, robot_of
-from slapshot.dag.simulation import draws, rig_labels
+from slapshot.dag.simulation import rig_labels
 from slapshot.dag.sources import Sources
 from slapshot.scenes.domain import domain_module, part_module
 
 
-def add_acting(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
+def add_acting(plan: Plan, name: str, domain: Domain) -> None:
     """Everything of the block `acting`; nothing without it, or without any recording."""
-    settings = domain.get("acting")
-    if settings is None or not domain["recordings"]:
+    acting = domain.acting
+    if acting is None or not domain.recordings:
         return
-    recording, method = settings["recording"], settings["method"]
-    methods = [method, *settings["compared"]]
+    recording, method = acting.recording, acting.method
+    methods = [method, *acting.compared]
     plan.add(
         f"inverse/{name}",
         "inverse",
-        {"seed": domain["seed"], "inverse": settings["inverse"], "training": domain["training"]},
+        InverseSettings(seed=domain.seed, inverse=acting.inverse, training=domain.training),
         {"train": f"train/{name}/{method}", "rollouts": f"rollouts/{name}"},
         modules=[method_module(method)],
     )
-    rigs = rig_labels(name, recording, domain["recordings"][recording])
-    policies = _add_policies(plan, name, domain, min(settings["policy"]["models"], len(rigs)))
+    rigs = rig_labels(name, recording, domain.stand_ins[recording])
+    policies = _add_policies(plan, name, domain, acting.policy, min(acting.policy.models, len(rigs)))
     for rig in range(len(rigs)):
         robot = robot_of(plan, name, domain, recording, rig)
-        keys = ("method", "compared", "samples", "candidates", "draws", "inverse")
         add_on_rig(
             plan,
             f"acting/{name}/{rig}",
             robot,
-            {key: settings[key] for key in (*keys, "targets")},
+            ActingSettings.from_parts(robot.settings, acting),
             {"inverse": f"inverse/{name}", **{f"train/{m}": f"train/{name}/{m}" for m in methods}},
             [method_module(m) for m in methods],
         )
@@ -43,39 +50,42 @@ def add_acting(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
             plan,
             f"policy_acting/{name}/{rig}",
             robot,
-            {"number": number, "policy": settings["policy"], "targets": settings["targets"]},
+            PolicyActingSettings.from_parts(
+                robot.settings, number=number, policy=acting.policy, targets=acting.targets
+            ),
             {"policy": policies[number]},
             [],
         )
+    sources = Sources.of(name, domain.recordings, [recording])
     add_recorded(
         plan,
         f"exploration/{name}",
         "exploration",
         name,
-        domain,
+        ExplorationSettings.from_parts(
+            acting.exploration, of_model(plan, name, sources), method=method, seed=domain.seed
+        ),
         method,
-        Sources.of(name, domain, [recording]),
-        settings["exploration"],
+        sources,
     )
 
 
-def _add_policies(plan: Plan, name: str, domain: Mapping[str, Any], count: int) -> list[str]:
+def _add_policies(plan: Plan, name: str, domain: Domain, policy: Policy, count: int) -> list[str]:
     """Policies from weights and hits of their own, by label; rigs meet them in turn."""
-    settings, scene = domain["acting"]["policy"], domain["scene"]["domain"]
-    training = {key: settings[key] for key in settings if key not in {"models", "updates_on_rigs"}}
+    scene = domain.scene.domain
     labels = []
     for number in range(count):
         labels.append(f"policy/{name}/{number}")
         plan.add(
             labels[-1],
             "policy",
-            {
-                "domain": scene,
-                "seed": domain["seed"],
-                "number": number,
-                "randomisation": {"start_error": draws(domain["randomisation"])["start_error"]},
-                "policy": training,
-            },
+            PolicySettings(
+                domain=scene,
+                seed=domain.seed,
+                number=number,
+                randomisation=StartError(start_error=domain.randomisation.start_error),
+                policy=PolicyTraining.from_parts(policy),
+            ),
             {
                 "scene": f"scene/{name}",
                 "trajectory_model": f"trajectory_model/{name}",

@@ -1,9 +1,20 @@
 """Recipes of the adaptation methods: training, evaluation, uncertainty, latent analysis."""
 
 from collections.abc import Mapping
-from typing import Any
 
-from slapshot.adaptation.names import method_file, method_settings
+from slapshot.adaptation.names import method_file
+from slapshot.config.domain import Domain
+from slapshot.config.methods import (
+    BeliefsSettings,
+    CalibrateSettings,
+    EnsembleTraining,
+    EvaluateRecordingSettings,
+    EvaluateSettings,
+    PredictionsSettings,
+    TrainSettings,
+)
+from slapshot.config.regression import Regression, RegressionSettings
+from slapshot.config.sources import RecordedTasksSettings
 from slapshot.dag.recipes import Plan
 from slapshot.dag.sources import Sources
 
@@ -13,83 +24,85 @@ def method_module(method: str) -> str:
     return f"slapshot.adaptation.{method_file(method)}"
 
 
-def add_regression(plan: Plan, settings: Mapping[str, Any]) -> None:
+def add_regression(plan: Plan, regression: Regression) -> None:
     """The linear regression walkthrough, which needs no simulator."""
-    config = {key: value for key, value in settings.items() if key not in {"figures", "claims"}}
-    plan.add("regression", "regression", config)
+    plan.add("regression", "regression", RegressionSettings.from_parts(regression))
 
 
-def add_method(plan: Plan, name: str, domain: Mapping[str, Any], method: str) -> None:
+def training_of(domain: Domain, method: str) -> TrainSettings:
+    """How the domain trains one of its methods."""
+    configured = domain.methods[method]
+    training = EnsembleTraining.from_parts(
+        domain.training, seed=domain.seed, learning_rate=configured.learning_rate
+    )
+    return TrainSettings(method=method, settings=configured.own, training=training)
+
+
+def add_method(plan: Plan, name: str, domain: Domain, method: str) -> None:
     """Training and evaluation, simulated and recorded, of one method."""
-    configured = domain["methods"][method]
-    learning_rate = {"learning_rate": configured["learning_rate"]}
-    training = {"seed": domain["seed"], **domain["training"], **learning_rate}
     train = f"train/{name}/{method}"
     plan.add(
         train,
         "train",
-        {"method": method, "settings": method_settings(configured), "training": training},
+        training_of(domain, method),
         {"rollouts": f"rollouts/{name}"},
         modules=[method_module(method)],
     )
     plan.add(
         f"evaluate/{name}/{method}",
         "evaluate",
-        {"method": method, "seed": domain["seed"], **domain["evaluation"]},
+        EvaluateSettings.from_parts(domain.evaluation, method=method, seed=domain.seed),
         {"train": train, "rollouts": f"rollouts/{name}"},
         modules=[method_module(method)],
     )
-    for recording, settings in domain["recordings"].items():
+    for recording, described in domain.recordings.items():
+        sources = Sources.of(name, domain.recordings, [recording])
         add_recorded(
             plan,
             f"evaluate_recording/{name}/{method}/{recording}",
             "evaluate_recording",
             name,
-            domain,
+            EvaluateRecordingSettings.from_parts(
+                described, of_model(plan, name, sources), method=method, seed=domain.seed
+            ),
             method,
-            Sources.of(name, domain, [recording]),
-            {"samples": settings["samples"], "repeats": settings["repeats"]},
+            sources,
         )
 
 
-def add_uncertainty(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
+def add_uncertainty(plan: Plan, name: str, domain: Domain) -> None:
     """Calibrated intervals and predictions of one method, hidden states of some."""
-    uncertainty, latents = domain["uncertainty"], domain["latents"]
-    method = uncertainty["method"]
-    measured = {key: value for key, value in uncertainty.items() if key != "shown_noise_variance"}
+    uncertainty, noise, seed = domain.uncertainty, domain.noise_levels, domain.seed
+    method, rollouts = uncertainty.method, {"rollouts": f"rollouts/{name}"}
     plan.add(
         f"calibrate/{name}",
         "calibrate",
-        {"seed": domain["seed"], **measured, **_noise(domain)},
-        {"train": f"train/{name}/{method}", "rollouts": f"rollouts/{name}"},
+        CalibrateSettings.from_parts(uncertainty, noise, seed=seed),
+        {"train": f"train/{name}/{method}", **rollouts},
         modules=[method_module(method)],
     )
-    rollouts = {"rollouts": f"rollouts/{name}"}
-    recordings = Sources.of(name, domain, list(domain["recordings"]))
-    settings = {key: uncertainty[key] for key in ("draws", "samples", "shown_noise_variance")}
+    sources = Sources.of(name, domain.recordings, list(domain.recordings))
+    recorded = of_model(plan, name, sources)
     add_recorded(
         plan,
         f"predictions/{name}",
         "predictions",
         name,
-        domain,
+        PredictionsSettings.from_parts(uncertainty, recorded, seed=seed),
         method,
-        recordings,
-        settings,
+        sources,
         rollouts | {"calibrate": f"calibrate/{name}"},
     )
-    details = {k: v for k, v in latents.items() if k != "methods"} | _noise(domain)
-    for analysed in dict.fromkeys([*latents["methods"], method]):
+    for analysed in dict.fromkeys([*domain.latents.methods, method]):
+        settings = BeliefsSettings.from_parts(domain.latents, noise, recorded, method=analysed, seed=seed)
         label = f"beliefs/{name}/{analysed}"
-        add_recorded(plan, label, "beliefs", name, domain, analysed, recordings, details, rollouts)
+        add_recorded(plan, label, "beliefs", name, settings, analysed, sources, rollouts)
 
 
-def _noise(domain: Mapping[str, Any]) -> dict[str, Any]:
-    """The levels of noise to evaluate at, and the largest one of training."""
-    return {
-        "noise_variances": domain["evaluation"]["noise_variances"],
-        "noise_variance_max": domain["training"]["noise_variance_max"],
-    }
+def of_model(plan: Plan, name: str, sources: Sources) -> RecordedTasksSettings:
+    """Recordings as the domain's trajectory model encodes them."""
+    model = plan.recipes[f"trajectory_model/{name}"].id
+    return RecordedTasksSettings(recordings=sources.described, trajectory_model_id=model)
 
 
 def add_recorded(
@@ -97,28 +110,20 @@ def add_recorded(
     label: str,
     stage: str,
     name: str,
-    domain: Mapping[str, Any],
+    settings: RecordedTasksSettings,
     method: str,
     sources: Sources,
-    settings: Mapping[str, Any],
     upstream: Mapping[str, str] | None = None,
     train: str | None = None,
 ) -> None:
     """A recipe of a stage that puts recordings before a trained method: the domain's, or that of an arm."""
-    model = f"trajectory_model/{name}"
     plan.add(
         label,
         stage,
-        {
-            "method": method,
-            "seed": domain["seed"],
-            "trajectory_model_id": plan.recipes[model].id,
-            "recordings": sources.described,
-            **settings,
-        },
+        settings,
         {
             "train": train or f"train/{name}/{method}",
-            "trajectory_model": model,
+            "trajectory_model": f"trajectory_model/{name}",
             **(upstream or {}),
             **sources.roles,
         },

@@ -1,62 +1,61 @@
 """Recipes of the calibration: null recordings and recordings of every effect's law, in blocks."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
+from slapshot.config.calibration import (
+    Block,
+    Blocks,
+    Calibration,
+    Coverage,
+    LawBlockSettings,
+    NullBlockSettings,
+    Nulls,
+    TableSettings,
+)
 from slapshot.dag.recipes import Plan
 from slapshot.effects.joints import joint_effect_modules
 from slapshot.validation import ProblemAtError
 
 
-def add_calibration(plan: Plan, settings: Mapping[str, Any]) -> None:
+def add_calibration(plan: Plan, calibration: Calibration) -> None:
     """Blocks of recordings, and the tables made of them."""
-    _add_nulls(plan, settings["nulls"])
-    _add_coverage(plan, settings["coverage"])
+    _add_nulls(plan, calibration.nulls)
+    _add_coverage(plan, calibration.coverage)
 
 
-def _add_nulls(plan: Plan, settings: Mapping[str, Any]) -> None:
+def _add_nulls(plan: Plan, nulls: Nulls) -> None:
     labels = []
-    for name, rig in sorted(settings["rigs"].items()):
-        for first, count in _blocks(settings):
-            label = f"null_p_values/{name}/{first}"
-            plan.add(
-                label,
-                "null_p_values",
-                {"name": name, **rig, "first": first, "count": count, **_length(settings)},
-                modules=joint_effect_modules(),
-            )
+    for name, rig in sorted(nulls.rigs.items()):
+        for block in _blocks(nulls):
+            label = f"null_p_values/{name}/{block.first}"
+            settings = NullBlockSettings.from_parts(rig, block, name=name)
+            plan.add(label, "null_p_values", settings, modules=joint_effect_modules())
             labels.append(label)
     _add_table(plan, "null_table", labels)
 
 
-def _add_coverage(plan: Plan, settings: Mapping[str, Any]) -> None:
+def _add_coverage(plan: Plan, coverage: Coverage) -> None:
     known = [module.rpartition(".")[2] for module in joint_effect_modules()]
-    for i, effect in enumerate(settings["effects"]):
+    for i, effect in enumerate(coverage.effects):
         if effect not in known:
             where = ("calibration", "coverage", "effects", i)
             raise ProblemAtError(where, f"no effect {effect!r}; use some of: {', '.join(known)}")
     labels = []
-    for effect in settings["effects"] or known:
-        for first, count in _blocks(settings):
-            label = f"law_intervals/{effect}/{first}"
-            own = {"effect": effect, "seed": settings["seed"], "first": first, "count": count}
-            plan.add(label, "law_intervals", own | _length(settings), modules=joint_effect_modules())
+    for effect in coverage.effects or known:
+        for block in _blocks(coverage):
+            label = f"law_intervals/{effect}/{block.first}"
+            settings = LawBlockSettings.from_parts(block, effect=effect, seed=coverage.seed)
+            plan.add(label, "law_intervals", settings, modules=joint_effect_modules())
             labels.append(label)
     _add_table(plan, "coverage_table", labels)
 
 
-def _blocks(settings: Mapping[str, Any]) -> Iterator[tuple[int, int]]:
-    """First recording of each block, and how many it has."""
-    recordings, size = settings["recordings"], settings["block"]
-    for first in range(0, recordings, size):
-        yield first, min(size, recordings - first)
-
-
-def _length(settings: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: settings[key] for key in ("episodes", "seconds")}
+def _blocks(blocks: Blocks) -> Iterator[Block]:
+    for first in range(0, blocks.recordings, blocks.block):
+        yield Block.from_parts(blocks, first=first, count=min(blocks.block, blocks.recordings - first))
 
 
 def _add_table(plan: Plan, stage: str, labels: list[str]) -> None:
     """A table of blocks, in their order."""
     blocks = {label.partition("/")[2]: label for label in labels}
-    plan.add(stage, stage, {"blocks": list(blocks)}, blocks)
+    plan.add(stage, stage, TableSettings(blocks=list(blocks)), blocks)

@@ -1,8 +1,7 @@
 """Recipes of diagnoses of the recordings that the configuration names."""
 
-from collections.abc import Mapping
-from typing import Any
-
+from slapshot.config.cases import DiagnosisSettings, NominalSettings
+from slapshot.config.domain import Domain
 from slapshot.dag.recipes import Plan
 from slapshot.dag.sources import Sources
 from slapshot.effects import modules_of_results
@@ -11,21 +10,26 @@ from slapshot.scenes.randomisation import middle_condition
 SEED = 0
 
 
-def nominal_settings(domain: Mapping[str, Any]) -> dict[str, Any]:
+def nominal_settings(domain: Domain) -> NominalSettings:
     """What a diagnosis is told beside the scene: the friction, and no effects of one's own."""
-    condition = middle_condition(domain["randomisation"])
-    return {"friction": [condition[f"friction_{axis}"] for axis in ("x", "y", "torsional")], "effects": []}
+    condition = middle_condition(domain.randomisation)
+    friction = [condition[f"friction_{axis}"] for axis in ("x", "y", "torsional")]
+    return NominalSettings(friction=friction, effects=[])
 
 
-def add_diagnoses(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
-    """The report of every recording; of stand-in rigs, of the first one."""
-    for recording, settings in domain["recordings"].items():
-        first = {**settings, "rigs": 1} if "lab" in settings else settings
-        sources = Sources.of(name, {"recordings": {recording: first}}, [recording])
+def diagnosed(name: str, domain: Domain, recording: str) -> Sources:
+    """The recording that a diagnosis reads; of stand-in rigs, the first one."""
+    return Sources.of(name, domain.recordings, [recording], rigs=1)
+
+
+def add_diagnoses(plan: Plan, name: str, domain: Domain) -> None:
+    """The report of every recording."""
+    for recording in domain.recordings:
+        sources = diagnosed(name, domain, recording)
         plan.add(
             f"diagnosis/{name}/{recording}",
             "diagnosis",
-            {"seed": SEED, "recordings": sources.described, **nominal_settings(domain)},
+            DiagnosisSettings.from_parts(nominal_settings(domain), recordings=sources.described, seed=SEED),
             {"scene": f"scene/{name}", **sources.roles},
             modules=modules_of_results(),
             files=sources.files,

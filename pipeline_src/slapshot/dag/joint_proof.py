@@ -1,17 +1,17 @@
 """Recipes of the proof for joints: cases of the joint lab, their verdicts, and the score of both."""
 
-from collections.abc import Mapping
 from pkgutil import iter_modules
-from typing import Any
 
+from slapshot.config.cases import Cases, JointScoreSettings, JointVerdictSettings
 from slapshot.dag.diagnosis import SEED
 from slapshot.dag.proof import list_file
 from slapshot.dag.recipes import Plan
 from slapshot.effects import joints
 from slapshot.lab.joints.cases import read_cases
+from slapshot.lab.joints.order import JointCaseSettings
 
 
-def add_joint_proof(plan: Plan, config: Mapping[str, Any]) -> None:
+def add_joint_proof(plan: Plan, cases: Cases) -> None:
     """A recording and a verdict for each case of the list, and one score.
 
     Raises:
@@ -22,10 +22,11 @@ def add_joint_proof(plan: Plan, config: Mapping[str, Any]) -> None:
     effects = [f"{joints.__name__}.{module.name}" for module in iter_modules(joints.__path__)]
     inputs: dict[str, str] = {}
     conditions: dict[str, str] = {}
-    for case in read_cases(list_file(config, "joints"), possible=False):
+    verdict = JointVerdictSettings(seed=SEED)
+    for case in read_cases(list_file(cases, "joints"), possible=False):
         recorded, found = f"joint_case/{case.case}", f"joint_verdict/{case.case}"
-        plan.add(recorded, "joint_case", case.order.to_config())
-        plan.add(found, "joint_verdict", {"seed": SEED}, {"case": recorded}, modules=effects)
+        plan.add(recorded, "joint_case", JointCaseSettings(order=case.order))
+        plan.add(found, "joint_verdict", verdict, {"case": recorded}, modules=effects)
         inputs |= {f"case/{case.case}": recorded, f"verdict/{case.case}": found}
         conditions[case.case] = case.condition
-    plan.add("joint_score", "joint_score", {"cases": conditions}, inputs, modules=effects)
+    plan.add("joint_score", "joint_score", JointScoreSettings(cases=conditions), inputs, modules=effects)

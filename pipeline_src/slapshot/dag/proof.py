@@ -1,64 +1,60 @@
 """Recipes of the proof: concealed cases, their verdicts, and the score of both."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
-from slapshot.blind_validation.cases import Case, lab_settings, read_cases
+from slapshot.blind_validation.cases import Case, read_cases
+from slapshot.config.cases import Cases, ScoreSettings, SignaturesSettings, VerdictSettings
+from slapshot.config.configuration import Configuration
+from slapshot.config.lab import Lab, LabSettings, SharedCommands
+from slapshot.config.trajectories import DemonstrationsSettings
 from slapshot.dag.diagnosis import SEED, nominal_settings
 from slapshot.dag.recipes import Plan
-from slapshot.dag.simulation import stand_ins
 from slapshot.effects import modules_of_results
 from slapshot.scenes.domain import domain_module, part_module
 from slapshot.validation import ProblemAtError
 
-SMALL, FULL = "small", "full"
+SMALL: Literal["small"] = "small"
+FULL: Literal["full"] = "full"
 FRESH = Path("data/proof/fresh.csv")  # cases of `--config proof=fresh`, drawn by the workflow
 
 
-def add_proof(plan: Plan, config: Mapping[str, Any]) -> None:
+def add_proof(plan: Plan, config: Configuration) -> None:
     """The small proof, which belongs to the figures, and the full one."""
-    cases = config["cases"]
-    name = cases["domain"]
-    domain = config["domains"][name]
-    if cases["like"] not in stand_ins(domain):
+    cases, name = config.cases, config.cases.domain
+    domain = config.domains[name]
+    if cases.like not in domain.stand_ins:
         return  # without a stand-in rig there is nothing to conceal anything on
-    pool = cases["pool"]
-    module = domain_module(domain["scene"]["domain"])
+    pool, kind, lab = cases.pool, domain.scene.domain, config.lab_of_cases
+    module = domain_module(kind)
     plan.add(
         f"demonstrations/{name}/pool",
         "demonstrations",
-        {"domain": domain["scene"]["domain"], "seed": cases["seed"], **pool},
+        DemonstrationsSettings.from_parts(pool, domain=kind, seed=cases.seed),
         {"scene": f"scene/{name}"},
-        modules=[module, part_module(domain["scene"]["domain"], "safety")],
+        modules=[module, part_module(kind, "safety")],
     )
-    lab = lab_settings(config)
     plan.add(
         f"signatures/{name}/pool",
         "signatures",
-        {
-            "effects": [],
-            "count": pool["count"],
-            "duration_s": pool["duration_s"],
-            "rate_hz": lab["joints"]["rate_hz"],
-        },
+        SignaturesSettings.from_parts(pool, effects=[], rate_hz=lab.joints.rate_hz),
         {"scene": f"scene/{name}", "demonstrations": f"demonstrations/{name}/pool"},
         modules=[module, *modules_of_results()],
     )
-    _add_list(plan, name, SMALL, _read("small", config, lab), config, lab)
-    if config["proof"] == "published":
-        _add_list(plan, name, FULL, _read("published", config, lab), config, lab)
+    _add_list(plan, SMALL, _read("small", cases, lab), config, lab)
+    if config.proof == "published":
+        _add_list(plan, FULL, _read("published", cases, lab), config, lab)
     elif FRESH.is_file():
-        _add_list(plan, name, FULL, read_cases(FRESH), config, lab)
+        _add_list(plan, FULL, read_cases(FRESH), config, lab)
 
 
-def list_file(config: Mapping[str, Any], key: str) -> Path:
+def list_file(cases: Cases, key: Literal["small", "published", "joints"]) -> Path:
     """File of the list that stands under a key of `cases`.
 
     Raises:
         ProblemAtError: there is no such file.
     """
-    file = Path(config["cases"][key])
+    file = Path({"small": cases.small, "published": cases.published, "joints": cases.joints}[key])
     try:
         is_file = file.is_file()
     except OSError:  # too long
@@ -71,21 +67,20 @@ def list_file(config: Mapping[str, Any], key: str) -> Path:
     return file
 
 
-def _read(key: str, config: Mapping[str, Any], lab: Mapping[str, Any]) -> list[Case]:
+def _read(key: Literal["small", "published"], cases: Cases, lab: Lab) -> list[Case]:
     """Cases of the list that stands under a key of `cases`, for which the pool has commands enough.
 
     Raises:
         ProblemAtError: there is no such list, or it asks for hits that there cannot be.
         InputError: what is wrong in the list.
     """
-    file, pool = list_file(config, key), config["cases"]["pool"]["count"]
-    cases = read_cases(file)
-    for case in cases:
-        settings = case.settings(lab, pool)
-        hits, repeats, objects = settings["hits"], settings["repeats"], len(lab["objects"])
-        single = hits - repeats["commands"] * repeats["times"]
-        enough = repeats["commands"] + single * objects <= pool and single >= 0
-        if hits == 0 or (single < 0 and repeats == lab["repeats"]):
+    file, pool, objects = list_file(cases, key), cases.pool.count, len(lab.objects)
+    listed = read_cases(file)
+    for case in listed:
+        hits, repeats = case.session(lab, pool)
+        single = hits - repeats.hits
+        enough = repeats.commands + single * objects <= pool and single >= 0
+        if hits == 0 or (single < 0 and repeats == lab.repeats):
             raise ProblemAtError(
                 ("cases", key),
                 f"{case.hits} hits of case {case.case} in {file} are too few for {objects} objects and "
@@ -97,14 +92,15 @@ def _read(key: str, config: Mapping[str, Any], lab: Mapping[str, Any]) -> list[C
                 f"case {case.case} in {file} hits each of {objects} objects {hits} times, for which {pool} "
                 "commands are too few, even executed twice; raise the number",
             )
-    return cases
+    return listed
 
 
 def _add_list(
-    plan: Plan, name: str, which: str, cases: list[Case], config: Mapping[str, Any], lab: Mapping[str, Any]
+    plan: Plan, which: Literal["small", "full"], cases: list[Case], config: Configuration, lab: Lab
 ) -> None:
-    domain = config["domains"][name]
-    module = domain_module(domain["scene"]["domain"])
+    name, pool = config.cases.domain, config.cases.pool
+    domain = config.domains[name]
+    module = domain_module(domain.scene.domain)
     shared = {"scene": f"scene/{name}", "signatures": f"signatures/{name}/pool"}
     rig = nominal_settings(domain)
     inputs = dict(shared)
@@ -113,13 +109,13 @@ def _add_list(
         plan.add(
             label,
             "case",
-            {
-                "seed": case.seed,
-                "rig": 0,
-                "scene": domain["scene"],
-                "pool": {key: config["cases"]["pool"][key] for key in ("count", "duration_s")},
-                "lab": case.settings(lab, config["cases"]["pool"]["count"]),
-            },
+            LabSettings(
+                seed=case.seed,
+                rig=0,
+                scene=domain.scene,
+                pool=SharedCommands.from_parts(pool),
+                lab=case.settings(lab, pool.count),
+            ),
             {"scene": f"scene/{name}", "demonstrations": f"demonstrations/{name}/pool"},
             modules=[module],
             on_demand=which == FULL,
@@ -127,23 +123,17 @@ def _add_list(
         plan.add(
             found,
             "verdict",
-            {"seed": SEED, **rig},
+            VerdictSettings.from_parts(rig, seed=SEED),
             {**shared, "recording": label},
             modules=modules_of_results(),
             on_demand=which == FULL,
         )
         inputs |= {f"case/{case.case}": label, f"verdict/{case.case}": found}
+    conditions = {case.case: case.condition for case in cases}
     plan.add(
         f"score/{which}",
         "score",
-        {
-            "list": which,
-            "cases": {case.case: case.condition for case in cases},
-            "diagnosis_seed": SEED,
-            "pool": config["cases"]["pool"],
-            "lab": lab,
-            **rig,
-        },
+        ScoreSettings.from_parts(rig, list=which, cases=conditions, diagnosis_seed=SEED, pool=pool, lab=lab),
         inputs,
         modules=modules_of_results(),
         on_demand=which == FULL,

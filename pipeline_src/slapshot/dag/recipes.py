@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from slapshot.dag.stages import STAGES
 from slapshot.errors import InputError
 from slapshot.store.recipe import Recipe, file_digest, make_recipe
+from slapshot.validation import Model, values_of
 
 
 @dataclass
@@ -27,19 +27,29 @@ class Plan:
         self,
         label: str,
         stage: str,
-        config: Mapping[str, Any],
+        settings: Model | None,
         upstream: Mapping[str, str] | None = None,
         modules: Iterable[str] = (),
         files: Mapping[str, Path] | None = None,
         on_demand: bool = False,
     ) -> None:
-        """Add one recipe; `upstream` maps a role to the label of an earlier one."""
+        """Add one recipe.
+
+        Args:
+            label: says stage, domain and what else tells instances apart.
+            stage: its name.
+            settings: what it is told, which `Run.settings` gives it back; None for nothing.
+            upstream: role -> label of an earlier recipe.
+            modules: that it imports by name.
+            files: name -> file from outside the store.
+            on_demand: `snakemake figures` does not make it.
+        """
         if on_demand or STAGES[stage].on_demand:
             self.on_demand.add(label)
         above = {role: self.recipes[up] for role, up in (upstream or {}).items()}
         self.recipes[label] = replace(
             self._bare_recipe(stage, tuple(modules)),
-            config=config,
+            config={} if settings is None else values_of(settings),
             upstream={role: (recipe.stage, recipe.id) for role, recipe in above.items()},
             files={name: file_digest(path) for name, path in (files or {}).items()},
         )

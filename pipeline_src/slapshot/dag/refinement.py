@@ -1,86 +1,82 @@
 """Recipes of range refinement, and of what it is worth on stand-in rigs."""
 
-from collections.abc import Mapping
-from typing import Any
-
-from slapshot.adaptation.names import method_settings
-from slapshot.dag.adaptation import add_recorded, method_module
+from slapshot.config.domain import Domain
+from slapshot.config.refinement import (
+    RefinedErrorsSettings,
+    RefinedRolloutsSettings,
+    RefinedTrainSettings,
+    Refinement,
+    RefinementSettings,
+)
+from slapshot.dag.adaptation import add_recorded, method_module, of_model, training_of
 from slapshot.dag.recipes import Plan
 from slapshot.dag.rigs import add_on_rig, robot_of
-from slapshot.dag.simulation import draws
 from slapshot.dag.sources import Sources
 from slapshot.scenes.domain import part_module
 
 
-def add_refinement(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
+def add_refinement(plan: Plan, name: str, domain: Domain) -> None:
     """Everything of the block `refinement`; nothing without it, or without any recording."""
-    settings = domain.get("refinement")
-    if settings is None or not domain["recordings"]:
+    refinement = domain.refinement
+    if refinement is None or not domain.recordings:
         return
-    recording, method = settings["recording"], settings["method"]
-    sources = Sources.of(name, domain, [recording])
+    sources = Sources.of(name, domain.recordings, [refinement.recording])
     label = f"refinement/{name}"
     add_recorded(
         plan,
         label,
         "refinement",
         name,
-        domain,
-        method,
+        RefinementSettings.from_parts(
+            refinement,
+            of_model(plan, name, sources),
+            domain=name,
+            seed=domain.seed,
+            randomisation=domain.randomisation,
+            noise_variance_max=domain.training.noise_variance_max,
+        ),
+        refinement.method,
         sources,
-        {
-            "domain": name,
-            "randomisation": draws(domain["randomisation"]),
-            "noise_variance_max": domain["training"]["noise_variance_max"],
-            **{key: settings[key] for key in ("samples", "repeats", "nearest")},
-        },
         {"rollouts": f"rollouts/{name}"},
     )
     if sources.roles:
-        plan.add(f"coverage/{name}", "coverage", {}, {"refinement": label, **sources.roles})
-    for rig in settings["retrained"]:
-        _add_retrained(plan, name, domain, rig)
+        plan.add(f"coverage/{name}", "coverage", None, {"refinement": label, **sources.roles})
+    for rig in refinement.retrained:
+        _add_retrained(plan, name, domain, refinement, rig)
 
 
-def _add_retrained(plan: Plan, name: str, domain: Mapping[str, Any], rig: int) -> None:
+def _add_retrained(plan: Plan, name: str, domain: Domain, settings: Refinement, rig: int) -> None:
     """Rollouts and models made again from one rig's refined ranges, and their errors on new hits of it."""
-    settings = domain["refinement"]
-    recording, method = settings["recording"], settings["method"]
-    which = {"name": name, "rig": rig}
+    method = settings.method
     refinement, train = f"refinement/{name}", f"train/{name}/{method}"
     rollouts, refined = f"refined_rollouts/{name}/{rig}", f"refined_train/{name}/{rig}"
     plan.add(
         rollouts,
         "refined_rollouts",
-        {
-            **which,
-            "domain": domain["scene"]["domain"],
-            "seed": domain["seed"],
-            "randomisation": draws(domain["randomisation"]),
-            **domain["rollouts"],
-        },
+        RefinedRolloutsSettings.from_parts(
+            domain.rollouts,
+            name=name,
+            rig=rig,
+            domain=domain.scene.domain,
+            seed=domain.seed,
+            randomisation=domain.randomisation,
+        ),
         {"scene": f"scene/{name}", "swings": f"swings/{name}", "refinement": refinement},
-        modules=[part_module(domain["scene"]["domain"], "collector")],
+        modules=[part_module(domain.scene.domain, "collector")],
     )
-    configured = domain["methods"][method]
-    rate = {"learning_rate": configured["learning_rate"]}
     plan.add(
         refined,
         "refined_train",
-        {
-            **which,
-            "method": method,
-            "settings": method_settings(configured),
-            "training": {"seed": domain["seed"], **domain["training"], **rate},
-        },
+        RefinedTrainSettings.from_parts(training_of(domain, method), name=name, rig=rig),
         {"rollouts": rollouts, "refinement": refinement, "train": train},
         modules=[method_module(method)],
     )
+    robot = robot_of(plan, name, domain, settings.recording, rig)
     add_on_rig(
         plan,
         f"refined_errors/{name}/{rig}",
-        robot_of(plan, name, domain, recording, rig),
-        {key: settings[key] for key in ("samples", "repeats", "queries")},
+        robot,
+        RefinedErrorsSettings.from_parts(settings, robot.settings),
         {"train": train, "refined": refined},
         [method_module(method)],
     )

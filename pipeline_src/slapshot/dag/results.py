@@ -1,114 +1,137 @@
 """Recipes of what people look at: figures, claims and Rerun recordings."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
 
-from slapshot.adaptation.names import method_settings
+from slapshot.config.configuration import Configuration
+from slapshot.config.domain import Domain
+from slapshot.config.methods import KalmanSettings
+from slapshot.config.results import (
+    ClaimSettings,
+    FigureSettings,
+    LatentsFigureSettings,
+    MethodFigureSettings,
+    PolicyFigureSettings,
+    RandomisationFigureSettings,
+    SetupFigureSettings,
+    Sizes,
+    ViewerSettings,
+)
 from slapshot.dag.recipes import Plan
-from slapshot.dag.simulation import rig_labels, stand_ins
+from slapshot.dag.simulation import rig_labels
 from slapshot.dag.sources import Sources
 from slapshot.dag.stages import CLAIMS, FIGURES
 from slapshot.validation import ProblemAtError
 from slapshot.yaml_file import Loc
 
 
-def add_figures(plan: Plan, config: Mapping[str, Any]) -> None:
+def add_figures(plan: Plan, config: Configuration) -> None:
     """The figures of every domain, and of the linear regression."""
-    for figure in _known(config["regression"]["figures"], ("regression", "figures"), only=["F3"]):
-        _add_figure(plan, "regression", figure, {"regression": "regression"}, {})
-    for name, domain in config["domains"].items():
+    for figure in _known(config.regression.figures, ("regression", "figures"), only=["F3"]):
+        _add_figure(plan, "regression", figure, {"regression": "regression"}, None)
+    for name, domain in config.domains.items():
         known = [figure for figure in FIGURES if figure != "F3"]
-        for figure in _known(domain["figures"], ("domains", name, "figures"), only=known):
+        for figure in _known(domain.figures, ("domains", name, "figures"), only=known):
             if figure == "F8":
                 _need_recordings(name, domain, "figures", figure)
-            _add_figure(plan, name, figure, *_figure_inputs(plan, name, domain, figure))
+            _add_figure(plan, name, figure, _figure_inputs(plan, name, domain, figure), domain)
 
 
 def _add_figure(
-    plan: Plan, name: str, figure: str, upstream: Mapping[str, str], details: Mapping[str, Any]
+    plan: Plan, name: str, figure: str, upstream: Mapping[str, str], domain: Domain | None
 ) -> None:
     plan.add(
         f"figure/{name}/{figure}",
         "figure",
-        {"module": FIGURES[figure], "domain": name, **details},
+        _figure_settings(name, figure, domain),
         upstream,
         modules=[FIGURES[figure]],
     )
 
 
-def _figure_inputs(
-    plan: Plan, name: str, domain: Mapping[str, Any], figure: str
-) -> tuple[dict[str, str], dict[str, Any]]:
-    """Upstream labels by role, and the configuration that a figure shows."""
-    methods = list(domain["methods"])
-    recorded = [(m, r) for m in methods for r in domain["recordings"]]
-    analysed = domain["latents"]["methods"]
+def _figure_settings(name: str, figure: str, domain: Domain | None) -> FigureSettings:
+    """What a figure shows of the configuration."""
+    plain = FigureSettings(module=FIGURES[figure], domain=name)
+    if domain is None:
+        return plain
+    match figure:
+        case "A4" if domain.acting is not None:
+            return PolicyFigureSettings.from_parts(plain, method=domain.acting.method)
+        case "F2":
+            kalman = KalmanSettings.from_parts(domain.methods[domain.uncertainty.method])
+            sizes = Sizes(state=2, action=domain.trajectory_model.latent, outcome=2)
+            return MethodFigureSettings.from_parts(plain, kalman=kalman, sizes=sizes)
+        case "F5" | "F9":
+            return LatentsFigureSettings.from_parts(plain, methods=domain.latents.methods)
+        case "F6":
+            return SetupFigureSettings.from_parts(plain, scene=domain.scene)
+        case "T1" | "T2":
+            return RandomisationFigureSettings.from_parts(
+                plain, figure=figure, randomisation=domain.randomisation
+            )
+    return plain
+
+
+def _figure_inputs(plan: Plan, name: str, domain: Domain, figure: str) -> dict[str, str]:
+    """Upstream labels by role."""
+    methods = list(domain.methods)
     match figure:
         case "A1":
-            return _rig_labels(plan, name, figure, "acting"), {}
+            return _rig_labels(plan, name, figure, "acting")
         case "A2":
-            return {"exploration": _needed(plan, f"exploration/{name}", figure)}, {}
+            return {"exploration": _needed(plan, f"exploration/{name}", figure)}
         case "A3":
-            return {"coverage": _needed(plan, f"coverage/{name}", figure, "refinement")}, {}
+            return {"coverage": _needed(plan, f"coverage/{name}", figure, "refinement")}
         case "A4":
-            return _compared_labels(plan, name, domain, figure), {"method": domain["acting"]["method"]}
+            return _compared_labels(plan, name, domain, figure)
         case "A5":
-            return _rig_labels(plan, name, figure, "refined_errors", "refinement"), {}
+            return _rig_labels(plan, name, figure, "refined_errors", "refinement")
         case "F1":
-            return {"predictions": f"predictions/{name}", "scene": f"scene/{name}"}, {}
-        case "F2":
-            method = domain["uncertainty"]["method"]
-            sizes = {"state": 2, "action": domain["trajectory_model"]["latent"], "outcome": 2}
-            return {}, {"kalman": method_settings(domain["methods"][method]), "sizes": sizes}
-        case "F4":
-            return {m: f"evaluate/{name}/{m}" for m in methods}, {}
-        case "F5":
-            return {m: f"beliefs/{name}/{m}" for m in analysed}, {"methods": analysed}
+            return {"predictions": f"predictions/{name}", "scene": f"scene/{name}"}
+        case "F2" | "T1" | "T2":
+            return {}
+        case "F4" | "F7":
+            return {m: f"evaluate/{name}/{m}" for m in methods}
+        case "F5" | "F9":
+            return {m: f"beliefs/{name}/{m}" for m in domain.latents.methods}
         case "F6":
-            labs = {
-                recording: rig_labels(name, recording, s)[0] for recording, s in stand_ins(domain).items()
-            }
-            return {"scene": f"scene/{name}", **labs}, {"scene": domain["scene"]}
-        case "F7":
-            return {m: f"evaluate/{name}/{m}" for m in methods}, {}
+            labs = {recording: rig_labels(name, recording, s)[0] for recording, s in domain.stand_ins.items()}
+            return {"scene": f"scene/{name}", **labs}
         case "F8":
-            return {f"{m}/{r}": f"evaluate_recording/{name}/{m}/{r}" for m, r in recorded}, {}
-        case "F9":
-            return {m: f"beliefs/{name}/{m}" for m in analysed}, {"methods": analysed}
+            recorded = [(m, r) for m in methods for r in domain.recordings]
+            return {f"{m}/{r}": f"evaluate_recording/{name}/{m}/{r}" for m, r in recorded}
         case "M1":
-            return {m: f"train/{name}/{m}" for m in methods}, {}
-        case "T1" | "T2":
-            return {}, {"figure": figure, "randomisation": domain["randomisation"]}
+            return {m: f"train/{name}/{m}" for m in methods}
         case "U1":
-            return {"calibrate": f"calibrate/{name}", "predictions": f"predictions/{name}"}, {}
+            return {"calibrate": f"calibrate/{name}", "predictions": f"predictions/{name}"}
         case "U2":
-            return {"beliefs": f"beliefs/{name}/{domain['uncertainty']['method']}"}, {}
+            return {"beliefs": f"beliefs/{name}/{domain.uncertainty.method}"}
     raise AssertionError(figure)
 
 
-def add_claims(plan: Plan, config: Mapping[str, Any]) -> None:
+def add_claims(plan: Plan, config: Configuration) -> None:
     """A version for the verdict on each claim, and one that tells them all."""
     labels = []
-    for claim in _known(config["regression"]["claims"], ("regression", "claims"), only=["C1"]):
+    for claim in _known(config.regression.claims, ("regression", "claims"), only=["C1"]):
         labels.append(_add_claim(plan, "regression", claim, {"regression": "regression"}))
-    for name, domain in config["domains"].items():
+    for name, domain in config.domains.items():
         known = [claim for claim in CLAIMS if claim != "C1"]
-        for claim in _known(domain["claims"], ("domains", name, "claims"), only=known):
+        for claim in _known(domain.claims, ("domains", name, "claims"), only=known):
             if claim == "C5":
                 _need_recordings(name, domain, "claims", claim)
             labels.append(_add_claim(plan, name, claim, _claim_inputs(plan, name, domain, claim)))
     if labels:
-        plan.add("claims", "claims", {}, {label.removeprefix("claim/"): label for label in labels})
+        plan.add("claims", "claims", None, {label.removeprefix("claim/"): label for label in labels})
 
 
 def _add_claim(plan: Plan, name: str, claim: str, upstream: Mapping[str, str]) -> str:
     label = f"claim/{name}/{claim}"
-    plan.add(label, "claim", {"module": CLAIMS[claim], "domain": name}, upstream, modules=[CLAIMS[claim]])
+    settings = ClaimSettings(module=CLAIMS[claim], domain=name)
+    plan.add(label, "claim", settings, upstream, modules=[CLAIMS[claim]])
     return label
 
 
-def _claim_inputs(plan: Plan, name: str, domain: Mapping[str, Any], claim: str) -> dict[str, str]:
-    methods = list(domain["methods"])
+def _claim_inputs(plan: Plan, name: str, domain: Domain, claim: str) -> dict[str, str]:
+    methods = list(domain.methods)
     match claim:
         case "S11":
             refined = {label.rpartition("/")[2]: label for label in _on_rigs(plan, name, "refined_errors")}
@@ -120,17 +143,17 @@ def _claim_inputs(plan: Plan, name: str, domain: Mapping[str, Any], claim: str) 
         case "C2":
             return {m: f"evaluate/{name}/{m}" for m in methods}
         case "C3":
-            return {m: f"beliefs/{name}/{m}" for m in domain["latents"]["methods"]}
+            return {m: f"beliefs/{name}/{m}" for m in domain.latents.methods}
         case "C4":
             return {m: f"evaluate/{name}/{m}" for m in methods}
         case "C5":
-            pairs = [(m, r) for m in methods for r in domain["recordings"]]
+            pairs = [(m, r) for m in methods for r in domain.recordings]
             recorded = {f"{m}/{r}": f"evaluate_recording/{name}/{m}/{r}" for m, r in pairs}
             return recorded | {m: f"evaluate/{name}/{m}" for m in methods}
         case "C6":
             return _compared_labels(plan, name, domain, claim)
         case "C7":
-            return {"beliefs": f"beliefs/{name}/{domain['uncertainty']['method']}"}
+            return {"beliefs": f"beliefs/{name}/{domain.uncertainty.method}"}
     raise AssertionError(claim)
 
 
@@ -144,15 +167,16 @@ def _on_rigs(plan: Plan, name: str, stage: str) -> list[str]:
     return [label for label in plan.of_stage(stage) if label.startswith(f"{stage}/{name}/")]
 
 
-def _compared_labels(plan: Plan, name: str, domain: Mapping[str, Any], wanted: str) -> dict[str, str]:
+def _compared_labels(plan: Plan, name: str, domain: Domain, wanted: str) -> dict[str, str]:
     """What policies and models did on every rig (stage/rig), and what the model predicts."""
     rigs = {
         f"{stage}/{rig}": label
         for stage in ("policy_acting", "acting")
         for rig, label in _rig_labels(plan, name, wanted, stage).items()
     }
-    settings = domain["acting"]
-    return rigs | {"predicted": f"evaluate_recording/{name}/{settings['method']}/{settings['recording']}"}
+    assert domain.acting is not None, "rigs were hit, so that there is such a block"
+    method, recording = domain.acting.method, domain.acting.recording
+    return rigs | {"predicted": f"evaluate_recording/{name}/{method}/{recording}"}
 
 
 def _needed(plan: Plan, label: str, wanted: str, block: str = "acting") -> str:
@@ -165,7 +189,7 @@ def _needed(plan: Plan, label: str, wanted: str, block: str = "acting") -> str:
     return label
 
 
-def _known(wanted: list[str], loc: Loc, only: list[str]) -> list[str]:
+def _known(wanted: Sequence[str], loc: Loc, only: list[str]) -> Sequence[str]:
     """The wanted ids, each of which can be made there."""
     for i, name in enumerate(wanted):
         if name not in only:
@@ -173,8 +197,8 @@ def _known(wanted: list[str], loc: Loc, only: list[str]) -> list[str]:
     return wanted
 
 
-def _need_recordings(name: str, domain: Mapping[str, Any], key: str, wanted: str) -> None:
-    if not domain["recordings"]:
+def _need_recordings(name: str, domain: Domain, key: str, wanted: str) -> None:
+    if not domain.recordings:
         raise ProblemAtError(
             ("domains", name, key),
             f"{wanted} needs recordings, but domains.{name}.recordings is empty; name a recording or remove "
@@ -182,14 +206,14 @@ def _need_recordings(name: str, domain: Mapping[str, Any], key: str, wanted: str
         )
 
 
-def add_viewer(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
+def add_viewer(plan: Plan, name: str, domain: Domain) -> None:
     """Rerun recordings of simulated and recorded hits."""
     roles = {stage: f"{stage}/{name}" for stage in ("scene", "swings", "rollouts", "predictions")}
-    sources = Sources.of(name, domain, list(domain["recordings"]))
+    sources = Sources.of(name, domain.recordings, list(domain.recordings))
     plan.add(
         f"viewer/{name}",
         "viewer",
-        {"domain": name, "recordings": sources.described, **domain["viewer"]},
+        ViewerSettings.from_parts(domain.viewer, domain=name, recordings=sources.described),
         roles | sources.roles,
         files=sources.files,
     )

@@ -1,59 +1,50 @@
 """Recipes that close the circle: rollouts, models and evaluations of three arms about one diagnosis."""
 
-from collections.abc import Mapping
-from typing import Any
-
-from slapshot.adaptation.names import method_settings
-from slapshot.dag.adaptation import add_recorded, method_module
-from slapshot.dag.diagnosis import SEED, nominal_settings
+from slapshot.config.cases import DiagnosisSettings
+from slapshot.config.domain import Domain
+from slapshot.config.methods import BeliefsSettings, EvaluateRecordingSettings
+from slapshot.config.retraining import ArmRolloutsSettings, ArmsSettings, HeldOutSettings
+from slapshot.config.sources import Source
+from slapshot.dag.adaptation import add_recorded, method_module, of_model, training_of
+from slapshot.dag.diagnosis import SEED, diagnosed, nominal_settings
 from slapshot.dag.recipes import Plan
-from slapshot.dag.simulation import draws
 from slapshot.dag.sources import Sources
 from slapshot.effects import modules_of_results
 
 NOMINAL, RETRAINED = "nominal", ("refitted", "augmented")
 
 
-def add_retraining(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
+def add_retraining(plan: Plan, name: str, domain: Domain) -> None:
     """Everything of `snakemake circle`; nothing without a block `retraining`, or without any recording."""
-    settings = domain.get("retraining")
-    if settings is None or not domain["recordings"]:
+    retraining = domain.retraining
+    if retraining is None or not domain.recordings:
         return
-    recording, method = settings["recording"], settings["method"]
-    # Of stand-ins, the rig that is diagnosed.
-    described = domain["recordings"][recording]
-    first = {**described, "rigs": 1} if "lab" in described else described
-    diagnosed = {**domain, "recordings": {recording: first}}
-    sources = Sources.of(name, diagnosed, [recording])
+    method, seed = retraining.method, domain.seed
+    sources = diagnosed(name, domain, retraining.recording)
     findings = f"findings/{name}"
     plan.add(
         findings,
         "findings",
-        {"seed": SEED, "recordings": sources.described, **nominal_settings(domain)},
+        DiagnosisSettings.from_parts(nominal_settings(domain), recordings=sources.described, seed=SEED),
         {"scene": f"scene/{name}", **sources.roles},
         modules=modules_of_results(),
         files=sources.files,
     )
     rollouts = {NOMINAL: f"rollouts/{name}"}
     trained = {NOMINAL: f"train/{name}/{method}"}
-    training = {
-        "seed": domain["seed"],
-        **domain["training"],
-        "learning_rate": domain["methods"][method]["learning_rate"],
-    }
     for arm in RETRAINED:
         rollouts[arm], trained[arm] = f"arm_rollouts/{name}/{arm}", f"train/{name}/{method}/{arm}"
         plan.add(
             rollouts[arm],
             "arm_rollouts",
-            {
-                "arm": arm,
-                "seed": domain["seed"],
-                "margin": settings["margin"],
-                "effects": [],
-                "randomisation": draws(domain["randomisation"]),
-                **domain["rollouts"],
-            },
+            ArmRolloutsSettings.from_parts(
+                domain.rollouts,
+                arm=arm,
+                seed=seed,
+                margin=retraining.margin,
+                effects=[],
+                randomisation=domain.randomisation,
+            ),
             {
                 "scene": f"scene/{name}",
                 "swings": f"swings/{name}",
@@ -65,11 +56,7 @@ def add_retraining(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
         plan.add(
             trained[arm],
             "train",
-            {
-                "method": method,
-                "settings": method_settings(domain["methods"][method]),
-                "training": training,
-            },
+            training_of(domain, method),
             {"rollouts": rollouts[arm]},
             modules=[method_module(method)],
             on_demand=True,
@@ -78,35 +65,31 @@ def add_retraining(plan: Plan, name: str, domain: Mapping[str, Any]) -> None:
     plan.add(
         held,
         "held_out",
-        {"recordings": sources.described},
+        HeldOutSettings(recordings=sources.described),
         {"findings": findings, **sources.roles},
         files=sources.files,
     )
-    of_held = Sources({"held out": {"rigs": 1}}, {"lab/held out/0": held}, {})
+    of_held = Sources({"held out": Source(rigs=1)}, {"lab/held out/0": held}, {})
     compared: dict[str, str] = {}
-    counts = {key: settings[key] for key in ("samples", "repeats")}
     for arm, train in trained.items():
         for role, hits in (("all", sources), ("held_out", of_held)):
             label = compared[f"errors/{role}/{arm}"] = f"evaluate_recording/{name}/{method}/{arm}/{role}"
-            add_recorded(plan, label, "evaluate_recording", name, domain, method, hits, counts, train=train)
+            settings = EvaluateRecordingSettings.from_parts(retraining, of_model(plan, name, hits), seed=seed)
+            add_recorded(plan, label, "evaluate_recording", name, settings, method, hits, train=train)
         label = compared[f"beliefs/{arm}"] = f"beliefs/{name}/{method}/{arm}"
-        details = {
-            "samples": [settings["samples"]],
-            "repeats": settings["repeats"],
-            "noise_variances": domain["evaluation"]["noise_variances"],
-            "noise_variance_max": domain["training"]["noise_variance_max"],
-        }
+        looked_at = BeliefsSettings.from_parts(
+            retraining,
+            domain.noise_levels,
+            of_model(plan, name, sources),
+            seed=seed,
+            samples=[retraining.samples],
+        )
         upstream = {"rollouts": rollouts[arm]}
-        add_recorded(plan, label, "beliefs", name, domain, method, sources, details, upstream, train)
+        add_recorded(plan, label, "beliefs", name, looked_at, method, sources, upstream, train)
     plan.add(
         f"arms/{name}",
         "arms",
-        {
-            "domain": name,
-            "seed": domain["seed"],
-            "samples": settings["samples"],
-            "recordings": sources.described,
-        },
+        ArmsSettings(domain=name, seed=seed, samples=retraining.samples, recordings=sources.described),
         {"findings": findings, "rollouts/refitted": rollouts["refitted"], **compared, **sources.roles},
         files=sources.files,
     )

@@ -1,47 +1,58 @@
 """Recipes of whatever hits a stand-in rig anew."""
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
 
+from slapshot.config.acting import RobotSettings
+from slapshot.config.domain import Domain
+from slapshot.config.sources import Source
 from slapshot.dag.recipes import Plan
 from slapshot.dag.simulation import rig_labels
 from slapshot.scenes.domain import domain_module, part_module
 
 
-def robot_of(plan: Plan, name: str, domain: Mapping[str, Any], recording: str, rig: int) -> dict[str, Any]:
-    """What `slapshot.goal_reaching.rigs.robot_of` reads: `config` and `upstream` of a recipe."""
-    described, model = domain["recordings"][recording], f"trajectory_model/{name}"
-    return {
-        "config": {
-            "domain": domain["scene"]["domain"],
-            "seed": domain["seed"],
-            "rig": rig,
-            "lab": described["lab"],
-            "trajectory_model_id": plan.recipes[model].id,
-            "recordings": {recording: {"rigs": 1}},
-        },
-        "upstream": {
+@dataclass(frozen=True)
+class Robot:
+    """A stand-in rig that is hit anew: what a recipe says of it, and reads for it."""
+
+    settings: RobotSettings
+    upstream: Mapping[str, str]
+
+
+def robot_of(plan: Plan, name: str, domain: Domain, recording: str, rig: int) -> Robot:
+    """The robot of one rig of a recording by stand-ins."""
+    described, model = domain.stand_ins[recording], f"trajectory_model/{name}"
+    return Robot(
+        RobotSettings(
+            domain=domain.scene.domain,
+            seed=domain.seed,
+            rig=rig,
+            lab=described.lab,
+            trajectory_model_id=plan.recipes[model].id,
+            recordings={recording: Source(rigs=1)},
+        ),
+        {
             "scene": f"scene/{name}",
             "trajectory_model": model,
             f"lab/{recording}/0": rig_labels(name, recording, described)[rig],
         },
-    }
+    )
 
 
 def add_on_rig(
     plan: Plan,
     label: str,
-    robot: Mapping[str, Any],
-    config: Mapping[str, Any],
+    robot: Robot,
+    settings: RobotSettings,
     upstream: Mapping[str, str],
     modules: list[str],
 ) -> None:
-    """The recipe with that label (its stage comes first), of the robot of `robot_of`."""
-    scene = robot["config"]["domain"]
+    """The recipe with that label (its stage comes first), of a stage that hits the robot."""
+    scene = settings.domain
     plan.add(
         label,
         label.partition("/")[0],
-        robot["config"] | config,
-        robot["upstream"] | upstream,
+        settings,
+        {**robot.upstream, **upstream},
         modules=[*modules, domain_module(scene), part_module(scene, "safety")],
     )

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from slapshot.config.recordings import Recording, StandInRecording
+from slapshot.config.sources import Source
 from slapshot.dag.simulation import rig_labels
 from slapshot.errors import reading
 from slapshot.validation import ProblemAtError
@@ -18,37 +19,46 @@ class Sources:
     """What a recipe says of recordings; `slapshot.recordings.sources` finds their folders from it.
 
     Attributes:
-        described: recording -> {"rigs": count} of a stand-in, or {"path": folder}.
+        described: recording -> where it comes from.
         roles: lab/<recording>/<rig> -> label of the stand-in's version.
         files: what the folders of one's own hold.
     """
 
-    described: dict[str, Any]
+    described: dict[str, Source]
     roles: dict[str, str]
     files: dict[str, Path]
 
     @classmethod
-    def of(cls, name: str, domain: Mapping[str, Any], recordings: list[str]) -> "Sources":
+    def of(
+        cls, name: str, recordings: Mapping[str, Recording], wanted: list[str], rigs: int | None = None
+    ) -> "Sources":
         """Sources of some recordings of the domain called `name`.
+
+        Args:
+            name: the domain's.
+            recordings: all of them.
+            wanted: their names.
+            rigs: how many stand-in rigs of each, the first ones; None for all.
 
         Raises:
             ProblemAtError: a folder holds no recording.
             InputError: a file of it cannot be read.
         """
-        described: dict[str, Any] = {}
+        described: dict[str, Source] = {}
         roles: dict[str, str] = {}
         files: dict[str, Path] = {}
-        for recording in recordings:
-            settings = domain["recordings"][recording]
-            if "lab" in settings:
-                labels = rig_labels(name, recording, settings)
+        for recording in wanted:
+            own = recordings[recording]
+            if own.path is None:
+                stand_in = StandInRecording.from_parts(own)
+                labels = rig_labels(name, recording, stand_in)[:rigs]
                 roles |= {f"lab/{recording}/{rig}": label for rig, label in enumerate(labels)}
-                described[recording] = {"rigs": settings["rigs"]}
+                described[recording] = Source(rigs=len(labels))
             else:
                 loc = ("domains", name, "recordings", recording, "path")
-                found = _recording_files(settings["path"], loc)
+                found = _recording_files(own.path, loc)
                 files |= {f"{recording}/{file}": path for file, path in found.items()}
-                described[recording] = {"path": settings["path"]}
+                described[recording] = Source(path=own.path)
         return cls(described, roles, files)
 
 

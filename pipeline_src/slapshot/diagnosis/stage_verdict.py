@@ -3,6 +3,7 @@
 from importlib.metadata import version
 
 from slapshot.command import Run, stage_command
+from slapshot.config.cases import JointVerdictSettings
 from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.rig_file import bound_rig, read_rig_file
 from slapshot.diagnosis.verdict import versioned, write_verdict
@@ -16,7 +17,11 @@ def produce(run: Run) -> None:
     recording = read_signals(case / "recording")
     rig, recording = bound_rig(read_rig_file(case / "rig.yaml"), recording)
     found = diagnose(
-        recording, rig, seed=run.config["seed"], threads=run.cores, findings=warnings_of(recording)
+        recording,
+        rig,
+        seed=run.settings(JointVerdictSettings).seed,
+        threads=run.cores,
+        findings=warnings_of(recording),
     )
     write_verdict(versioned(found.verdict, {"slapshot": version("slapshot"), "case": case.name}), run.out)
 

@@ -3,24 +3,29 @@
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from slapshot.command import Run, stage_command
+from slapshot.config.results import AnyFigureSettings, FigureSettings
 from slapshot.plotting import Drawing, save, use_style
 
 
 class FigureModule(Protocol):
-    """A module of this package that draws one figure."""
+    """A module of this package that draws one figure.
 
-    def draw(self, inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
-        """Draw from upstream version folders (role -> folder) and the configuration shown."""
+    One that shows more of the configuration than the domain's name says so by a class `Settings`.
+    """
+
+    def draw(self, inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
+        """Draw from upstream version folders (role -> folder) and what is shown of the configuration."""
 
 
 def produce(run: Run) -> None:
     """Write <name>.png, <name>.pdf and <name>.csv."""
     use_style()
-    module: FigureModule = import_module(run.config["module"])
-    save(module.draw(run.inputs, run.config), run.out)
+    module: FigureModule = import_module(run.settings(AnyFigureSettings).module)
+    settings = run.settings(getattr(module, "Settings", FigureSettings))
+    save(module.draw(run.inputs, settings), run.out)
 
 
 if __name__ == "__main__":

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
 
+from slapshot.config.results import FigureSettings
 from slapshot.error_curves import summarise
 from slapshot.parquet import read_frame
 from slapshot.plotting import OTHER_COLOURS, STAND_IN, Drawing
@@ -15,7 +15,7 @@ ORACLE, INVERSE = "oracle", "inverse model"
 _LINES = ("-", "--", "-.", ":")
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """Error against samples seen, a line a way to choose; 95 % intervals over rigs; the oracle's level."""
     table = pd.concat([read_frame(f / "acting.parquet") for f in inputs.values()], ignore_index=True)
     # Of the method that believes: others than the oracle belong to figure A4.
@@ -47,4 +47,4 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     axes.legend(loc="upper right")
     rigs = table["rig"].nunique()
     axes.set_title(f"{rigs} rig{'s' * (rigs > 1)}, two pucks; {STAND_IN}", loc="left", fontsize=8)
-    return Drawing(f"A1-{config['domain']}-acting", figure, summary)
+    return Drawing(f"A1-{settings.domain}-acting", figure, summary)

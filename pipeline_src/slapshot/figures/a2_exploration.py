@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 from matplotlib.ticker import MaxNLocator
 
+from slapshot.config.results import FigureSettings
 from slapshot.error_curves import summarise
 from slapshot.parquet import read_frame
 from slapshot.plotting import STAND_IN, Drawing
@@ -18,7 +18,7 @@ _ARMS = {
 }
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """Both arms over all samples, and zoomed in on the first; 95 % bands over rigs, or models of one rig."""
     (folder,) = inputs.values()
     errors = read_frame(folder / "exploration.parquet")
@@ -44,4 +44,4 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     kind = STAND_IN if errors["stand_in"].all() else "recorded rigs"
     whole.set_title(f"(a) {rigs} rig{'s' * (rigs > 1)}; {kind}", loc="left", fontsize=8)
     zoomed.set_title("(b) the first samples", loc="left", fontsize=8)
-    return Drawing(f"A2-{config['domain']}-exploration", figure, summary)
+    return Drawing(f"A2-{settings.domain}-exploration", figure, summary)

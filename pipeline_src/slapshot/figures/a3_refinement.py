@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from slapshot.config.results import FigureSettings
 from slapshot.parquet import read_frame
 from slapshot.plotting import STAND_IN, Drawing
 
@@ -20,13 +20,13 @@ _TITLES = {
 _COLOURS = {"red": "#D62728", "blue": "#1F4FB4"}
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """A panel a parameter: 5 to 95 % of every rig and puck, its median, the truth; what was drawn from."""
     (folder,) = inputs.values()
     table = read_frame(folder / "coverage.parquet")
     simulated = read_frame(folder / "simulated.parquet").groupby("parameter")["inside"]
     table = table.join(simulated.agg(simulated_share="mean", simulated_n="size"), on="parameter")
-    return draw_table(table, config["domain"])
+    return draw_table(table, settings.domain)
 
 
 def draw_table(table: pd.DataFrame, domain: str) -> Drawing:

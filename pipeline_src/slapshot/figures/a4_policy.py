@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
 
+from slapshot.config.results import PolicyFigureSettings
 from slapshot.error_curves import summarise
 from slapshot.parquet import read_frame
 from slapshot.plotting import STAND_IN, Drawing, method_colour, method_line, method_name
@@ -15,13 +15,16 @@ from slapshot.plotting import STAND_IN, Drawing, method_colour, method_line, met
 POLICY, PREDICTED = "policy", "predicted"
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+Settings = PolicyFigureSettings
+
+
+def draw(inputs: Mapping[str, Path], settings: PolicyFigureSettings) -> Drawing:
     """Panels (a) hits at targets, of everybody; (b) policy hits beside predictions, as the paper has it.
 
     Bars are 95 % intervals over rigs. Models act by gradient.
     """
     hit = pd.concat(_hits(inputs), ignore_index=True)
-    method = config["method"]
+    method = settings.method
     errors = read_frame(inputs["predicted"] / "errors.parquet").assign(method=PREDICTED)
     places = {n: i for i, n in enumerate(sorted(hit.loc[hit["samples"] >= 0, "samples"].unique()))}
     predicted = errors[errors["samples"].isin(places)]
@@ -53,7 +56,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     acts.set_ylabel("distance to rest point (cm)")
     note = {"xycoords": "axes fraction", "ha": "right", "fontsize": 7, "color": "#A00000"}
     predicts.annotate(STAND_IN, (0.98, 0.72), **note)
-    return Drawing(f"A4-{config['domain']}-policy", figure, pd.concat([summary, beside], ignore_index=True))
+    return Drawing(f"A4-{settings.domain}-policy", figure, pd.concat([summary, beside], ignore_index=True))
 
 
 def _hits(inputs: Mapping[str, Path]) -> list[pd.DataFrame]:

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.ticker import MaxNLocator
 
+from slapshot.config.results import FigureSettings
 from slapshot.error_curves import summarise
 from slapshot.parquet import read_frame
 from slapshot.plotting import STAND_IN, Drawing
@@ -18,7 +18,7 @@ _ARMS = {
 }
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """A panel a rig (role): error against samples, with 95 % bands of the mean over models."""
     figure, grid = plt.subplots(
         1, len(inputs), figsize=(max(4.6, 3.4 * len(inputs)), 3.6), squeeze=False, sharey=True
@@ -42,4 +42,4 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     grid[0, 0].set_ylabel("distance between predicted and\ntrue rest point (cm)")
     grid[0, 0].legend(loc="upper right")
     figure.suptitle(STAND_IN, fontsize=8, color="#A00000")
-    return Drawing(f"A5-{config['domain']}-refined", figure, pd.concat(tables, ignore_index=True))
+    return Drawing(f"A5-{settings.domain}-refined", figure, pd.concat(tables, ignore_index=True))

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -10,6 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
+from slapshot.config.results import FigureSettings
 from slapshot.parquet import read_frame
 from slapshot.plotting import METHOD_COLOURS, Drawing
 from slapshot.scenes.scene import Scene
@@ -18,7 +18,7 @@ BEFORE_COLOUR = "#8A8A8A"
 _ADAPTED = METHOD_COLOURS["kalman"]
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """Panels (a) before any sample, (b) after the most; one simulated hit, with 50 % and 90 % regions."""
     predictions = read_frame(inputs["predictions"] / "predictions.parquet")
     start = Scene.load(inputs["scene"]).info.start
@@ -44,7 +44,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     _limits(panels[0], shown, start)
     handles, labels = panels[1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=5)
-    return Drawing(f"F1-{config['domain']}-intro", figure, shown.reset_index(drop=True))
+    return Drawing(f"F1-{settings.domain}-intro", figure, shown.reset_index(drop=True))
 
 
 def region(row: pd.Series, colour: str) -> list[Ellipse]:

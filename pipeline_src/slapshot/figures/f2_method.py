@@ -19,6 +19,7 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from slapshot.adaptation.kalman import Kalman
 from slapshot.adaptation.layers import StackedMLP
 from slapshot.adaptation.method import Sizes
+from slapshot.config.results import MethodFigureSettings
 from slapshot.plotting import Drawing
 
 # The paper's colours of the three parts: line and fill.
@@ -116,10 +117,13 @@ def _times(shape: tuple[int, ...], sign: str = "×") -> str:
     return sign.join(str(n) for n in shape)
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+Settings = MethodFigureSettings
+
+
+def draw(inputs: Mapping[str, Path], settings: MethodFigureSettings) -> Drawing:
     """Measurement network, Kalman filter, prediction network, and what passes between them."""
     generator = torch.Generator().manual_seed(0)  # of weights that nobody sees
-    method = Kalman.from_configuration(Sizes(**config["sizes"]), config["kalman"], 1, generator)
+    method = Kalman(Sizes(**settings.sizes.model_dump()), settings.kalman, 1, generator)
     shapes = Shapes.of(method)
     figure = plt.figure(figsize=_SIZE)
     figure.set_layout_engine("none")
@@ -136,7 +140,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
         "numbers: widths of layers, sizes of tensors",
     )
     _text(axes, _SIZE[0] / 2, 0.32, "      ·      ".join(notes))
-    return Drawing(f"F2-{config['domain']}-method", figure, shapes.table())
+    return Drawing(f"F2-{settings.domain}-method", figure, shapes.table())
 
 
 def _measurement(axes: Axes, shapes: Shapes) -> None:

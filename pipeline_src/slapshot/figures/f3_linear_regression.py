@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 from matplotlib.ticker import MaxNLocator
 
+from slapshot.config.results import FigureSettings
 from slapshot.error_curves import panel_title
 from slapshot.errors import InputError
 from slapshot.parquet import read_frame
@@ -22,7 +23,7 @@ _PRIOR = "#9A9A9A"
 _REACH = 2.3  # standard deviations of the widest belief that the axes of phi show
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """A row for each number of samples: left the belief over phi, right the one over y."""
     tables = {
         name: read_frame(inputs["regression"] / f"{name}.parquet")

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from slapshot.config.results import FigureSettings
 from slapshot.error_curves import panel_title, summarise
 from slapshot.parquet import read_frame
 from slapshot.plotting import FRICTIONS, Drawing, method_line, method_name
@@ -17,7 +17,7 @@ from slapshot.plotting import FRICTIONS, Drawing, method_line, method_name
 _COLOURS = ("#56B4E9", "#009E73", "#D55E00")
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """Panel (a): the named conditions, all levels of noise; (b): all test conditions, each level of noise."""
     errors = pd.concat([read_frame(f / "errors.parquet") for f in inputs.values()], ignore_index=True)
     friction = summarise(errors[errors["name"].isin(FRICTIONS)], ["method", "name"])
@@ -48,7 +48,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     )
     first = ["panel", "method", "condition", "noise_variance", "noise_sd_m", "samples"]
     return Drawing(
-        f"F4-{config['domain']}-errors", figure, table[[*first, *(c for c in table if c not in first)]]
+        f"F4-{settings.domain}-errors", figure, table[[*first, *(c for c in table if c not in first)]]
     )
 
 

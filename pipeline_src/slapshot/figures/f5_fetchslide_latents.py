@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from slapshot.config.results import LatentsFigureSettings
 from slapshot.latent_space import fit_projection, read_latents
 from slapshot.plotting import FRICTIONS, Drawing, method_name
 
@@ -16,9 +16,12 @@ MODEL = 0  # axes of different models are not comparable: one is shown
 _COLOURS = ("#56B4E9", "#009E73", "#D55E00")
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+Settings = LatentsFigureSettings
+
+
+def draw(inputs: Mapping[str, Path], settings: LatentsFigureSettings) -> Drawing:
     """One row a method: the named conditions after all numbers of samples, by friction and by that number."""
-    methods = config["methods"]
+    methods = settings.methods
     figure, grid = plt.subplots(len(methods), 2, figsize=(9.6, 4.0 * len(methods)), squeeze=False)
     tables = []
     for row, method, letters in zip(grid, methods, ("ab", "cd", "ef"), strict=False):
@@ -50,7 +53,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
         "pc1",
         "pc2",
     ]
-    return Drawing(f"F5-{config['domain']}-latents", figure, table[columns])
+    return Drawing(f"F5-{settings.domain}-latents", figure, table[columns])
 
 
 def _by_friction(axes: Axes, shown: pd.DataFrame) -> None:

@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Any
 
 # First: it tells MuJoCo which GL library to use.
+from slapshot.config.results import SetupFigureSettings
+
 from slapshot.figures.rendering import render  # isort: skip
 
 import matplotlib.pyplot as plt
@@ -14,6 +16,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from slapshot.config.trajectories import ScriptedHits
 from slapshot.domains.hockey import demonstrate
 from slapshot.domains.hockey.demonstrations import CONTACT_AT
 from slapshot.domains.hockey.model import PUCKS
@@ -27,7 +30,10 @@ _HEIGHT, _WIDTH = 720, 900
 _OBJECT_COLOURS = {"red": "#D62728", "blue": "#1F4FB4"}  # objects that are called by their colour
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+Settings = SetupFigureSettings
+
+
+def draw(inputs: Mapping[str, Path], settings: SetupFigureSettings) -> Drawing:
     """Panels (a) the simulated rig just before a hit, (b) what the ceiling camera saw, (c) the pucks."""
     scene = Scene.load(inputs["scene"])
     model = scene.compile()
@@ -54,7 +60,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
         axes[-1].text(0.27 + 0.46 * i, 0.04, text, transform=axes[-1].transAxes, ha="center", fontsize=7)
         rows.append({"item": f"puck {name}", "x_m": 2 * puck.radius, "y_m": 2 * puck.radius,
                      "z_m": puck.height, "mass_kg": puck.mass, "note": puck.source})  # fmt: skip
-    return Drawing(f"F6-{config['domain']}-setup", figure, pd.DataFrame(rows))
+    return Drawing(f"F6-{settings.domain}-setup", figure, pd.DataFrame(rows))
 
 
 def _picture(axes: Axes, pixels: NDArray[np.uint8], title: str) -> None:
@@ -64,8 +70,14 @@ def _picture(axes: Axes, pixels: NDArray[np.uint8], title: str) -> None:
 
 
 def _pose_before_contact(scene: Scene) -> NDArray[np.float64]:
-    settings = {"waypoints": _WAYPOINTS, "duration_s": _DURATION}
     task = {"heading": 0.15, "speed": 1.4, "contact_offset": 0.0}
+    settings = ScriptedHits(
+        heading_rad=task["heading"],
+        speed_m_s=[task["speed"], task["speed"]],
+        contact_offset_m=task["contact_offset"],
+        duration_s=_DURATION,
+        waypoints=_WAYPOINTS,
+    )
     waypoints = demonstrate(scene, settings, [task])[0]
     assert waypoints is not None  # a hit nearly straight ahead is well within reach
     return Motion.through(waypoints, _DURATION).position(np.array([(CONTACT_AT - 0.12) * _DURATION]))[0]

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import SubFigure
 
+from slapshot.config.results import FigureSettings
 from slapshot.error_curves import draw_curves, panel_title, summarise
 from slapshot.parquet import read_frame
 from slapshot.plotting import FRICTIONS, Drawing
@@ -16,7 +16,7 @@ LOW_SAMPLES = 12
 _SHADED = ("kalman", "lstm")  # five bands on top of each other would hide one another
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """Panels (a) over all test conditions and noise levels, (b) by friction, (c) by noise."""
     errors = pd.concat([read_frame(f / "errors.parquet") for f in inputs.values()], ignore_index=True)
     drawn = errors[errors["name"] == ""]
@@ -59,7 +59,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     )
     first_columns = ["panel", "method", "condition", "noise_variance", "noise_sd_m", "samples"]
     table = table[[*first_columns, *(c for c in table if c not in first_columns)]]
-    return Drawing(f"F7-{config['domain']}-simulated", figure, table)
+    return Drawing(f"F7-{settings.domain}-simulated", figure, table)
 
 
 def _row(

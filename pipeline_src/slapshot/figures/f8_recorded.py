@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
 
+from slapshot.config.results import FigureSettings
 from slapshot.error_curves import draw_curves, panel_title, summarise
 from slapshot.parquet import read_frame
 from slapshot.plotting import STAND_IN, Drawing
@@ -14,7 +14,7 @@ from slapshot.plotting import STAND_IN, Drawing
 FEW = 12
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """Panels (a) all objects, (b) few samples, (c) each object, one row a recording.
 
     Bands are 95 % intervals of the mean over rigs, or over models where there is one rig.
@@ -61,4 +61,4 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     table = pd.concat(tables, ignore_index=True)
     first_columns = ["recording", "stand_in", "panel", "method", "object", "samples"]
     table = table[[*first_columns, *(c for c in table if c not in first_columns)]]
-    return Drawing(f"F8-{config['domain']}-recorded", figure, table)
+    return Drawing(f"F8-{settings.domain}-recorded", figure, table)

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from slapshot.config.results import LatentsFigureSettings
 from slapshot.latent_space import at_samples, fit_projection, read_latents
 from slapshot.plotting import STAND_IN, Drawing, method_name
 
@@ -19,9 +19,12 @@ _COLOURS = ("#56B4E9", "#009E73", "#E69F00", "#CC79A7", "#5B4A9C")
 _PUCKS = {"red": "#D62728", "blue": "#1F4FB4"}
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+Settings = LatentsFigureSettings
+
+
+def draw(inputs: Mapping[str, Path], settings: LatentsFigureSettings) -> Drawing:
     """One row a method: (a) conditions and recorded pucks after 20 samples, (b) by samples seen."""
-    methods = config["methods"]
+    methods = settings.methods
     figure, grid = plt.subplots(len(methods), 2, figsize=(9.6, 4.3 * len(methods)), squeeze=False)
     tables = []
     for row, method, letters in zip(grid, methods, ("ab", "cd", "ef"), strict=False):
@@ -51,7 +54,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     table = pd.concat(tables, ignore_index=True)
     columns = ["method", "panel", "source", "recording", "rig", "object", "name", "condition", "friction_x",
                "friction_y", "noise_variance", "repeat", "samples", "pc1", "pc2"]  # fmt: skip
-    return Drawing(f"F9-{config['domain']}-latents", figure, table[columns])
+    return Drawing(f"F9-{settings.domain}-latents", figure, table[columns])
 
 
 def _conditions(axes: Axes, seen: pd.DataFrame) -> pd.DataFrame:

@@ -3,15 +3,15 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
 
+from slapshot.config.results import FigureSettings
 from slapshot.plotting import Drawing, method_colour, method_line, method_name
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """Panels (a) validation loss of the models during training, (b) trained parameters of one model."""
     figure, (curves, sizes) = plt.subplots(1, 2, figsize=(9.6, 3.4), width_ratios=[1.7, 1])
     tables = []
@@ -36,4 +36,4 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     sizes.set_title("(b) size of one model", loc="left")
     table = pd.concat(tables, ignore_index=True)
     first = ["method", "parameters", "model", "step"]
-    return Drawing(f"M1-{config['domain']}-training", figure, table[[*first, "train", "validation"]])
+    return Drawing(f"M1-{settings.domain}-training", figure, table[[*first, "train", "validation"]])

@@ -9,30 +9,34 @@ import numpy as np
 import pandas as pd
 from matplotlib.transforms import Bbox
 
+from slapshot.config.randomisation import Distribution, Randomisation
+from slapshot.config.results import RandomisationFigureSettings
 from slapshot.plotting import Drawing
-from slapshot.scenes.randomisation import CONDITION_PARAMETERS, START_ERROR
 
 _SYMBOLS = {"friction_x": r"\mu_x", "friction_y": r"\mu_y"}
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+Settings = RandomisationFigureSettings
+
+
+def draw(inputs: Mapping[str, Path], settings: RandomisationFigureSettings) -> Drawing:
     """A table of parameters, distributions and units; what is the same in every condition is left out."""
     rows = []
-    for name in (*CONDITION_PARAMETERS, START_ERROR):
-        spec = config["randomisation"][name]
-        kind = "uniform" if "uniform" in spec else "normal"
-        first, second = spec[kind]
+    for name in Randomisation.model_fields:
+        spec: Distribution = getattr(settings.randomisation, name)
+        kind = "normal" if spec.uniform is None else "uniform"
+        first, second = spec.numbers
         if first == second if kind == "uniform" else second == 0:
             continue
         rows.append(
             {
                 "parameter": name,
-                "label": spec["label"],
+                "label": spec.label,
                 "distribution": kind,
                 "low_or_mean": first,
                 "high_or_sd": second,
-                "times": spec.get("times", ""),
-                "unit": spec["unit"],
+                "times": spec.times or "",
+                "unit": spec.unit,
             }
         )
     table = pd.DataFrame(rows)
@@ -47,7 +51,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     drawn.set_fontsize(9)
     for column in range(3):
         drawn[0, column].set_text_props(weight="bold", ha="left")
-    return Drawing(f"{config['figure']}-{config['domain']}-randomisation", figure, table)
+    return Drawing(f"{settings.figure}-{settings.domain}-randomisation", figure, table)
 
 
 def _formula(row: Any) -> str:

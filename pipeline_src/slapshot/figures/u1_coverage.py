@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from slapshot.config.results import FigureSettings
 from slapshot.parquet import read_frame
 from slapshot.plotting import METHOD_COLOURS, STAND_IN, Drawing
 
@@ -16,7 +16,7 @@ _KINDS = {"raw": "#8A8A8A", "calibrated": METHOD_COLOURS["kalman"]}
 _NOISE_COLOURS = ("#56B4E9", "#E69F00", "#D55E00", "#CC79A7")
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """Panels (a) test conditions with the noise of training, (b) by noise, (c) recordings, (d) areas."""
     coverage = read_frame(inputs["calibrate"] / "coverage.parquet")
     keys = ["level", "kind", "samples"]
@@ -63,7 +63,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
         ignore_index=True,
     )
     first = ["panel", "level", "kind", "noise_variance", "samples", "coverage", "low", "high"]
-    return Drawing(f"U1-{config['domain']}-coverage", figure, table[[*first, "area_m2"]])
+    return Drawing(f"U1-{settings.domain}-coverage", figure, table[[*first, "area_m2"]])
 
 
 def _over_models(coverage: pd.DataFrame, keys: list[str]) -> pd.DataFrame:

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from slapshot.config.results import FigureSettings
 from slapshot.parquet import read_frame
 from slapshot.plotting import METHOD_COLOURS, STAND_IN, Drawing
 
@@ -18,7 +18,7 @@ _CELL = 0.15  # m, of the map
 _FEWEST = 8  # samples in a cell that is shown
 
 
-def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
+def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     """Panels (a) NIS by samples seen, (b) share beyond the simulated 95 %, (c) where on the board."""
     innovations = read_frame(inputs["beliefs"] / "innovations.parquet")
     drawn = (innovations["source"] == "simulated") & (innovations["name"] == "")
@@ -46,7 +46,7 @@ def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
     table = pd.concat(
         [bands.assign(panel="a"), rigs.assign(panel="b"), cells.assign(panel="c")], ignore_index=True
     )
-    return Drawing(f"U2-{config['domain']}-innovations", figure, table)
+    return Drawing(f"U2-{settings.domain}-innovations", figure, table)
 
 
 def _quantiles(rows: pd.DataFrame) -> pd.DataFrame:

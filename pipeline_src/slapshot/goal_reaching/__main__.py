@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,6 +11,7 @@ import torch
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks
 from slapshot.arrays import Array
 from slapshot.command import Run, stage_command
+from slapshot.config.acting import ActingSettings
 from slapshot.goal_reaching.action_optimizer import BelievingChooser, Chooser
 from slapshot.goal_reaching.ensemble import load_acting, load_believing
 from slapshot.goal_reaching.goals import goals_of
@@ -34,33 +35,32 @@ def produce(run: Run) -> None:
     Raises:
         InputError: the acting method has no belief that uncertainty could be taken from.
     """
-    settings = run.config
+    settings = run.settings(ActingSettings)
     torch.set_num_threads(run.cores)
-    robot = robot_of(run)
-    rng = np.random.default_rng([settings["seed"], settings["rig"], 1])
-    choosers = _choosers(run, robot.candidates(settings["candidates"], rng))
-    parts = [_act(choosers, robot, task, settings, rng) for task in recorded_tasks(run)]
-    table = pd.concat(parts, ignore_index=True).assign(rig=settings["rig"])
+    robot = robot_of(settings, run.inputs, run.cores)
+    rng = np.random.default_rng([settings.seed, settings.rig, 1])
+    choosers = _choosers(settings, run.inputs, robot.candidates(settings.candidates, rng))
+    parts = [_act(choosers, robot, task, settings, rng) for task in recorded_tasks(settings, run.inputs)]
+    table = pd.concat(parts, ignore_index=True).assign(rig=settings.rig)
     write_table(table, run.out / "acting.parquet")
-    last = table[table["samples"].isin([-1, max(settings["samples"])])]
+    last = table[table["samples"].isin([-1, max(settings.samples)])]
     who = (last["method"] + " " + last["chooser"]).str.strip()
     means = 100 * last.groupby(who)["error_m"].mean()
     log.info("%s", ", ".join(f"{name} {error:.1f} cm" for name, error in means.items()))
 
 
-def _choosers(run: Run, candidates: Array) -> dict[str, Chooser]:
+def _choosers(settings: ActingSettings, inputs: Mapping[str, Path], candidates: Array) -> dict[str, Chooser]:
     """Method -> what chooses by it."""
-    settings = run.config
-    believing, standardiser = load_believing(run.inputs[f"train/{settings['method']}"])
-    inverse = load_inverse(run.inputs["inverse"], believing, settings["inverse"]["hidden"])
-    generator = torch.Generator().manual_seed(settings["seed"])
+    believing, standardiser = load_believing(inputs[f"train/{settings.method}"])
+    inverse = load_inverse(inputs["inverse"], believing, settings.inverse.hidden)
+    generator = torch.Generator().manual_seed(settings.seed)
     choosers: dict[str, Chooser] = {
-        settings["method"]: BelievingChooser(
-            believing, standardiser, candidates, inverse, settings["draws"], generator
+        settings.method: BelievingChooser(
+            believing, standardiser, candidates, inverse, settings.draws, generator
         )
     }
-    for name in settings["compared"]:
-        choosers[name] = Chooser(*load_acting(run.inputs[f"train/{name}"]), candidates)
+    for name in settings.compared:
+        choosers[name] = Chooser(*load_acting(inputs[f"train/{name}"]), candidates)
     return choosers
 
 
@@ -68,17 +68,17 @@ def _act(
     choosers: Mapping[str, Chooser],
     robot: Robot,
     task: RecordedTask,
-    settings: Mapping[str, Any],
+    settings: ActingSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Hits at the targets of one object."""
-    goals = goals_of(robot, task, settings["targets"], [settings["seed"], settings["rig"]])
+    goals = goals_of(robot, task, settings.targets, [settings.seed, settings.rig])
     start = task.data["state"][0].copy()  # tables are read-only, tensors are not
-    seen = sampled_hits(robot, task, max(settings["samples"]), rng)
+    seen = sampled_hits(robot, task, max(settings.samples), rng)
     chosen = {("", ORACLE, -1): goals.latents}
     for method, chooser in choosers.items():
         beliefs = chooser.beliefs(seen)
-        for samples in settings["samples"]:
+        for samples in settings.samples:
             found = chooser.latents(beliefs[samples], start, goals.targets)
             chosen |= {(method, name, samples): latents for name, latents in found.items()}
     rows = [(*key, i, *target) for key in chosen for i, target in enumerate(goals.targets)]

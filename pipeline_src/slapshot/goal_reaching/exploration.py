@@ -1,8 +1,6 @@
 """Stage `exploration`: error against samples, with hits that a belief chooses and with sampled latents."""
 
 import logging
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,6 +12,7 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks, split_hits
 from slapshot.command import Run, stage_command
+from slapshot.config.acting import ExplorationSettings
 from slapshot.goal_reaching.ensemble import load_believing
 from slapshot.goal_reaching.explore import at_random, explore, informed
 from slapshot.parquet import write_table
@@ -33,12 +32,12 @@ def produce(run: Run) -> None:
     Raises:
         InputError: the method has no belief that uncertainty could be taken from.
     """
-    settings = run.config
+    settings = run.settings(ExplorationSettings)
     torch.set_num_threads(run.cores)
     method, standardiser = load_believing(run.inputs["train"])
     tables = []
-    for number, task in enumerate(recorded_tasks(run)):
-        rng = np.random.default_rng([settings["seed"], number])
+    for number, task in enumerate(recorded_tasks(settings, run.inputs)):
+        rng = np.random.default_rng([settings.seed, number])
         errors = _errors(method, standardiser, task, settings, rng)
         tables.append(
             errors.assign(recording=task.recording, rig=task.rig, object=task.object, stand_in=task.stand_in)
@@ -53,20 +52,20 @@ def _errors(
     method: Kalman,
     standardiser: Standardiser,
     task: RecordedTask,
-    settings: Mapping[str, Any],
+    settings: ExplorationSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Of one task: repeats are the tasks of the ensemble."""
-    adapt, query = split_hits(task.hits, settings["candidates"], settings["repeats"], rng, task.where)
+    adapt, query = split_hits(task.hits, settings.candidates, settings.repeats, rng, task.where)
     candidates = {name: _stacked(standardiser, task, name, adapt, method.models) for name in _NAMES}
     asked = (
-        candidates["state"][:, :, :1].expand(-1, -1, settings["asked"], -1),
-        _sampled(standardiser, settings["asked"], rng).expand(method.models, len(adapt), -1, -1),
+        candidates["state"][:, :, :1].expand(-1, -1, settings.asked, -1),
+        _sampled(standardiser, settings.asked, rng).expand(method.models, len(adapt), -1, -1),
     )
     generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
     parts = []
     for arm, choose in ((INFORMED, informed(method, candidates, asked)), (SAMPLED, at_random(generator))):
-        beliefs = explore(method, candidates, choose, settings["samples"])
+        beliefs = explore(method, candidates, choose, settings.samples)
         parts.append(_table(_scores(method, standardiser, beliefs, task, query)).assign(arm=arm))
     return pd.concat(parts, ignore_index=True)
 

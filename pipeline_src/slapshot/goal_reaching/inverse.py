@@ -4,10 +4,8 @@ Trained through the adapted forward model, on beliefs and targets of simulated c
 is what `choose_by_gradient` minimises hit by hit, so that it is that search learned by heart.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 from safetensors.torch import load_file, save_file
@@ -16,6 +14,8 @@ from torch import Tensor, nn
 from slapshot.adaptation.data import SequenceSampler
 from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.layers import StackedMLP
+from slapshot.config.acting import Inverse
+from slapshot.config.methods import Training
 from slapshot.goal_reaching.choose import LARGEST_LATENT, expected_cost
 from slapshot.progress import progress
 
@@ -53,23 +53,23 @@ class InverseModel(nn.Module):
         save_file(self.state_dict(), folder / FILE)
 
 
-def load_inverse(folder: Path, method: Kalman, hidden: list[int]) -> InverseModel:
+def load_inverse(folder: Path, method: Kalman, hidden: tuple[int, ...]) -> InverseModel:
     """Read what `save` wrote, for an ensemble of `method`."""
     model = InverseModel(method.models, _sizes(method, hidden), torch.Generator().manual_seed(0))
     model.load_state_dict(load_file(folder / FILE))
     return model.eval()
 
 
-def _sizes(method: Kalman, hidden: list[int]) -> InverseSizes:
-    return InverseSizes(method.sizes.outcome, method.settings.latent, method.sizes.action, tuple(hidden))
+def _sizes(method: Kalman, hidden: tuple[int, ...]) -> InverseSizes:
+    return InverseSizes(method.sizes.outcome, method.settings.latent, method.sizes.action, hidden)
 
 
 def train_inverse(
     method: Kalman,
     sampler: SequenceSampler,
     to_action: "Standardisation",
-    settings: Mapping[str, Any],
-    training: Mapping[str, Any],
+    settings: Inverse,
+    training: Training,
     generator: torch.Generator,
 ) -> tuple[InverseModel, list[float]]:
     """Fit an inverse model to a trained ensemble, whose own weights stay as they are.
@@ -78,35 +78,35 @@ def train_inverse(
         method: the ensemble.
         sampler: of training sequences.
         to_action: from latents to standardised actions.
-        settings: hidden, steps, learning_rate, draws (of phi).
-        training: tasks, sequence and noise_variance_max, as the ensemble was trained with.
+        settings: of the network and its training.
+        training: as the ensemble was trained.
         generator: source of randomness.
 
     Returns:
         The model, and the mean expected squared distance (standardised) of every step.
     """
-    inverse = InverseModel(method.models, _sizes(method, settings["hidden"]), generator)
-    optimiser = torch.optim.Adam(inverse.parameters(), lr=settings["learning_rate"])
-    steps = settings["steps"]
+    inverse = InverseModel(method.models, _sizes(method, settings.hidden), generator)
+    optimiser = torch.optim.Adam(inverse.parameters(), lr=settings.learning_rate)
+    steps = settings.steps
     schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, settings["learning_rate"], total_steps=steps, pct_start=0.1
+        optimiser, settings.learning_rate, total_steps=steps, pct_start=0.1
     )
     losses = []
     for _ in progress(range(steps), steps, "inverse model"):
         batch = sampler.draw(
             method.models,
-            training["tasks"],
-            training["sequence"],
-            training["noise_variance_max"],
+            training.tasks,
+            training.sequence,
+            training.noise_variance_max,
             generator,
         )
-        seen = int(torch.randint(training["sequence"], (), generator=generator))
+        seen = int(torch.randint(training.sequence, (), generator=generator))
         with torch.no_grad():
             adapted = (x[:, :, :seen] for x in (batch.state, batch.action, batch.observed))
             belief = method.adapt(*adapted)[-1]
-            phi = method.sample_phi(belief, settings["draws"], generator)
+            phi = method.sample_phi(belief, settings.draws, generator)
         # Where hits of the same condition ended can be reached in it.
-        others = torch.randperm(training["sequence"], generator=generator)[:_TARGETS]
+        others = torch.randperm(training.sequence, generator=generator)[:_TARGETS]
         target = batch.outcome[:, :, others]
         action = to_action(inverse(belief, target))[:, :, :, None]
         state = batch.state[0, 0, 0]  # objects are put where they always are

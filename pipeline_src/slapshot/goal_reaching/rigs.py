@@ -1,6 +1,7 @@
 """A rig to act on: safe commands from latents, and the tensors that an ensemble wants."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -9,7 +10,7 @@ from torch import Tensor
 
 from slapshot.adaptation.recorded import RecordedTask
 from slapshot.arrays import Array
-from slapshot.command import Run
+from slapshot.config.acting import RobotSettings
 from slapshot.errors import InputError
 from slapshot.lab.interactive_rig import LiveRig
 from slapshot.scenes.domain import load_part
@@ -85,13 +86,18 @@ class Robot:
         return np.array(found)
 
 
-def robot_of(run: Run) -> Robot:
-    """The robot of a recipe that names a rig (see `slapshot.dag.rigs`)."""
-    settings = run.config
-    scene = Scene.load(run.inputs["scene"])
-    rig = LiveRig(scene, settings["lab"], [settings["seed"], settings["rig"]], run.cores)
-    check = load_part(settings["domain"], "safety").SafetyCheck(scene)
-    return Robot(rig, TrajectoryVae.load(run.inputs["trajectory_model"]), check)
+def robot_of(settings: RobotSettings, inputs: Mapping[str, Path], cores: int) -> Robot:
+    """The robot that a stage is told of.
+
+    Args:
+        settings: what it is told.
+        inputs: scene and trajectory_model.
+        cores: to use.
+    """
+    scene = Scene.load(inputs["scene"])
+    rig = LiveRig(scene, settings.lab, [settings.seed, settings.rig], cores)
+    check = load_part(settings.domain, "safety").SafetyCheck(scene)
+    return Robot(rig, TrajectoryVae.load(inputs["trajectory_model"]), check)
 
 
 def sampled_hits(robot: Robot, task: RecordedTask, count: int, rng: np.random.Generator) -> dict[str, Array]:

@@ -7,6 +7,7 @@ import torch
 
 from slapshot.adaptation.data import SequenceSampler
 from slapshot.command import Run, stage_command
+from slapshot.config.acting import InverseSettings
 from slapshot.goal_reaching.ensemble import load_believing
 from slapshot.goal_reaching.inverse import Standardisation, train_inverse
 from slapshot.rollouts.reading import read_sequences
@@ -20,16 +21,14 @@ def produce(run: Run) -> None:
     Raises:
         InputError: the method has no belief that an inverse model could take.
     """
-    settings = run.config
+    settings = run.settings(InverseSettings)
     torch.set_num_threads(run.cores)
     method, standardiser = load_believing(run.inputs["train"])
     data = read_sequences(run.inputs["rollouts"], "train")
     sampler = SequenceSampler(data, standardiser, torch.device("cpu"))
     action = Standardisation(standardiser.mean["action"], standardiser.scale["action"])
-    generator = torch.Generator().manual_seed(settings["seed"])
-    inverse, losses = train_inverse(
-        method, sampler, action, settings["inverse"], settings["training"], generator
-    )
+    generator = torch.Generator().manual_seed(settings.seed)
+    inverse, losses = train_inverse(method, sampler, action, settings.inverse, settings.training, generator)
     inverse.save(run.out)
     table = pd.DataFrame({"step": range(len(losses)), "loss": losses})
     table.to_csv(run.out / "losses.csv", index=False, float_format="%.6g")

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from slapshot.command import Run, stage_command
+from slapshot.config.lab import DiverseCommands, LabSettings, StandIns
 from slapshot.errors import InputError
 from slapshot.lab.camera import observe
 from slapshot.lab.commands import Diverse, Latents, Pool, Session, Source, draw_session
-from slapshot.lab.concealed.draw import check_concealed, draw_concealed
+from slapshot.lab.concealed.draw import draw_concealed
 from slapshot.lab.concealed.effect_size_calibration import Rehearsal
 from slapshot.lab.hit import BATCH_SIZE, RigSimulator
 from slapshot.lab.hit_types import Hit, HitNoise, HitSpec, draw_hit_noise
@@ -42,28 +42,27 @@ FRAME_NOTE = (
 def produce(run: Run) -> None:
     """Write recording/ in the recording format, and truth/truth.json."""
     scene = Scene.load(run.inputs["scene"])
-    settings = run.config["lab"]
+    told = run.settings(LabSettings)
+    settings = told.lab
     source: Source
-    if settings["commands"] == "pool":
+    if told.pool is not None:
         file = run.inputs["demonstrations"] / "demonstrations.parquet"
-        pool = run.config["pool"]
-        source = Pool.load(file, pool["count"], pool["duration_s"], len(scene.info.joints))
-    elif settings["commands"] == "latents":
+        source = Pool.load(file, told.pool.count, told.pool.duration_s, len(scene.info.joints))
+    elif isinstance(settings.commands, DiverseCommands):
+        source = Diverse(scene, load_domain(told.scene.domain), settings.commands.diverse)
+    else:
         # Here, because it takes longer to import than a rig without a trajectory model needs.
         from slapshot.trajectories.vae import TrajectoryVae
 
         model = TrajectoryVae.load(run.inputs["trajectory_model"])
-        source = Latents(model.motion, model.sizes.latent, run.config.get("trajectory_model_id"))
-    else:
-        domain = load_domain(run.config["scene"]["domain"])
-        source = Diverse(scene, domain, settings["commands"]["diverse"])
-    record(scene, source, settings, [run.config["seed"], run.config["rig"]], run.out, run.cores)
+        source = Latents(model.motion, model.sizes.latent, told.trajectory_model_id)
+    record(scene, source, settings, [told.seed, told.rig], run.out, run.cores)
 
 
 def record(
     scene: Scene,
     source: Source,
-    settings: Mapping[str, Any],
+    settings: StandIns,
     seed: int | list[int],
     out: Path,
     cores: int = 1,
@@ -81,7 +80,6 @@ def record(
     Raises:
         InputError: the settings contradict each other or the scene.
     """
-    check_concealed(settings)
     rig_rng, session_rng, scale_rng, hits_rng, concealed_rng = recording_streams(seed)
     rig = draw_rig(settings, rig_rng)
     if len(rig.scatter.joint_offset_sd) != len(scene.info.joints):
@@ -95,14 +93,14 @@ def record(
     streams = [rng.spawn(4) for rng in hits_rng.spawn(count)]
     strokes = [_stroke(rig, session, i, streams[i][0]) for i in range(count)]
     truths: list[dict[str, Any]] = []
-    if settings["concealed"]:
+    if settings.concealed:
         rehearsal = Rehearsal(scene, rig, strokes, stream_for(concealed_rng, "scatter"), cores)
-        concealed = draw_concealed(settings["concealed"], rehearsal, concealed_rng)
+        concealed = draw_concealed(settings.concealed, rehearsal, concealed_rng)
         rig = replace(rig, concealed=concealed)
         strokes = [_with_quirks(strokes[i], rig, streams[i][3]) for i in range(count)]
         truths = [c.truth() | {"scatter_m": rehearsal.scatter} for c in concealed]
 
-    keep, bench = settings["keep"], RigSimulator(scene, rig, cores=cores)
+    keep, bench = settings.keep, RigSimulator(scene, rig, cores=cores)
     hits: list[Hit] = []
     for first in progress(range(0, count, BATCH_SIZE), -(-count // BATCH_SIZE), "lab, parts of a session"):
         hits += bench.hits(strokes[first : first + BATCH_SIZE], arm=keep == "full")
@@ -114,8 +112,8 @@ def record(
     (out / "truth").mkdir(parents=True)
     sealed = _sealed(rig, truths, session, strokes, hits)
     (out / "truth" / "truth.json").write_bytes(sealed)
-    joints = settings["joints"]
-    commands = [commanded(command.motion, joints["rate_hz"]) for command in session.commands]
+    joints = settings.joints
+    commands = [commanded(command.motion, joints.rate_hz) for command in session.commands]
     # What only shows the slide says nothing of commands; rest points alone need them, in one way.
     trajectory_model = None if keep == "tracks only" else source.trajectory_model
     with_commands = keep in ("full", "no encoders") or (
@@ -123,7 +121,7 @@ def record(
     )
     recording = Recording(
         rig=RIG,
-        objects=_weigh(scene, rig, settings["scale_sd_kg"], scale_rng),
+        objects=_weigh(scene, rig, settings.scale_sd_kg, scale_rng),
         camera_rate_hz=rig.camera.rate,
         frame_note=FRAME_NOTE,
         stand_in=True,

@@ -3,12 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
+from slapshot.config.lab import StandIns
+from slapshot.config.trajectories import ScriptedHits
 from slapshot.errors import InputError
 from slapshot.parquet import read_table
 from slapshot.scenes.domain import Domain
@@ -93,7 +95,7 @@ class Diverse:
 
     scene: Scene
     domain: Domain
-    settings: Mapping[str, Any]
+    settings: ScriptedHits
     trajectory_model: str | None = None
 
     def draw(self, count: int, check: SafetyCheck, rng: np.random.Generator) -> list[Command]:
@@ -106,7 +108,7 @@ class Diverse:
             ):
                 if waypoints is None:
                     continue
-                motion = Motion.through(waypoints, self.settings["duration_s"])
+                motion = Motion.through(waypoints, self.settings.duration_s)
                 if check.report(motion).safe:
                     found.append(Command(motion, None, task))
             if len(found) >= count:
@@ -161,7 +163,7 @@ class Session:
 
 
 def draw_session(
-    settings: Mapping[str, Any],
+    settings: StandIns,
     object_ids: Sequence[str],
     source: Source,
     check: SafetyCheck,
@@ -173,29 +175,24 @@ def draw_session(
     each `times` times. The others are commands that are executed once.
 
     Args:
-        settings: hits, repeats: {commands, times}.
+        settings: hits of each object, and repeats.
         object_ids: what is hit.
         source: of commands.
         check: refuses motions that are not safe.
         rng: source of randomness.
 
     Raises:
-        InputError: there are more repeats than hits, or too few commands are safe.
+        InputError: too few commands are safe.
     """
-    repeated, times = settings["repeats"]["commands"], settings["repeats"]["times"]
-    single = settings["hits"] - repeated * times
-    if single < 0:
-        raise InputError(
-            f"lab.repeats: {repeated} commands x {times} times are more than lab.hits = "
-            f"{settings['hits']}; lower the first two or raise the last"
-        )
+    repeated, times = settings.repeats.commands, settings.repeats.times
+    single = settings.hits - repeated * times
     commands = source.draw(repeated + single * len(object_ids), check, rng)
     command: list[int] = []
     hit_objects: list[str] = []
     for i, object_id in enumerate(object_ids):
         first = repeated + i * single
-        command += list(np.repeat(np.arange(repeated), times)) + list(range(first, first + single))
-        hit_objects += [object_id] * settings["hits"]
+        command += np.repeat(np.arange(repeated), times).tolist() + list(range(first, first + single))
+        hit_objects += [object_id] * settings.hits
     order = rng.permutation(len(command))
     return Session(
         commands=commands,

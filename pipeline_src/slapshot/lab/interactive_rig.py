@@ -1,13 +1,12 @@
 """A stand-in rig that answers new commands, as a robot would: what is known of it is what its camera sees."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from slapshot.arrays import Array
+from slapshot.config.lab import StandIns
 from slapshot.lab.camera import observe
-from slapshot.lab.concealed.draw import check_concealed
 from slapshot.lab.hit import RigSimulator
 from slapshot.lab.hit_types import HitNoise, HitSpec, draw_hit_noise
 from slapshot.lab.rig import draw_rig
@@ -19,7 +18,7 @@ from slapshot.trajectories.motion import Motion
 class LiveRig:
     """The rig of a recording, ready for more hits; those without `concealed` physics of further kinds."""
 
-    def __init__(self, scene: Scene, settings: Mapping[str, Any], seed: list[int], cores: int = 1) -> None:
+    def __init__(self, scene: Scene, settings: StandIns, seed: list[int], cores: int = 1) -> None:
         """Draw the rig as the stage `lab` draws it.
 
         Args:
@@ -28,8 +27,7 @@ class LiveRig:
             seed: of the recording: the domain's seed and the rig's number.
             cores: to use.
         """
-        check_concealed(settings)
-        if settings["concealed"]:
+        if settings.concealed:
             raise NotImplementedError("amplitudes of further kinds are rehearsed with a session's commands")
         self._rig = draw_rig(settings, recording_streams(seed)[0])
         self._bench = RigSimulator(scene, self._rig, cores=cores)

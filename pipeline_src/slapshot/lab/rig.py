@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from slapshot.arrays import Array
+from slapshot.config.lab import Blade, Board, FrictionField, RigObject, StandIns
 from slapshot.lab.blade import Edit
 from slapshot.lab.blade_truth import BladeTruth
 from slapshot.lab.board import FLAT, draw_height, draw_log_friction
@@ -167,42 +168,39 @@ class Rig:
         return seen
 
 
-def draw_rig(settings: Mapping[str, Any], rng: np.random.Generator) -> Rig:
+def draw_rig(settings: StandIns, rng: np.random.Generator) -> Rig:
     """Draw what the settings (block `lab` of the configuration) leave open.
 
     Every part has its own stream of random numbers: to take away the blade leaves the board as it is.
-
-    Raises:
-        InputError: a range runs backwards.
     """
     streams = rng.spawn(4)
     objects = {
-        name: _draw_object(spec, f"objects.{name}", stream)
+        name: _draw_object(spec, stream)
         for (name, spec), stream in zip(
-            settings["objects"].items(), streams[0].spawn(len(settings["objects"])), strict=True
+            settings.objects.items(), streams[0].spawn(len(settings.objects)), strict=True
         )
     }
-    scatter, camera = settings["scatter"], settings["camera"]
+    scatter, camera = settings.scatter, settings.camera
     return Rig(
         objects=objects,
-        blade=_draw_blade(settings["blade"], streams[1]),
-        height=_draw_height(settings["board"], streams[2]),
-        log_friction=_draw_log_friction(settings["friction_field"], streams[3]),
+        blade=_draw_blade(settings.blade, streams[1]),
+        height=_draw_height(settings.board, streams[2]),
+        log_friction=_draw_log_friction(settings.friction_field, streams[3]),
         scatter=Scatter(
-            start_error_sd=scatter["start_error_sd_m"],
-            speed_sd=scatter["speed_sd"],
-            joint_offset_sd=tuple(scatter["joint_offset_sd_rad"]),
-            friction_sd=scatter["friction_sd"],
+            start_error_sd=scatter.start_error_sd_m,
+            speed_sd=scatter.speed_sd,
+            joint_offset_sd=tuple(scatter.joint_offset_sd_rad),
+            friction_sd=scatter.friction_sd,
         ),
         camera=Camera(
-            rate=camera["rate_hz"],
-            noise_sd=camera["noise_sd_m"],
-            noise_time=camera["noise_time_s"],
-            missing_share=camera["missing_share"],
-            mistrack_share=camera["mistrack_share"],
-            mistrack=(camera["mistrack_m"][0], camera["mistrack_m"][1]),
-            after_rest=camera["after_rest_s"],
-            view=None if camera["view_m"] is None else tuple(camera["view_m"]),
+            rate=camera.rate_hz,
+            noise_sd=camera.noise_sd_m,
+            noise_time=camera.noise_time_s,
+            missing_share=camera.missing_share,
+            mistrack_share=camera.mistrack_share,
+            mistrack=(camera.mistrack_m[0], camera.mistrack_m[1]),
+            after_rest=camera.after_rest_s,
+            view=_view(camera.view_m),
         ),
     )
 
@@ -220,38 +218,42 @@ def truth_dict(rig: Rig) -> dict[str, Any]:
     }
 
 
-def _draw_object(spec: Mapping[str, Any], key: str, rng: np.random.Generator) -> ObjectTruth:
-    friction_x = draw_number(spec["friction_x"], f"{key}.friction_x", rng)
+def _view(box: list[float] | None) -> tuple[float, float, float, float] | None:
+    return None if box is None else (box[0], box[1], box[2], box[3])
+
+
+def _draw_object(spec: RigObject, rng: np.random.Generator) -> ObjectTruth:
+    friction_x = draw_number(spec.friction_x, rng)
     return ObjectTruth(
-        mass=draw_number(spec["mass_kg"], f"{key}.mass_kg", rng),
+        mass=draw_number(spec.mass_kg, rng),
         friction_x=friction_x,
-        friction_y=friction_x * draw_number(spec["friction_ratio"], f"{key}.friction_ratio", rng),
-        friction_torsional=draw_number(spec["friction_torsional_m"], f"{key}.friction_torsional_m", rng),
+        friction_y=friction_x * draw_number(spec.friction_ratio, rng),
+        friction_torsional=draw_number(spec.friction_torsional_m, rng),
     )
 
 
-def _draw_blade(spec: Mapping[str, Any] | None, rng: np.random.Generator) -> BladeTruth | None:
+def _draw_blade(spec: Blade | None, rng: np.random.Generator) -> BladeTruth | None:
     if spec is None:
         return None
-    twist = spec["twist_stiffness_nm_rad"]
+    twist = spec.twist_stiffness_nm_rad
     return BladeTruth(
-        segments=spec["segments"],
-        stiffness=draw_number(spec["stiffness_nm_rad"], "blade.stiffness_nm_rad", rng),
-        twist_stiffness=None if twist is None else draw_number(twist, "blade.twist_stiffness_nm_rad", rng),
-        damping_ratio=draw_number(spec["damping_ratio"], "blade.damping_ratio", rng),
+        segments=spec.segments,
+        stiffness=draw_number(spec.stiffness_nm_rad, rng),
+        twist_stiffness=None if twist is None else draw_number(twist, rng),
+        damping_ratio=draw_number(spec.damping_ratio, rng),
     )
 
 
-def _draw_height(spec: Mapping[str, Any] | None, rng: np.random.Generator) -> Array:
+def _draw_height(spec: Board | None, rng: np.random.Generator) -> Array:
     if spec is None:
         return FLAT
-    rms = draw_number(spec["rms_slope"], "board.rms_slope", rng)
-    return draw_height(rms, pair_of(spec["wavelength_m"], "board.wavelength_m"), spec["waves"], rng)
+    rms = draw_number(spec.rms_slope, rng)
+    return draw_height(rms, pair_of(spec.wavelength_m), spec.waves, rng)
 
 
-def _draw_log_friction(spec: Mapping[str, Any] | None, rng: np.random.Generator) -> Array:
+def _draw_log_friction(spec: FrictionField | None, rng: np.random.Generator) -> Array:
     if spec is None:
         return FLAT
-    rms = draw_number(spec["rms"], "friction_field.rms", rng)
-    wavelengths = pair_of(spec["wavelength_m"], "friction_field.wavelength_m")
-    return draw_log_friction(rms, wavelengths, spec["waves"], rng)
+    rms = draw_number(spec.rms, rng)
+    wavelengths = pair_of(spec.wavelength_m)
+    return draw_log_friction(rms, wavelengths, spec.waves, rng)

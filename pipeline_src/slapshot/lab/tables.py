@@ -1,12 +1,10 @@
 """A session as the tables of a recording."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import pandas as pd
 
 from slapshot.arrays import Array
+from slapshot.config.lab import Joints
 from slapshot.lab.camera import Sighting
 from slapshot.lab.commands import Session
 from slapshot.scenes.scene import Scene
@@ -58,9 +56,9 @@ def commanded(motion: Motion, rate: float) -> Array:
     return np.column_stack([times, motion.position(times)])
 
 
-def read_encoders(joints: Array, settings: Mapping[str, Any], rng: np.random.Generator) -> Array:
+def read_encoders(joints: Array, settings: Joints, rng: np.random.Generator) -> Array:
     """(n, 1 + joints): t in s and joint positions in rad as read, from those as they were."""
-    times = np.arange(0.0, joints[-1, 0], 1 / settings["rate_hz"])
+    times = np.arange(0.0, joints[-1, 0], 1 / settings.rate_hz)
     read = [np.interp(times, joints[:, 0], joints[:, j]) for j in range(1, joints.shape[1])]
-    noise = rng.normal(0, settings["noise_sd_rad"], (len(times), len(read)))
+    noise = rng.normal(0, settings.noise_sd_rad, (len(times), len(read)))
     return np.column_stack([times, np.stack(read, axis=1) + noise])

@@ -1,8 +1,7 @@
 """Stage `policy`: meta-train one policy on-policy, with as many hits as the rollouts have for training."""
 
 import logging
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
@@ -11,6 +10,7 @@ from torch import Tensor
 
 from slapshot.adaptation.data import Standardiser
 from slapshot.command import Run, stage_command
+from slapshot.config.acting import PolicySettings, PolicyTraining
 from slapshot.policy.network import GaussianPolicy
 from slapshot.policy.ppo import train
 from slapshot.policy.simulator import Simulator
@@ -26,19 +26,20 @@ def produce(run: Run) -> None:
 
     Tasks are the training conditions of the rollouts, targets where their hits ended: all can be reached.
     """
-    settings = run.config["policy"]
+    told = run.settings(PolicySettings)
+    settings = told.policy
     torch.set_num_threads(run.cores)
     data = read_sequences(run.inputs["rollouts"], "train")
     standardiser = Standardiser.fit(data)
     simulator = Simulator(
         Scene.load(run.inputs["scene"]),
-        run.config["domain"],
+        told.domain,
         TrajectoryVae.load(run.inputs["trajectory_model"]),
         data.conditions,
-        run.config["randomisation"],
+        told.randomisation.start_error,
         run.cores,
     )
-    rng = np.random.default_rng([run.config["seed"], run.config["number"]])
+    rng = np.random.default_rng([told.seed, told.number])
     generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
 
     def act(conditions: Tensor, latents: Tensor) -> Tensor:
@@ -50,7 +51,7 @@ def produce(run: Run) -> None:
     policy = GaussianPolicy(data.outcome.shape[2], data.action.shape[2], settings, generator)
     conditions, hits, _ = data.outcome.shape
     budget = conditions * hits
-    each = settings["tasks"] * settings["hits"] * (settings["updates"] + 1)
+    each = settings.tasks * settings.hits * (settings.updates + 1)
     iterations = max(1, budget // each)
     table = train(
         policy, tasks(data, standardiser, settings, generator), iterations, act, settings, generator
@@ -67,7 +68,7 @@ def _in_words(table: pd.DataFrame) -> str:
 
 
 def tasks(
-    data: Sequences, standardiser: Standardiser, settings: Mapping[str, Any], generator: torch.Generator
+    data: Sequences, standardiser: Standardiser, settings: PolicyTraining, generator: torch.Generator
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Conditions (B,) and targets (U + 1, B, K, 2) of one iteration after another.
 
@@ -75,7 +76,7 @@ def tasks(
     """
     outcome = standardiser.standardise("outcome", data.outcome)
     conditions, hits, _ = outcome.shape
-    shape = (settings["updates"] + 1, min(settings["tasks"], conditions), settings["hits"])
+    shape = (settings.updates + 1, min(settings.tasks, conditions), settings.hits)
     while True:
         order = torch.randperm(conditions, generator=generator)
         for begin in range(0, conditions - shape[1] + 1, shape[1]):

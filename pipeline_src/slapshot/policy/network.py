@@ -1,9 +1,7 @@
 """The policy: a Gaussian over latents whose mean is a network of the target."""
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import torch
 from safetensors.torch import load_file, save_file
@@ -12,6 +10,7 @@ from torch.distributions import Independent, Normal
 from torch.func import functional_call
 
 from slapshot.adaptation.layers import StackedMLP
+from slapshot.config.acting import PolicyTraining
 
 FILE = "policy.safetensors"
 _SD_BEFORE = 0.7  # of the latent, before training; demonstrations fill 1
@@ -26,20 +25,20 @@ class GaussianPolicy(nn.Module):
     Parameters have a leading dimension of tasks, which is 1 before any of them is adapted.
     """
 
-    def __init__(self, target: int, latent: int, settings: Mapping[str, Any], generator: torch.Generator):
+    def __init__(self, target: int, latent: int, settings: PolicyTraining, generator: torch.Generator):
         """Draw weights.
 
         Args:
             target: its dimensions.
             latent: its dimensions.
-            settings: hidden (widths) and step_size (of an adaptation, before training).
+            settings: widths of its network, and the step size of an adaptation before training.
             generator: source of randomness.
         """
         super().__init__()
-        self.mean = StackedMLP(1, [target, *settings["hidden"], latent], generator)
+        self.mean = StackedMLP(1, [target, *settings.hidden, latent], generator)
         self.log_sd = nn.Parameter(torch.full((1, 1, latent), math.log(_SD_BEFORE)))
         # The logarithm keeps the step size positive; it is learned, and adapts the others.
-        self.log_step_size = nn.Parameter(torch.tensor(math.log(settings["step_size"])))
+        self.log_step_size = nn.Parameter(torch.tensor(math.log(settings.step_size)))
 
     def unadapted(self, tasks: int) -> Parameters:
         """theta_0, the same for B = `tasks` tasks."""
@@ -57,7 +56,7 @@ class GaussianPolicy(nn.Module):
         save_file(self.state_dict(), folder / FILE)
 
 
-def load_policy(folder: Path, settings: Mapping[str, Any]) -> GaussianPolicy:
+def load_policy(folder: Path, settings: PolicyTraining) -> GaussianPolicy:
     """Read what `save` wrote."""
     tensors = load_file(folder / FILE)
     sizes = tensors["mean.weights.0"].shape[1], tensors["log_sd"].shape[2]

@@ -1,12 +1,12 @@
 """Meta-training of the policy (the outer loop): PPO on hits made after each number of updates."""
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
 
 import pandas as pd
 import torch
 from torch import Tensor
 
+from slapshot.config.acting import PolicyTraining
 from slapshot.policy.adapt import OwnHits, ratio, update
 from slapshot.policy.network import GaussianPolicy
 from slapshot.progress import progress
@@ -77,7 +77,7 @@ def train(
     tasks: Iterator[tuple[Tensor, Tensor]],
     iterations: int,
     act: Act,
-    settings: Mapping[str, Any],
+    settings: PolicyTraining,
     generator: torch.Generator,
 ) -> pd.DataFrame:
     """Train on-policy; no hit is used in more than one iteration.
@@ -87,18 +87,18 @@ def train(
         tasks: conditions (B,) and targets (U + 1, B, K, 2) of each iteration.
         iterations: how many.
         act: the simulator.
-        settings: learning_rate, epochs (steps of the optimiser on an iteration's hits).
+        settings: of the optimiser.
         generator: source of randomness.
 
     Returns:
         Rows iteration, updates, distance (mean, in standard deviations of outcomes).
     """
-    optimiser = torch.optim.Adam(policy.parameters(), lr=settings["learning_rate"])
+    optimiser = torch.optim.Adam(policy.parameters(), lr=settings.learning_rate)
     schedule = torch.optim.lr_scheduler.LinearLR(optimiser, 1.0, 0.1, iterations)
     rows = []
     for iteration in progress(range(iterations), iterations, "policy: iterations"):
         batches = hits_of(policy, *next(tasks), act, generator)
-        for _ in range(settings["epochs"]):
+        for _ in range(settings.epochs):
             optimiser.zero_grad()
             (-objective(policy, batches)).backward()
             torch.nn.utils.clip_grad_norm_(policy.parameters(), _GRADIENT_NORM)

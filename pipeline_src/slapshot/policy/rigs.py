@@ -11,6 +11,7 @@ from torch import Tensor
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks
 from slapshot.command import Run, stage_command
+from slapshot.config.acting import PolicyActingSettings
 from slapshot.goal_reaching.choose import LARGEST_LATENT
 from slapshot.goal_reaching.goals import goals_of
 from slapshot.goal_reaching.rigs import Robot, robot_of
@@ -28,14 +29,17 @@ def produce(run: Run) -> None:
     Targets are those of the stage `acting`, hit with the policy's mean; own hits, which are drawn from it
     and aim at where other recorded hits ended, adapt it. `hits` counts these alone.
     """
-    settings = run.config
+    settings = run.settings(PolicyActingSettings)
     torch.set_num_threads(run.cores)
-    robot = robot_of(run)
-    policy = load_policy(run.inputs["policy"], settings["policy"])
+    robot = robot_of(settings, run.inputs, run.cores)
+    policy = load_policy(run.inputs["policy"], settings.policy)
     standardiser = Standardiser.load(run.inputs["policy"] / "standardiser.safetensors")
-    rng = np.random.default_rng([settings["seed"], settings["rig"], 2])
-    parts = [_errors(policy, standardiser, robot, task, run, rng) for task in recorded_tasks(run)]
-    table = pd.concat(parts, ignore_index=True).assign(rig=settings["rig"], policy=settings["number"])
+    rng = np.random.default_rng([settings.seed, settings.rig, 2])
+    parts = [
+        _errors(policy, standardiser, robot, task, settings, rng)
+        for task in recorded_tasks(settings, run.inputs)
+    ]
+    table = pd.concat(parts, ignore_index=True).assign(rig=settings.rig, policy=settings.number)
     write_table(table, run.out / "policy.parquet")
     means = 100 * table.groupby("hits")["error_m"].mean()
     log.info("%s", ", ".join(f"{error:.1f} cm after {hits}" for hits, error in means.items()))
@@ -46,12 +50,11 @@ def _errors(
     standardiser: Standardiser,
     robot: Robot,
     task: RecordedTask,
-    run: Run,
+    settings: PolicyActingSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Of one object, before any update and after each."""
-    settings = run.config
-    goals = goals_of(robot, task, settings["targets"], [settings["seed"], settings["rig"]])
+    goals = goals_of(robot, task, settings.targets, [settings.seed, settings.rig])
     standardise = standardiser.standardise
     wanted = standardise("outcome", goals.targets)[None]
     generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
@@ -62,8 +65,8 @@ def _errors(
         return robot.hit(within, [task.object] * len(within), rng)
 
     parameters, parts = policy.unadapted(1), []
-    each = settings["policy"]["hits"]
-    for updates in range(settings["policy"]["updates_on_rigs"] + 1):
+    each = settings.policy.hits
+    for updates in range(settings.policy.updates_on_rigs + 1):
         if updates:
             aims = goals.elsewhere[rng.integers(len(goals.elsewhere), size=each)]
             targets = standardise("outcome", aims)[None]

@@ -1,17 +1,15 @@
 """On-policy hits in simulation, for commands that no pool of swings holds."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
+from slapshot.config.randomisation import CONDITION_PARAMETERS, Draw
 from slapshot.goal_reaching.choose import LARGEST_LATENT
 from slapshot.rollouts.hits import HitCollector, Hits
 from slapshot.scenes.domain import load_part
-from slapshot.scenes.randomisation import CONDITION_PARAMETERS, draw_start_errors
+from slapshot.scenes.randomisation import draw_start_errors
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.ideal import ideal_swings
 from slapshot.trajectories.vae import TrajectoryVae
@@ -26,7 +24,7 @@ class Simulator:
         domain: str,
         model: TrajectoryVae,
         conditions: pd.DataFrame,
-        randomisation: Mapping[str, Mapping[str, Any]],
+        start_error: Draw,
         cores: int,
     ) -> None:
         """Prepare.
@@ -36,13 +34,13 @@ class Simulator:
             domain: of the scene, whose part `collector` simulates.
             model: of trajectories.
             conditions: (c) rows of CONDITION_PARAMETERS.
-            randomisation: of the rollouts, for start errors.
+            start_error: of the rollouts.
             cores: to use.
         """
         self._scene, self._model, self._cores = scene, model, cores
         self._collector = load_part(domain, "collector").Collector
         self._conditions = conditions
-        self._randomisation = randomisation
+        self._start_error = start_error
 
     def rests(self, conditions: NDArray[np.int64], latents: Array, rng: np.random.Generator) -> Array:
         """(n, 2) m, of latents (n, latent) under rows (n,) of the conditions.
@@ -55,6 +53,6 @@ class Simulator:
         hits = Hits(
             swings=np.arange(len(latents)),
             conditions={name: rows[name].to_numpy(float) for name in CONDITION_PARAMETERS},
-            start_errors=draw_start_errors(self._randomisation, len(latents), rng),
+            start_errors=draw_start_errors(self._start_error, len(latents), rng),
         )
         return collector.collect(hits).rests[:, :2]

@@ -2,24 +2,24 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+
+from slapshot.config.sources import Source
 
 
 def recording_folders(
-    sources: Mapping[str, Mapping[str, Any]], inputs: Mapping[str, Path]
+    sources: Mapping[str, Source], inputs: Mapping[str, Path]
 ) -> dict[tuple[str, int], Path]:
     """(recording, rig) -> folder; a recording of one's own is rig 0.
 
     Args:
-        sources: recording -> {"rigs": count} or {"path": folder}, as a recipe has them.
+        sources: recording -> where it comes from.
         inputs: role -> version folder; a stand-in rig's is lab/<recording>/<rig>.
     """
     folders = {}
     for name, source in sources.items():
-        if "path" in source:
-            folders[name, 0] = Path(source["path"])
+        if source.path is not None:
+            folders[name, 0] = Path(source.path)
         else:
-            folders |= {
-                (name, rig): inputs[f"lab/{name}/{rig}"] / "recording" for rig in range(source["rigs"])
-            }
+            rigs = range(source.rigs or 0)
+            folders |= {(name, rig): inputs[f"lab/{name}/{rig}"] / "recording" for rig in rigs}
     return folders

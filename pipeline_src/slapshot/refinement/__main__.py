@@ -1,7 +1,6 @@
 """Stage `refinement`: ranges of randomisation that hold each recorded rig, and its level of noise."""
 
 import logging
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,8 @@ from slapshot.adaptation.method import AdaptationMethod
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks, split_hits
 from slapshot.arrays import Array
 from slapshot.command import Run, stage_command
+from slapshot.config.randomisation import CONDITION_PARAMETERS, Draws
+from slapshot.config.refinement import RefinementSettings
 from slapshot.errors import InputError
 from slapshot.parquet import write_table
 from slapshot.refinement.posterior import metric_of, posterior, quantiles
@@ -42,36 +43,36 @@ def produce(run: Run) -> None:
     Raises:
         InputError: the rollouts have too few hits of a condition.
     """
-    settings = run.config
+    settings = run.settings(RefinementSettings)
     torch.set_num_threads(run.cores)
     method, standardiser = load_ensemble(run.inputs["train"])
     data = read_sequences(run.inputs["rollouts"], "train")
-    rng = np.random.default_rng(settings["seed"])
+    rng = np.random.default_rng(settings.seed)
     try:
         first, second, noise = summarise_simulated(
-            method, standardiser, data, settings["samples"], settings["noise_variance_max"], rng
+            method, standardiser, data, settings.samples, settings.noise_variance_max, rng
         )
     except ValueError as error:
         raise InputError(f"refinement.samples: {error}; lower it or raise rollouts.hits") from None
-    prior = Prior(settings["randomisation"], settings["noise_variance_max"])
+    prior = Prior(settings.randomisation, settings.noise_variance_max)
     simulated = first, second, prior.parameters(data.conditions), np.log(noise.mean(1) + _LEAST_NOISE)
     held = read_sequences(run.inputs["rollouts"], "validation")
     seen, _, variances = summarise_simulated(
-        method, standardiser, held, settings["samples"], settings["noise_variance_max"], rng
+        method, standardiser, held, settings.samples, settings.noise_variance_max, rng
     )
     truths = np.column_stack([np.exp(prior.parameters(held.conditions)), variances.mean(1)])
     tested = [
         {"condition": number, **row, "truth": truth}
         for number, condition in enumerate(truths)
         for row, truth in zip(
-            prior.rows(*_refine(seen.only(number), simulated, settings["nearest"])), condition, strict=True
+            prior.rows(*_refine(seen.only(number), simulated, settings.nearest)), condition, strict=True
         )
     ]
     write_table(pd.DataFrame(tested), run.out / "simulated.parquet")
     rows: list[dict[str, Any]] = []
-    for task in recorded_tasks(run):
-        adapt, _ = split_hits(task.hits, settings["samples"], settings["repeats"], rng, task.where)
-        found = _refine(_summaries(method, standardiser, task, adapt), simulated, settings["nearest"])
+    for task in recorded_tasks(settings, run.inputs):
+        adapt, _ = split_hits(task.hits, settings.samples, settings.repeats, rng, task.where)
+        found = _refine(_summaries(method, standardiser, task, adapt), simulated, settings.nearest)
         rows += [
             {"recording": task.recording, "rig": task.rig, "object": task.object, **row}
             for row in prior.rows(*found)
@@ -79,7 +80,7 @@ def produce(run: Run) -> None:
     table = pd.DataFrame(rows)
     write_table(table, run.out / "refinement.parquet")
     for rig, own in table.groupby("rig"):
-        text = yaml.safe_dump(configuration(own, settings, str(rig)), sort_keys=False)
+        text = yaml.safe_dump(configuration(own, settings.domain, str(rig)), sort_keys=False)
         (run.out / f"rig-{rig}.yaml").write_text(text)
     width = (table["high"] - table["low"]) / (table["prior_high"] - table["prior_low"])
     for parameter, share in width.groupby(table["parameter"]).median().items():
@@ -89,19 +90,20 @@ def produce(run: Run) -> None:
 class Prior:
     """The parameters that are drawn uniformly from a range with a width, on the scale of their logarithms."""
 
-    def __init__(self, randomisation: Mapping[str, Mapping[str, Any]], noise_variance_max: float) -> None:
-        self._ranges = {
-            name: spec
-            for name, spec in randomisation.items()
-            if "uniform" in spec and 0 < spec["uniform"][0] < spec["uniform"][1]
+    def __init__(self, randomisation: Draws, noise_variance_max: float) -> None:
+        draws = {name: randomisation.of_parameter(name) for name in sorted(CONDITION_PARAMETERS)}
+        self._draws = {
+            name: draw
+            for name, draw in draws.items()
+            if draw.uniform is not None and 0 < draw.uniform[0] < draw.uniform[1]
         }
         self._noise = noise_variance_max
 
     def parameters(self, conditions: pd.DataFrame) -> Array:
         """(conditions, p)."""
         columns = []
-        for name, spec in self._ranges.items():
-            factor = conditions[spec["times"]] if "times" in spec else 1.0
+        for name, draw in self._draws.items():
+            factor = 1.0 if draw.times is None else conditions[draw.times]
             columns.append(np.log((conditions[name] / factor).to_numpy(float)))
         return np.stack(columns, axis=1)
 
@@ -110,7 +112,7 @@ class Prior:
 
         Ranges stay within those that were drawn from: of what a model never saw it cannot tell.
         """
-        ranges = {name: spec["uniform"] for name, spec in self._ranges.items()} | {NOISE: [0.0, self._noise]}
+        ranges = {name: draw.numbers for name, draw in self._draws.items()} | {NOISE: (0.0, self._noise)}
         values = np.exp(np.column_stack([found, noise]))
         rows = []
         for (name, prior), drawn in zip(ranges.items(), values.T, strict=True):
@@ -169,7 +171,7 @@ def _refine(
     )
 
 
-def configuration(own: pd.DataFrame, settings: Mapping[str, Any], rig: str) -> dict[str, Any]:
+def configuration(own: pd.DataFrame, domain: str, rig: str) -> dict[str, Any]:
     """What to lay over the default configuration: ranges that hold all objects of one rig."""
     ranges = own.groupby("parameter", sort=False).agg({"low": "min", "high": "max"})
     randomisation = {
@@ -181,7 +183,7 @@ def configuration(own: pd.DataFrame, settings: Mapping[str, Any], rig: str) -> d
     return {
         "name": f"refined-{recording}-{rig}",
         "domains": {
-            settings["domain"]: {
+            domain: {
                 "randomisation": randomisation,
                 "training": {"noise_variance_max": _short(ranges.loc[NOISE, "high"])},
             }

@@ -11,6 +11,7 @@ from slapshot.adaptation.evaluate import error_table
 from slapshot.adaptation.recorded import recorded_tasks
 from slapshot.adaptation.scoring import errors_against_samples
 from slapshot.command import Run, stage_command
+from slapshot.config.refinement import RefinedErrorsSettings
 from slapshot.goal_reaching.rigs import robot_of, sampled_hits
 from slapshot.parquet import write_table
 
@@ -25,23 +26,23 @@ def produce(run: Run) -> None:
     The rig is hit anew with sampled latents: the ranges were refined with its recorded hits. Each repeat
     splits the new hits at random, the same way for both arms.
     """
-    settings = run.config
+    settings = run.settings(RefinedErrorsSettings)
     torch.set_num_threads(run.cores)
-    robot = robot_of(run)
-    rng = np.random.default_rng([settings["seed"], settings["rig"], 3])
+    robot = robot_of(settings, run.inputs, run.cores)
+    rng = np.random.default_rng([settings.seed, settings.rig, 3])
     arms = {
         arm: load_ensemble(run.inputs[role]) for arm, role in ((ALL_RANGES, "train"), (REFINED, "refined"))
     }
     tables = []
-    for task in recorded_tasks(run):
-        count = settings["samples"] + settings["queries"]
+    for task in recorded_tasks(settings, run.inputs):
+        count = settings.samples + settings.queries
         hits = sampled_hits(robot, task, count, rng)
-        orders = np.array([rng.permutation(count) for _ in range(settings["repeats"])])
+        orders = np.array([rng.permutation(count) for _ in range(settings.repeats)])
         adapt, query = (
             {name: values[rows] for name, values in hits.items()}
-            for rows in np.split(orders, [settings["samples"]], axis=1)
+            for rows in np.split(orders, [settings.samples], axis=1)
         )
-        labels = pd.DataFrame({"repeat": range(len(orders)), "rig": settings["rig"], "object": task.object})
+        labels = pd.DataFrame({"repeat": range(len(orders)), "rig": settings.rig, "object": task.object})
         for arm, (method, standardiser) in arms.items():
             errors = errors_against_samples(method, standardiser, adapt, query)
             tables.append(error_table(errors, labels).assign(arm=arm))

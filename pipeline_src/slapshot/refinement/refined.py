@@ -1,19 +1,52 @@
 """What a refined configuration says, for stages that go on from it without a person in between."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
-import yaml
+from pydantic import Field
 
-
-def refined_settings(refinement: Path, domain: str, rig: int) -> dict[str, Any]:
-    """`randomisation` and `training` of rig-<rig>.yaml, for the domain of that name."""
-    text = (refinement / f"rig-{rig}.yaml").read_text()
-    settings: dict[str, Any] = yaml.safe_load(text)["domains"][domain]
-    return settings
+from slapshot.config.randomisation import Draws
+from slapshot.config.values import Variance
+from slapshot.validation import Model, validated
+from slapshot.yaml_file import read_document
 
 
-def narrowed(randomisation: Mapping[str, Any], refined: Mapping[str, Any]) -> dict[str, Any]:
+class RefinedRange(Model):
+    """Of one parameter."""
+
+    uniform: Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class RefinedTraining(Model):
+    """What noise a model is trained with."""
+
+    noise_variance_max: Variance
+
+
+class RefinedDomain(Model):
+    """What a refined configuration says of a domain."""
+
+    randomisation: dict[str, RefinedRange]
+    training: RefinedTraining
+
+
+class RefinedConfiguration(Model):
+    """A configuration that the stage `refinement` wrote."""
+
+    name: str
+    domains: dict[str, RefinedDomain]
+
+
+def refined_settings(refinement: Path, domain: str, rig: int) -> RefinedDomain:
+    """What rig-<rig>.yaml says of the domain of that name."""
+    document = read_document(refinement / f"rig-{rig}.yaml")
+    return validated(RefinedConfiguration, document.values, document.where).domains[domain]
+
+
+def narrowed(randomisation: Draws, refined: RefinedDomain) -> Draws:
     """The randomisation with the refined ranges in place of its own; what was not refined stays."""
-    return {name: {**spec, **refined.get(name, {})} for name, spec in randomisation.items()}
+    changed = {
+        name: randomisation.of_parameter(name).within(*found.uniform)
+        for name, found in refined.randomisation.items()
+    }
+    return Draws.from_parts(randomisation, **changed)

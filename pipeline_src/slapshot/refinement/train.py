@@ -8,26 +8,28 @@ from slapshot.adaptation.checkpoint import load_ensemble, save_ensemble
 from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.train import choose_device, train_ensemble
 from slapshot.command import Run, stage_command
+from slapshot.config.methods import EnsembleTraining
+from slapshot.config.refinement import RefinedTrainSettings
 from slapshot.refinement.refined import refined_settings
 from slapshot.rollouts.reading import read_sequences
 
 
 def produce(run: Run) -> None:
     """Write the ensemble and losses.csv (step, model, train, validation)."""
-    config = run.config
+    told = run.settings(RefinedTrainSettings)
     torch.set_num_threads(run.cores)
-    refined = refined_settings(run.inputs["refinement"], config["name"], config["rig"])["training"]
+    refined = refined_settings(run.inputs["refinement"], told.name, told.rig).training
     scale = _narrower(run.inputs["train"], run.inputs["rollouts"])
-    noise = refined["noise_variance_max"] * scale
+    noise = refined.noise_variance_max * scale
     method, standardiser, losses = train_ensemble(
         run.inputs["rollouts"],
-        config["method"],
-        config["settings"],
-        {**config["training"], "noise_variance_max": noise},
+        told.method,
+        told.settings,
+        EnsembleTraining.from_parts(told.training, noise_variance_max=noise),
         choose_device(),
     )
     losses.to_csv(run.out / "losses.csv", index=False, float_format="%.6g")
-    save_ensemble(run.out, config["method"], method, dict(config["settings"]), standardiser)
+    save_ensemble(run.out, told.method, method, standardiser)
 
 
 def _narrower(trained: Path, rollouts: Path) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from slapshot.command import Run, stage_command
+from slapshot.config.retraining import ArmsSettings
 from slapshot.latent_space import read_latents
 from slapshot.parquet import read_frame
 from slapshot.plotting import STAND_IN, save, use_style
@@ -21,8 +22,8 @@ HITS = ("all hits", "hits held out from the diagnosis")
 
 def produce(run: Run) -> None:
     """Write F8-<domain>-arms, F9-<domain>-arms, arms.csv and arms.md."""
-    settings, inputs = run.config, run.inputs
-    (folder,) = recording_folders(settings["recordings"], inputs).values()
+    settings, inputs = run.settings(ArmsSettings), run.inputs
+    (folder,) = recording_folders(settings.recordings, inputs).values()
     recording = read_recording(folder)
     held = json.loads((inputs["findings"] / "refit.json").read_text())["held_out"]
     errors = {
@@ -32,13 +33,13 @@ def produce(run: Run) -> None:
     # Repeats of all hits tell the scatter best; what is held out lies at other distances.
     whole, repeats = noise_floor(recording)
     floors = dict(zip(HITS, (whole, whole * _farther(recording.hits, held)), strict=True))
-    rng = np.random.default_rng(settings["seed"])
+    rng = np.random.default_rng(settings.seed)
     measures = [m for hits in HITS for m in measures_of(errors[hits], floors[hits], hits, rng)]
     measures += [Measure("noise floor, m", hits, floors[hits], np.nan, np.nan, repeats) for hits in HITS]
     use_style()
-    save(draw_errors(errors, floors, recording.stand_in, settings["domain"]), run.out)
+    save(draw_errors(errors, floors, recording.stand_in, settings.domain), run.out)
     latents = {arm: read_latents(inputs[f"beliefs/{arm}"]) for arm in ARMS}
-    drawing, distances = draw_latents(latents, settings["samples"], recording.stand_in, settings["domain"])
+    drawing, distances = draw_latents(latents, settings.samples, recording.stand_in, settings.domain)
     save(drawing, run.out)
     measures += [
         Measure(
@@ -50,7 +51,7 @@ def produce(run: Run) -> None:
     table.to_csv(run.out / "arms.csv", index=False, float_format="%.4g")
     found = json.loads((inputs["findings"] / "verdict.json").read_text())
     ranges = json.loads((inputs["rollouts/refitted"] / "ranges.json").read_text())
-    (run.out / "arms.md").write_text(_page(found, ranges, table, settings["domain"], recording.stand_in))
+    (run.out / "arms.md").write_text(_page(found, ranges, table, settings.domain, recording.stand_in))
 
 
 def _farther(hits: pd.DataFrame, held: list[int]) -> float:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pandas as pd
 
 from slapshot.command import Run, stage_command
+from slapshot.config.retraining import HeldOutSettings
 from slapshot.diagnosis.pucks.refit import REFIT_FILE
 from slapshot.errors import InputError
 from slapshot.recordings.read import read_recording
@@ -19,7 +20,7 @@ def produce(run: Run) -> None:
     Raises:
         InputError: the diagnosis could not tell anything.
     """
-    (folder,) = recording_folders(run.config["recordings"], run.inputs).values()
+    (folder,) = recording_folders(run.settings(HeldOutSettings).recordings, run.inputs).values()
     file = run.inputs["findings"] / REFIT_FILE
     if not file.is_file():
         raise InputError(f"{file.parent}: the diagnosis could not tell anything of {folder}")

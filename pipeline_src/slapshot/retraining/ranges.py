@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 
 from slapshot.arrays import Array
+from slapshot.config.randomisation import Draw, Draws
 
 SDS = 2.0  # of a fitted value, that a range reaches on either side at least
 _FRICTION = ("friction_x", "friction_y", "friction_torsional")
 
 
-def refitted_ranges(
-    randomisation: Mapping[str, Mapping[str, Any]], refit: Mapping[str, Any], margin: float
-) -> dict[str, Any]:
+def refitted_ranges(randomisation: Draws, refit: Mapping[str, Any], margin: float) -> Draws:
     """The randomisation with ranges about what was fitted, in whatever scene.
 
     A range covers the fits without and with the effects that were found, so that arms with and without them
@@ -27,28 +26,22 @@ def refitted_ranges(
     fits = [one[scene] for one in refit["objects"].values() for scene in ("nominal", "final")]
     log_mu = np.log([fit["friction"] for fit in fits])
     sd = np.array([fit["log_sd"] for fit in fits])
-    found = {name: dict(spec) for name, spec in randomisation.items()}
+    found: dict[str, Draw] = {}
     for k, name in enumerate(_FRICTION):
-        factor = randomisation[name].get("times")
+        factor = randomisation.of_parameter(name).times
         value, spread = log_mu[:, k], sd[:, k]
         if factor is not None:
             other = _FRICTION.index(factor)
             value, spread = value - log_mu[:, other], np.hypot(spread, sd[:, other])
-        found[name] |= {"uniform": _about(value, spread, margin)}
+        found[name] = randomisation.of_parameter(name).within(*_about(value, spread, margin))
     mass = np.array([[one["mass_kg"], one["mass_sd_kg"]] for one in refit["objects"].values()])
-    found["mass"] |= {"uniform": _about(np.log(mass[:, 0]), mass[:, 1] / mass[:, 0], margin)}
+    found["mass"] = randomisation.mass.within(*_about(np.log(mass[:, 0]), mass[:, 1] / mass[:, 0], margin))
     if refit["start_error_sd_m"] is not None:
-        found["start_error"] |= {"normal": [0.0, refit["start_error_sd_m"]]}
-    return {name: _drawn(spec) for name, spec in found.items()}
+        found["start_error"] = Draw(normal=[0.0, refit["start_error_sd_m"]])
+    return Draws.from_parts(randomisation, **found)
 
 
-def _about(logs: Array, sds: Array, margin: float) -> list[float]:
+def _about(logs: Array, sds: Array, margin: float) -> tuple[float, float]:
     """[low, high] around values (n,) whose logarithms and standard deviations of those are given."""
     reach = np.maximum(np.log1p(margin), SDS * sds)
-    return [float(np.exp((logs - reach).min())), float(np.exp((logs + reach).max()))]
-
-
-def _drawn(spec: Mapping[str, Any]) -> dict[str, Any]:
-    """One law a parameter: a new one replaces whichever there was."""
-    kept = {key: spec[key] for key in ("uniform", "times") if key in spec}
-    return kept if "uniform" in spec else {"normal": spec["normal"]}
+    return float(np.exp((logs - reach).min())), float(np.exp((logs + reach).max()))

@@ -2,6 +2,7 @@
 
 import logging
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 import pyarrow as pa
 
 from slapshot.command import Run, stage_command
+from slapshot.config.rollouts import RolloutsSettings
 from slapshot.progress import progress
 from slapshot.rollouts.dataset import (
     TRACKS_SCHEMA,
@@ -28,25 +30,30 @@ log = logging.getLogger("slapshot")
 
 
 def produce(run: Run) -> None:
-    """Write hits-<split>.parquet, conditions.parquet and tracks.parquet.
+    """Write hits-<split>.parquet, conditions.parquet and tracks.parquet."""
+    simulate(run.settings(RolloutsSettings), run.inputs, run.out, run.cores)
+
+
+def simulate(settings: RolloutsSettings, inputs: Mapping[str, Path], out: Path, cores: int) -> None:
+    """Write the tables of `produce`, from the versions `scene` and `swings`.
 
     Shards are written to parts/ as they are simulated, so that a killed run loses at most one.
     """
-    scene = Scene.load(run.inputs["scene"])
-    swings = Swings.load(run.inputs["swings"])
-    plan = RolloutPlan(run.config, swings)
+    scene = Scene.load(inputs["scene"])
+    swings = Swings.load(inputs["swings"])
+    plan = RolloutPlan(settings, swings)
     shards = plan.shards()
-    parts, joined = run.out / "parts", run.out / ".joined"
+    parts, joined = out / "parts", out / ".joined"
     if not joined.exists():
         parts.mkdir(exist_ok=True)
         waiting = [s for s in shards if not _part(parts, s, "tracks").exists()]
         if len(waiting) < len(shards):
             log.info("%d of %d shards are there already", len(shards) - len(waiting), len(shards))
-        collector = load_part(run.config["domain"], "collector").Collector(scene, swings, run.cores)
+        collector = load_part(settings.domain, "collector").Collector(scene, swings, cores)
         done = len(shards) - len(waiting)
         for shard in progress(waiting, len(shards), "rollout shards", done):
-            _simulate(shard, plan, collector, swings, run.config["track_period_s"], parts)
-        _join(plan, shards, swings, parts, run.out)
+            _simulate(shard, plan, collector, swings, settings.track_period_s, parts)
+        _join(plan, shards, swings, parts, out)
         parts.rename(joined)
     shutil.rmtree(joined)
 

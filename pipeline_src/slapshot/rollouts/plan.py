@@ -1,16 +1,15 @@
 """Which hits to simulate: conditions x hits per split, each condition with a seed of its own."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.config.randomisation import CONDITION_PARAMETERS
+from slapshot.config.rollouts import DrawnRollouts
 from slapshot.rollouts.hits import Hits
 from slapshot.scenes.randomisation import (
-    CONDITION_PARAMETERS,
     draw_conditions,
     draw_start_errors,
     middle_condition,
@@ -43,11 +42,11 @@ class Shard:
 class RolloutPlan:
     """All conditions and hits that a configuration asks for, as a function of its seed alone."""
 
-    def __init__(self, settings: Mapping[str, Any], swings: Swings) -> None:
+    def __init__(self, settings: DrawnRollouts, swings: Swings) -> None:
         self._settings = settings
         self._swings = swings
-        self._randomisation = settings["randomisation"]
-        self.hits = settings["hits"]
+        self._randomisation = settings.randomisation
+        self.hits = settings.hits
         self._tables = {split: self._conditions(split) for split in SPLITS}
 
     def conditions(self) -> pd.DataFrame:
@@ -80,19 +79,19 @@ class RolloutPlan:
         return hits, np.concatenate([p[2] for p in parts])
 
     def _draw(self, split: str, condition: int, pool: NDArray[np.int64]):  # type: ignore[no-untyped-def]
-        rng = np.random.default_rng([self._settings["seed"], SPLITS.index(split), condition, 1])
+        rng = np.random.default_rng([self._settings.seed, SPLITS.index(split), condition, 1])
         swings = rng.choice(pool, self.hits)
-        errors = draw_start_errors(self._randomisation, self.hits, rng)
-        return swings, errors, rng.random(self.hits) < self._settings["track_share"]
+        errors = draw_start_errors(self._randomisation.start_error, self.hits, rng)
+        return swings, errors, rng.random(self.hits) < self._settings.track_share
 
     def _conditions(self, split: str) -> pd.DataFrame:
-        rng = np.random.default_rng([self._settings["seed"], SPLITS.index(split), 0])
-        drawn = draw_conditions(self._randomisation, self._settings[split], rng)
+        rng = np.random.default_rng([self._settings.seed, SPLITS.index(split), 0])
+        drawn = draw_conditions(self._randomisation, self._settings.count(split), rng)
         table = pd.DataFrame(drawn).assign(name="")
         if split != "test":
             return table
         named = [
-            middle_condition(self._randomisation) | values | {"name": name}
-            for name, values in self._settings["named_conditions"].items()
+            middle_condition(self._randomisation) | condition.given | {"name": name}
+            for name, condition in self._settings.named_conditions.items()
         ]
         return pd.concat([table, pd.DataFrame(named)], ignore_index=True)

@@ -5,19 +5,20 @@ another one brings modules of its own in its folder, which take the place of tho
 """
 
 import ast
-from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.config.scene import OwnScene, SceneSettings
+from slapshot.config.trajectories import ScriptedHits
 from slapshot.errors import InputError
 from slapshot.own_code import import_own
-from slapshot.scenes.settings import SceneSettings
 from slapshot.store.code_dependencies import find_source
+from slapshot.validation import validated, values_of
 
 if TYPE_CHECKING:  # planning reads this module and must not need MuJoCo
     from slapshot.scenes.scene import Scene
@@ -35,17 +36,18 @@ PARTS = {
 class Domain(Protocol):
     """A module with these functions, for example slapshot.domains.hockey.
 
-    It may hold a class `SceneSettings` as well, the model of its block `scene`, which is then checked.
+    It may hold a class `SceneSettings` as well, the model of its block `scene`; without one, all further keys
+    of that block are attributes of what it is given.
     """
 
-    def build_scene(self, settings: Mapping[str, Any]) -> "Scene":
+    def build_scene(self, settings: SceneSettings) -> "Scene":
         """The scene that the `scene` block of a domain's configuration describes."""
 
-    def draw_task(self, settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
+    def draw_task(self, settings: ScriptedHits, rng: np.random.Generator) -> dict[str, float]:
         """Parameters of one scripted demonstration, from the `demonstrations` block."""
 
     def demonstrate(
-        self, scene: "Scene", settings: Mapping[str, Any], tasks: list[dict[str, float]]
+        self, scene: "Scene", settings: ScriptedHits, tasks: list[dict[str, float]]
     ) -> list[NDArray[np.float64] | None]:
         """Waypoints (waypoints, joints) in rad for each task, None where it cannot be reached."""
 
@@ -134,10 +136,20 @@ def load_domain(name: str, where: str = "scene.domain") -> Domain:
     return module
 
 
-def scene_settings(domain: Domain) -> type[SceneSettings] | None:
-    """The model of a domain's block `scene`; None if the domain has none."""
+def scene_settings(domain: Domain) -> type[SceneSettings]:
+    """The model of a domain's block `scene`."""
     found = getattr(domain, "SceneSettings", None)
-    return found if isinstance(found, type) and issubclass(found, SceneSettings) else None
+    return found if isinstance(found, type) and issubclass(found, SceneSettings) else OwnScene
+
+
+def build_scene(settings: SceneSettings) -> "Scene":
+    """The scene of a block `scene`.
+
+    Raises:
+        InputError: its domain cannot be had, or refuses it.
+    """
+    domain = load_domain(settings.domain)
+    return domain.build_scene(validated(scene_settings(domain), values_of(settings), "scene"))
 
 
 def part_module(name: str, part: str) -> str:

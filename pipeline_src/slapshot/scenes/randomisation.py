@@ -1,64 +1,48 @@
 """Conditions: draws of the randomised parameters (paper, tables I and II), from the configuration."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-# Parameters that every scene understands, in SI units: kg, 1, 1, m, m.
-CONDITION_PARAMETERS = (
-    "mass",
-    "friction_x",
-    "friction_y",
-    "friction_torsional",
-    "friction_rolling",
-)
-# Drawn anew for every hit: where the object really lies is never quite where it was meant to lie.
-START_ERROR = "start_error"
+from slapshot.config.randomisation import CONDITION_PARAMETERS, Draw, Draws
 
 
 def draw_conditions(
-    randomisation: Mapping[str, Mapping[str, Any]], count: int, rng: np.random.Generator
+    randomisation: Draws, count: int, rng: np.random.Generator
 ) -> dict[str, NDArray[np.float64]]:
     """Parameter -> (count,) values.
 
     Args:
-        randomisation: parameter -> {uniform: [low, high]} or {normal: [mean, sd]}, with `times` naming
-            another parameter that scales the draw (friction_y is drawn as a multiple of friction_x).
+        randomisation: what each parameter is drawn from; friction_y as a multiple of friction_x, say.
         count: how many conditions.
         rng: source of randomness.
     """
     values: dict[str, NDArray[np.float64]] = {}
     for name in CONDITION_PARAMETERS:
-        values[name] = _draw(randomisation[name], count, rng)
-        factor = randomisation[name].get("times")
-        if factor is not None:
-            values[name] = values[name] * values[factor]
+        draw = randomisation.of_parameter(name)
+        values[name] = _draw(draw, count, rng)
+        if draw.times is not None:
+            values[name] = values[name] * values[draw.times]
     return values
 
 
-def draw_start_errors(
-    randomisation: Mapping[str, Mapping[str, Any]], count: int, rng: np.random.Generator
-) -> NDArray[np.float64]:
-    """(count, 2) displacements in m of the object from where it was meant to lie."""
-    spec = randomisation[START_ERROR]
-    return np.stack([_draw(spec, count, rng), _draw(spec, count, rng)], axis=1)
+def draw_start_errors(start_error: Draw, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """(count, 2) displacements in m of the object from where it was meant to lie.
+
+    Drawn anew for every hit: where the object really lies is never quite where it was meant to lie.
+    """
+    return np.stack([_draw(start_error, count, rng), _draw(start_error, count, rng)], axis=1)
 
 
-def middle_condition(randomisation: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+def middle_condition(randomisation: Draws) -> dict[str, float]:
     """The mean of every parameter: what a named condition leaves unsaid."""
     values: dict[str, float] = {}
     for name in CONDITION_PARAMETERS:
-        spec = randomisation[name]
-        mean = float(np.mean(spec["uniform"])) if "uniform" in spec else float(spec["normal"][0])
-        factor = spec.get("times")
-        values[name] = mean * values[factor] if factor is not None else mean
+        draw = randomisation.of_parameter(name)
+        mean = draw.numbers[0] if draw.uniform is None else float(np.mean(draw.uniform))
+        values[name] = mean if draw.times is None else mean * values[draw.times]
     return values
 
 
-def _draw(spec: Mapping[str, Any], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    draw, (first, second) = (
-        (rng.uniform, spec["uniform"]) if "uniform" in spec else (rng.normal, spec["normal"])
-    )
-    return draw(first, second, count)
+def _draw(draw: Draw, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    law = rng.normal if draw.uniform is None else rng.uniform
+    return law(*draw.numbers, count)

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from slapshot.store.normalised_source import read_source
 
-# Libraries that show things to people and compute nothing.
-SHOWING_LIBRARIES = frozenset({"rich", "tqdm"})
+# Libraries that show things to people, or refuse what they say, and compute nothing.
+NEUTRAL_LIBRARIES = frozenset({"pydantic", "rich", "tqdm"})
 
 
 def code_digest(*modules: str) -> str:
@@ -67,14 +67,14 @@ def module_closure(*modules: str) -> dict[str, Path]:
 def imported_libraries(*modules: str) -> set[str]:
     """Distributions that the modules and all of their closure import, wherever they do it.
 
-    Those that only show things to people are left out.
+    Those that compute nothing are left out.
     """
     tops = {
         name.split(".")[0]
         for module, path in module_closure(*modules).items()
         for name in read_source(module, path).imports
     }
-    return {library for top in tops for library in _distributions().get(top, ())} - SHOWING_LIBRARIES
+    return {library for top in tops for library in _distributions().get(top, ())} - NEUTRAL_LIBRARIES
 
 
 def find_source(name: str) -> Path | None:

@@ -4,12 +4,13 @@ What cannot stays out of the digest, so that no result is made again for its sak
 
 - comments, layout and docstrings;
 - imports for type checkers alone;
-- the names of NEUTRAL, which show progress, end stages and keep results, but compute none: a module whose
-  import of them is all that it knows of the code behind them does not depend on that code; any other name
-  of the same modules counts like that of any module;
-- what is said: statements of a module's logger, what `progress` says of the steps that it shows, and the
-  messages of InputError, which ends a stage. What a message evaluates counts unless it plainly changes
-  nothing: of a generator that a logger uses up nothing is left for the result.
+- the names of NEUTRAL, which check values, show progress, end stages and keep results, but compute none: a
+  module whose import of them is all that it knows of the code behind them does not depend on that code; any
+  other name of the same modules counts like that of any module;
+- what is said: statements of a module's logger, what `progress` says of the steps that it shows, the messages
+  of InputError and ProblemAtError, which end a stage, and what `Field` of pydantic describes. What a message
+  of a logger evaluates counts unless it plainly changes nothing: of a generator that a logger uses up nothing
+  is left for the result.
 
 Messages of other exceptions count: a stage may note why something failed. tests/store/test_essence.py holds
 the package to all that.
@@ -33,9 +34,22 @@ NEUTRAL = {
     "slapshot.errors.writing": "raises InputError, or does nothing",
     "slapshot.progress.progress": "yields what it is given, unchanged",
     "slapshot.store.code_dependencies.find_source": "finds a module, whose own code is in the recipe",
+    "slapshot.validation.LABEL": "refuses texts",
+    "slapshot.validation.LONGEST_NAME": "refuses names",
+    "slapshot.validation.Model": "holds values as they were read, or refuses them",
+    "slapshot.validation.NAME": "refuses names",
+    "slapshot.validation.ProblemAtError": "ends a stage, so that there is no result",
+    "slapshot.validation.TITLE": "refuses texts",
+    "slapshot.validation.key_of": "shows a place in a message",
+    "slapshot.validation.read_json": "reads what stands there, or raises InputError",
+    "slapshot.validation.short": "shows a value in a message",
+    "slapshot.validation.validated": "holds values as they were read, or raises InputError",
+    "slapshot.validation.validated_part": "holds values as they were read, or raises ProblemAtError",
+    "slapshot.validation.values_of": "gives the values that a model holds",
 }
 
-_PROGRESS, _INPUT_ERROR = "slapshot.progress.progress", "slapshot.errors.InputError"
+_PROGRESS, _FIELD = "slapshot.progress.progress", "pydantic.Field"
+_ENDING = ("slapshot.errors.InputError", "slapshot.validation.ProblemAtError")
 _IMPORTING = {"import_module", "find_spec"}  # a library whose files are read counts like one that is run
 _LEVELS = {"debug", "info", "warning", "error", "exception", "critical"}
 _PLAIN_CALLS = {"len", "round", "str", "repr"}
@@ -91,7 +105,7 @@ class _Essence(ast.NodeTransformer):
     def __init__(self, module: str, path: Path, tree: ast.Module) -> None:
         self.imports: list[str] = []
         self._module, self._path = module, path
-        imported: dict[str, set[str]] = {_PROGRESS: set(), _INPUT_ERROR: set()}
+        imported: dict[str, set[str]] = {name: set() for name in (_PROGRESS, _FIELD, *_ENDING)}
         bound: Counter[str] = Counter()
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom):
@@ -104,7 +118,8 @@ class _Essence(ast.NodeTransformer):
         # A name that something else is called, too, is not taken for what it is elsewhere.
         self._loggers = {name for node in tree.body for name in _loggers(node) if bound[name] == 1}
         self._progress = {name for name in imported[_PROGRESS] if not bound[name]}
-        self._input_error = {name for name in imported[_INPUT_ERROR] if not bound[name]}
+        self._field = {name for name in imported[_FIELD] if not bound[name]}
+        self._ending = {name for error in _ENDING for name in imported[error] if not bound[name]}
 
     def _base(self, node: ast.ImportFrom) -> str:
         return _absolute("." * node.level + (node.module or ""), self._module, self._path)
@@ -163,12 +178,14 @@ class _Essence(ast.NodeTransformer):
         called = getattr(node.func, "attr", getattr(node.func, "id", None))
         if called in _IMPORTING and node.args and isinstance(node.args[0], ast.Constant):
             self.imports.append(str(node.args[0].value))
+        if isinstance(node.func, ast.Name) and called in self._field:
+            node.keywords = [keyword for keyword in node.keywords if keyword.arg != "description"]
         shown = isinstance(node.func, ast.Name) and called in self._progress and node.args
         return node.args[0] if shown and _is_plain(*node.args[1:], *node.keywords) else node
 
     def visit_Raise(self, node: ast.Raise) -> ast.AST:
         error = node.exc
-        if isinstance(error, ast.Call) and getattr(error.func, "id", None) in self._input_error:
+        if isinstance(error, ast.Call) and getattr(error.func, "id", None) in self._ending:
             return ast.Raise(ast.Call(error.func, [], []), None)
         return self.generic_visit(node)
 

@@ -7,9 +7,13 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import BaseModel
 
 from slapshot.store.code_dependencies import code_digest, imported_libraries
+
+M = TypeVar("M", bound=BaseModel)
 
 SCHEMA_VERSION = 1
 ID_LENGTH = 12
@@ -48,6 +52,10 @@ class Recipe:
                 "files": dict(self.files),
             }
         )
+
+    def settings(self, model: type[M]) -> M:
+        """What the stage is told, as the plan said it."""
+        return model.model_validate_json(json.dumps(self.config))
 
     @property
     def id(self) -> str:

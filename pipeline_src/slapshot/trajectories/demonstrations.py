@@ -2,7 +2,7 @@
 
 import logging
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from slapshot.command import Run, stage_command
+from slapshot.config.trajectories import DemonstrationsSettings
 from slapshot.errors import InputError
 from slapshot.parquet import table_writer
 from slapshot.progress import progress
@@ -26,12 +27,12 @@ _ROWS_PER_GROUP = 8192
 
 def produce(run: Run) -> None:
     """Write demonstrations.parquet: a row each safe demonstration, its task and its waypoints (rad)."""
-    settings = run.config
+    settings = run.settings(DemonstrationsSettings)
     scene = Scene.load(run.inputs["scene"])
-    blocks = -(-settings["count"] // _BLOCK)
+    blocks = -(-settings.count // _BLOCK)
     refused: Counter[str] = Counter()
     accepted = 0
-    with _Writer(run.out / "demonstrations.parquet", settings["waypoints"] * scene.info.commands) as writer:
+    with _Writer(run.out / "demonstrations.parquet", settings.waypoints * scene.info.commands) as writer:
         for found, reasons in progress(_blocks(scene, settings, blocks), blocks, "demonstrations"):
             writer.add(found)
             accepted += len(found)
@@ -46,12 +47,12 @@ def produce(run: Run) -> None:
 
 
 def _blocks(
-    scene: Scene, settings: Mapping[str, Any], blocks: int
+    scene: Scene, settings: DemonstrationsSettings, blocks: int
 ) -> Iterator[tuple[list[dict[str, Any]], list[str]]]:
     """Safe demonstrations, and why the other tasks were refused, block by block."""
-    domain = load_domain(settings["domain"])
-    check = load_part(settings["domain"], "safety").SafetyCheck(scene)
-    rng = np.random.default_rng(settings["seed"])
+    domain = load_domain(settings.domain)
+    check = load_part(settings.domain, "safety").SafetyCheck(scene)
+    rng = np.random.default_rng(settings.seed)
     for _ in range(blocks):
         tasks = [domain.draw_task(settings, rng) for _ in range(_BLOCK)]
         found, reasons = [], []
@@ -59,7 +60,7 @@ def _blocks(
             if waypoints is None:
                 reasons.append("out of reach")
                 continue
-            report = check.report(Motion.through(waypoints, settings["duration_s"]))
+            report = check.report(Motion.through(waypoints, settings.duration_s))
             if report.safe:
                 found.append({**task, "waypoints": waypoints.ravel()})
             else:

@@ -2,13 +2,12 @@
 
 import logging
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import pandas as pd
 import torch
 
 from slapshot.command import Run, stage_command
+from slapshot.config.trajectories import TrajectoryModelSettings
 from slapshot.parquet import read_table
 from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
@@ -21,7 +20,7 @@ _HELD_OUT = 10  # every tenth demonstration measures, the others train
 
 def produce(run: Run) -> None:
     """Write the model and quality.csv (measure, dimension, value)."""
-    settings = run.config
+    settings = run.settings(TrajectoryModelSettings)
     torch.set_num_threads(1)  # layers this small only lose time between threads
     scene = Scene.load(run.inputs["scene"])
     column = read_table(run.inputs["demonstrations"] / "demonstrations.parquet")["waypoints"]
@@ -31,9 +30,9 @@ def produce(run: Run) -> None:
     sizes = VaeSizes(
         waypoints=flat.shape[1] // joints,
         joints=joints,
-        latent=settings["latent"],
-        hidden=tuple(settings["hidden"]),
-        duration=settings["duration_s"],
+        latent=settings.latent,
+        hidden=settings.hidden,
+        duration=settings.duration_s,
     )
     held_out = torch.arange(len(flat)) % _HELD_OUT == 0
     model = train(flat[~held_out], sizes, settings)
@@ -44,22 +43,22 @@ def produce(run: Run) -> None:
         log.info("%s %s: %.4g", row.measure, row.dimension, row.value)
 
 
-def train(flat: torch.Tensor, sizes: VaeSizes, settings: Mapping[str, Any]) -> TrajectoryVae:
+def train(flat: torch.Tensor, sizes: VaeSizes, settings: TrajectoryModelSettings) -> TrajectoryVae:
     """Fit a VAE to flat waypoints (count, waypoints * joints) in rad."""
-    generator = torch.Generator().manual_seed(settings["seed"])
+    generator = torch.Generator().manual_seed(settings.seed)
     with torch.random.fork_rng():
-        torch.manual_seed(settings["seed"])  # nn.Linear draws from the global generator only
+        torch.manual_seed(settings.seed)  # nn.Linear draws from the global generator only
         model = TrajectoryVae(sizes)
     model.set_normalisation(flat)
-    optimiser = torch.optim.Adam(model.parameters(), lr=settings["learning_rate"])
-    steps, batch = settings["steps"], min(settings["batch"], len(flat))
+    optimiser = torch.optim.Adam(model.parameters(), lr=settings.learning_rate)
+    steps, batch = settings.steps, min(settings.batch, len(flat))
     schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, settings["learning_rate"], total_steps=steps, pct_start=0.1
+        optimiser, settings.learning_rate, total_steps=steps, pct_start=0.1
     )
     for step in progress(range(steps), steps, "trajectory VAE"):
         # The likelihood is sharpened slowly: at full sharpness from the start the latent folds.
         share = min(1.0, step / (0.5 * steps))
-        noise = settings["noise"] * math.exp((1 - share) * math.log(30.0))
+        noise = settings.noise * math.exp((1 - share) * math.log(30.0))
         rows = torch.randint(len(flat), (batch,), generator=generator)
         reconstruction, divergence = model.loss(flat[rows], noise, generator)
         optimiser.zero_grad()

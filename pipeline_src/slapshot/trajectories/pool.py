@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.command import Run, stage_command
+from slapshot.config.trajectories import SwingsSettings
 from slapshot.errors import InputError
 from slapshot.parquet import write_table
 from slapshot.progress import progress
@@ -41,16 +42,16 @@ class Execute(Protocol):
 
 def produce(run: Run) -> None:
     """Write the pool, latents.parquet for people, and refused.json (reason -> count)."""
-    settings = run.config
+    settings = run.settings(SwingsSettings)
     scene = Scene.load(run.inputs["scene"])
     model = TrajectoryVae.load(run.inputs["trajectory_model"])
-    rng = np.random.default_rng(settings["seed"])
-    check = load_part(settings["domain"], "safety").SafetyCheck(scene)
-    execute: Execute = load_part(settings["domain"], "execution").execute
+    rng = np.random.default_rng(settings.seed)
+    check = load_part(settings.domain, "safety").SafetyCheck(scene)
+    execute: Execute = load_part(settings.domain, "execution").execute
     refused: dict[str, int] = {}
     parts: list[Swings] = []
     for index, split in enumerate(SPLITS):
-        latents = _draw_latents(settings[split], split, model, check, rng, refused)
+        latents = _draw_latents(settings.count(split), split, model, check, rng, refused)
         executed, usable = execute(scene, model, latents, np.full(len(latents), index), run.cores)
         if not usable.all():
             refused[UNSAFE] = refused.get(UNSAFE, 0) + int((~usable).sum())

@@ -6,6 +6,7 @@ import logging
 import pandas as pd
 
 from slapshot.command import Run, stage_command
+from slapshot.config.results import ViewerSettings
 from slapshot.errors import InputError
 from slapshot.parquet import read_frame, write_table
 from slapshot.progress import progress
@@ -34,7 +35,8 @@ def produce(run: Run) -> None:
     Raises:
         InputError: there is no hit to show.
     """
-    counts = {source: run.config[source] for source in ("simulated", "recorded")}
+    settings = run.settings(ViewerSettings)
+    counts = {"simulated": settings.simulated, "recorded": settings.recorded}
     predictions = read_frame(run.inputs["predictions"] / "predictions.parquet")
     chosen = choose(predictions, counts)
     if chosen.empty:
@@ -42,15 +44,15 @@ def produce(run: Run) -> None:
     scene = Scene.load(run.inputs["scene"])
     stage, arm = Stage.of(scene), Arm(scene)
     (run.out / HITS_FOLDER).mkdir()
-    recordings = recording_folders(run.config["recordings"], run.inputs)
-    hits = read_hits(run.inputs, recordings, scene.info, chosen, predictions, run.config["domain"])
+    recordings = recording_folders(settings.recordings, run.inputs)
+    hits = read_hits(run.inputs, recordings, scene.info, chosen, predictions, settings.domain)
     rows = [
         write_hit(run.out, hit, arm, scene.info) for hit in progress(hits, len(chosen), "recordings of hits")
     ]
     write_scene(run.out, scene)
     hit_layout(stage).save(APPLICATION, run.out / LAYOUT_FILE)
     save_cards(run.out / CARDS_FILE, APPLICATION, scene_view(stage, distance=0.8))
-    index = {"application": APPLICATION, "domain": run.config["domain"], "hits": rows}
+    index = {"application": APPLICATION, "domain": settings.domain, "hits": rows}
     (run.out / INDEX_FILE).write_text(json.dumps(index, indent=1) + "\n")
     write_table(pd.DataFrame(rows), run.out / INDEX_TABLE)
     log.info("%d hits", len(rows))

@@ -9,6 +9,7 @@ from pathlib import Path
 from threading import Event
 from urllib.parse import urlsplit
 
+from slapshot.config.results import ViewerSettings
 from slapshot.errors import InputError
 from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe
@@ -61,7 +62,11 @@ def find_folders(recipes: Iterable[Recipe], make: str, store: Store) -> dict[str
         InputError: none is.
     """
     wanted = list(recipes)
-    made = {r.config["domain"]: store.folder(r.stage, r.id) for r in wanted if store.is_whole(r.stage, r.id)}
+    made = {
+        r.settings(ViewerSettings).domain: store.folder(r.stage, r.id)
+        for r in wanted
+        if store.is_whole(r.stage, r.id)
+    }
     if not made:
         missing = " and ".join(f"{recipe.stage}/{recipe.id}" for recipe in wanted)
         raise InputError(

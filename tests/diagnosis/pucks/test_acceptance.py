@@ -11,11 +11,14 @@ from pathlib import Path
 import pytest
 from slapshot import cli, plotting
 from slapshot.command import Run
-from slapshot.config import load_config, merge
+from slapshot.config.files import load_config
+from slapshot.config.lab import ConcealedEffect, StandIns
+from slapshot.config.trajectories import DemonstrationsSettings
 from slapshot.effects.catalogue import catalogue
 from slapshot.lab.__main__ import record
 from slapshot.lab.commands import Pool
 from slapshot.trajectories import demonstrations
+from slapshot.validation import values_of
 
 from .report_rules import contradictions
 
@@ -43,28 +46,27 @@ def make_recording(scene, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
         config = load_config()
-    cases = config["cases"]
-    lab = merge(config["domains"]["hockey"]["recordings"]["lab"]["lab"], cases["lab"])
-    name, truth = next(iter(lab["objects"].items()))
+    pool, lab = config.cases.pool, config.lab_of_cases
+    name, truth = next(iter(lab.objects.items()))
 
     def make(seed, conceals, hits, keep, out):
-        pool = {**cases["pool"], "count": hits}
         aside = folder / f"pool-{hits}"
         if not aside.exists():
             aside.mkdir()
-            settings = {"domain": "hockey", "seed": cases["seed"], **pool}
-            demonstrations.produce(Run(settings, {"scene": folder / "scene"}, aside, 2))
+            told = DemonstrationsSettings.from_parts(
+                pool, domain="hockey", seed=config.cases.seed, count=hits
+            )
+            demonstrations.produce(Run(values_of(told), {"scene": folder / "scene"}, aside, 2))
         file = aside / "demonstrations.parquet"
-        source = Pool.load(file, hits, pool["duration_s"], len(scene.info.joints))
-        concealed = [{"kind": kind, "displacement": size} for kind, size in conceals]
-        settings = {
-            **lab,
-            "objects": {name: truth},
-            "hits": hits,
-            "commands": "pool",
-            "concealed": concealed,
-            "keep": keep,
-        }
+        source = Pool.load(file, hits, pool.duration_s, len(scene.info.joints))
+        settings = StandIns.from_parts(
+            lab,
+            objects={name: truth},
+            hits=hits,
+            commands="pool",
+            concealed=[ConcealedEffect(kind=kind, displacement=size) for kind, size in conceals],
+            keep=keep,
+        )
         record(scene, source, settings, [seed, 0], out, cores=2)
         return out / "recording"
 

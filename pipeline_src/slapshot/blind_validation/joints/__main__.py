@@ -7,13 +7,14 @@ from slapshot.blind_validation.joints.measures import measures_of
 from slapshot.blind_validation.joints.page import write_page
 from slapshot.blind_validation.joints.score import COLUMNS, score
 from slapshot.command import Run, stage_command
+from slapshot.config.cases import JointScoreSettings
 from slapshot.diagnosis.verdict import read_verdict
 from slapshot.progress import progress
 
 
 def produce(run: Run) -> None:
     """Write cases.csv, proof.csv and proof_joints.md."""
-    conditions = run.config["cases"]
+    conditions = run.settings(JointScoreSettings).cases
     rows = []
     for case in progress(sorted(conditions), len(conditions), "scoring"):
         verdict = read_verdict(run.inputs[f"verdict/{case}"])

@@ -7,7 +7,7 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-from slapshot.config import load_config
+from slapshot.config.files import load_config
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.outputs import write_outputs
 from slapshot.diagnosis.pucks.report import terminal_text
@@ -70,7 +70,7 @@ def run_diagnose(args: argparse.Namespace) -> int:
 def _rig(args: argparse.Namespace) -> RigFile:
     if args.rig is not None:
         return read_rig(args.rig)
-    domains = load_config(args.config)["domains"]
+    domains = load_config(args.config).domains
     if args.domain not in domains:
         raise InputError(f"--domain: no domain {args.domain!r}; use one of: {', '.join(domains)}")
     return rig_of_domain(domains[args.domain])

@@ -9,22 +9,25 @@ effects: [my_package.my_effect]    # modules with effects of one's own (optional
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import mujoco
 import numpy as np
 from pydantic import ConfigDict, Field, create_model
 
+from slapshot.config.scene import Coordinate, SceneSettings
 from slapshot.diagnosis.pucks.result import Setting
 from slapshot.errors import InputError
 from slapshot.own_code import MODULE
-from slapshot.scenes.domain import load_domain, scene_settings
+from slapshot.scenes.domain import build_scene, load_domain, scene_settings
 from slapshot.scenes.randomisation import middle_condition
 from slapshot.scenes.scene import Scene
-from slapshot.scenes.settings import Coordinate, SceneSettings
 from slapshot.text import reason_of
 from slapshot.validation import Model, key_of, validated
 from slapshot.yaml_file import read_document
+
+if TYPE_CHECKING:  # a verdict does not depend on what else a domain may say
+    from slapshot.config.domain import Domain
 
 # Of dry solids: from sliding on ice or an air cushion to clean metal on itself.
 Friction = Annotated[float, Field(ge=1e-3, le=10, description="coefficient of friction")]
@@ -44,7 +47,7 @@ class SceneBlock(SceneSettings):
 class RigSettings(Model):
     """What a rig file may say."""
 
-    scene: SceneBlock = Field(description="block `scene` of a domain")
+    scene: SceneSettings = Field(description="block `scene` of a domain")
     friction: tuple[Friction, Friction, Torsional] = Field(
         description="nominal mu_x, mu_y, and torsional friction in m"
     )
@@ -84,13 +87,11 @@ def read_rig(file: Path) -> RigFile:
         return f"{document.where(loc)}: {key_of(loc)}"
 
     domain = load_domain(settings.scene.domain, where("scene", "domain"))
-    model = scene_settings(domain)
-    if model is not None:
-        # Of the whole file, so that what is wrong in the block has its place in it.
-        with_scene = create_model("RigOfDomain", __base__=RigSettings, scene=(model, ...))
-        validated(with_scene, document.values, document.where)
+    # Of the whole file, so that what is wrong in the block has its place in it.
+    of_domain = create_model("RigOfDomain", __base__=RigSettings, scene=(scene_settings(domain), ...))
+    checked: RigSettings = validated(of_domain, document.values, document.where)
     try:
-        scene = domain.build_scene(document.values["scene"])
+        scene = domain.build_scene(checked.scene)
         setting = setting_of(scene, settings.friction, settings.camera_m)
         scene.compile()
     except (Exception, SystemExit) as error:  # a domain may be anybody's code, and MuJoCo refuses much
@@ -107,10 +108,10 @@ def read_rig(file: Path) -> RigFile:
     return RigFile(scene, setting, effects)
 
 
-def rig_of_domain(domain: Mapping[str, Any]) -> RigFile:
+def rig_of_domain(domain: "Domain") -> RigFile:
     """The rig that a domain of a checked configuration describes."""
-    condition = middle_condition(domain["randomisation"])
-    scene = load_domain(domain["scene"]["domain"]).build_scene(domain["scene"])
+    condition = middle_condition(domain.randomisation)
+    scene = build_scene(domain.scene)
     friction = [condition[f"friction_{axis}"] for axis in ("x", "y", "torsional")]
     return RigFile(scene, setting_of(scene, friction))
 

@@ -6,6 +6,7 @@ Apart from the stage that writes the report, so that another figure does not tra
 from importlib.metadata import version
 
 from slapshot.command import Run, stage_command
+from slapshot.config.cases import DiagnosisSettings
 from slapshot.diagnosis.pucks.augmented import AUGMENTED, write_augmented
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.refit import write_refit
@@ -19,13 +20,12 @@ from slapshot.scenes.scene import Scene
 
 def produce(run: Run) -> None:
     """Write verdict.json, refit.json, and augmented/ where something is missing."""
+    settings = run.settings(DiagnosisSettings)
     scene = Scene.load(run.inputs["scene"])
-    import_effects(*run.config["effects"])
-    (folder,) = recording_folders(run.config["recordings"], run.inputs).values()
+    import_effects(*settings.effects)
+    (folder,) = recording_folders(settings.recordings, run.inputs).values()
     recording = read_recording(folder)
-    found = diagnose(
-        recording, setting_of(scene, run.config["friction"]), run.config["seed"], threads=run.cores
-    )
+    found = diagnose(recording, setting_of(scene, settings.friction), settings.seed, threads=run.cores)
     versions = {"slapshot": version("slapshot"), **{role: path.name for role, path in run.inputs.items()}}
     write_verdict(found.verdict, versions, run.out)
     write_refit(found, recording, run.out)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from slapshot.command import Run, stage_command
+from slapshot.config.cases import SignaturesSettings
 from slapshot.diagnosis.pucks.signatures import LOOK, make_signatures
 from slapshot.diagnosis.pucks.strikes import commands_through
 from slapshot.effects.catalogue import catalogue, import_effects
@@ -13,13 +14,14 @@ from slapshot.trajectories.motion import Motion
 
 def produce(run: Run) -> None:
     """Write signatures.safetensors."""
+    settings = run.settings(SignaturesSettings)
     scene = Scene.load(run.inputs["scene"])
-    import_effects(*run.config["effects"])
-    duration, rate = run.config["duration_s"], run.config["rate_hz"]
+    import_effects(*settings.effects)
+    duration, rate = settings.duration_s, settings.rate_hz
     waypoints = read_table(run.inputs["demonstrations"] / "demonstrations.parquet")["waypoints"]
     times = np.arange(round(duration * rate) + 1) / rate
     rows = []
-    for flat in waypoints.to_numpy()[: run.config["count"]]:
+    for flat in waypoints.to_numpy()[: settings.count]:
         motion = Motion.through(flat.reshape(-1, len(scene.info.joints)).astype(float), duration)
         rows.append(np.column_stack([times, motion.position(times)]))
     commands = commands_through(rows, scene, times[-1] + 2 * LOOK)

@@ -6,13 +6,13 @@ of its gripper, so this folder has its own parts: safety, execution and collecto
 What needs MuJoCo is imported when it is called: a check of `SceneSettings` alone must not need it.
 """
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.domains.fetchslide.settings import FetchSlideScene as SceneSettings
+from slapshot.config.scene import SceneSettings
+from slapshot.config.trajectories import ScriptedHits
 
 if TYPE_CHECKING:
     from slapshot.scenes.scene import Scene
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 __all__ = ["SceneSettings", "build_scene", "demonstrate", "draw_task"]
 
 
-def build_scene(settings: Mapping[str, Any]) -> "Scene":
+def build_scene(settings: SceneSettings) -> "Scene":
     """See model.build_scene."""
     from slapshot.domains.fetchslide import model
 
     return model.build_scene(settings)
 
 
-def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
+def draw_task(settings: ScriptedHits, rng: np.random.Generator) -> dict[str, float]:
     """See demonstrations.draw_task."""
     from slapshot.domains.fetchslide import demonstrations
 
@@ -35,7 +35,7 @@ def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str
 
 
 def demonstrate(
-    scene: "Scene", settings: Mapping[str, Any], tasks: list[dict[str, float]]
+    scene: "Scene", settings: ScriptedHits, tasks: list[dict[str, float]]
 ) -> list[NDArray[np.float64] | None]:
     """See demonstrations.demonstrate."""
     from slapshot.domains.fetchslide import demonstrations

@@ -6,11 +6,11 @@ environment's action.
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from slapshot.arrays import Array
+from slapshot.config.trajectories import ScriptedHits
 from slapshot.domains.fetchslide.model import CONTROL_PERIOD, FINGER_HALF_THICKNESS, GRIP_START, PUCK_RADIUS
 from slapshot.errors import InputError
 from slapshot.scenes.scene import Scene
@@ -23,28 +23,32 @@ LIFT = 0.008  # m, by which the fingers leave the table that they rest on at fir
 LIFTED_AT, BEHIND_AT, CONTACT_AT, STOPPED_AT = 0.2, 0.54, 0.79, 0.92
 
 
-def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
-    """Where the puck lies (m), a heading (rad), a speed of the gripper (m/s), and how far off centre (m)."""
-    x_low, x_high, y_low, y_high = settings["place_m"]
+def draw_task(settings: ScriptedHits, rng: np.random.Generator) -> dict[str, float]:
+    """Where the puck lies (m), a heading (rad), a speed of the gripper (m/s), and how far off centre (m).
+
+    Raises:
+        InputError: it is not said where pucks lie.
+    """
+    if settings.place_m is None:
+        raise InputError("key 'place_m' is missing; add it (where the puck lies, beside heading_rad)")
+    x_low, x_high, y_low, y_high = settings.place_m
     return {
         "x": rng.uniform(x_low, x_high),
         "y": rng.uniform(y_low, y_high),
-        "heading": rng.uniform(-settings["heading_rad"], settings["heading_rad"]),
-        "speed": rng.uniform(*settings["speed_m_s"]),
-        "contact_offset": rng.uniform(-1, 1) * settings["contact_offset_m"],
+        "heading": rng.uniform(-settings.heading_rad, settings.heading_rad),
+        "speed": rng.uniform(settings.speed_m_s[0], settings.speed_m_s[1]),
+        "contact_offset": rng.uniform(-1, 1) * settings.contact_offset_m,
     }
 
 
-def demonstrate(
-    scene: Scene, settings: Mapping[str, Any], tasks: list[dict[str, float]]
-) -> list[Array | None]:
+def demonstrate(scene: Scene, settings: ScriptedHits, tasks: list[dict[str, float]]) -> list[Array | None]:
     """Commands (waypoints, 3), one a control period; None where the gripper cannot go as fast as that.
 
     Raises:
         InputError: duration_s is not that of so many commands.
     """
-    count = settings["waypoints"]
-    if round(settings["duration_s"] / CONTROL_PERIOD) != count - 1:
+    count = settings.waypoints
+    if round(settings.duration_s / CONTROL_PERIOD) != count - 1:
         raise InputError(
             f"demonstrations.duration_s: {count} waypoints are commands {CONTROL_PERIOD} s apart; "
             f"write {(count - 1) * CONTROL_PERIOD:g}"

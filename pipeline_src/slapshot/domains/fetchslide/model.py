@@ -6,10 +6,9 @@ contacts, so that of what table I of the paper randomises only linear friction a
 """
 
 import importlib.util
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
+from slapshot.config.scene import SceneSettings
 from slapshot.errors import InputError
 from slapshot.scenes.scene import Scene, SceneInfo
 
@@ -44,7 +43,7 @@ FINGER_HALF_THICKNESS = 0.0135  # m, along x
 GRIP_START = (1.0130, 0.7492, 0.4155)
 
 
-def build_scene(settings: Mapping[str, Any]) -> Scene:
+def build_scene(settings: SceneSettings) -> Scene:
     """FetchSlide as it is; the block `scene` has nothing but the domain's name to say.
 
     Raises:

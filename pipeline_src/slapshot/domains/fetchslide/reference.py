@@ -1,6 +1,7 @@
 """FetchSlide's own step loop, patched where it no longer runs: what the collector is held against."""
 
 from types import ModuleType
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -48,7 +49,7 @@ def environment_rests(swings: Swings, hits: Hits, seed: int = 0) -> Array:
     return rests
 
 
-def make_environment():  # type: ignore[no-untyped-def]
+def make_environment() -> Any:
     """A MujocoFetchSlideEnv whose four joint helpers work on MuJoCo 3.12 and later."""
     from gymnasium_robotics.envs.fetch.slide import MujocoFetchSlideEnv
     from gymnasium_robotics.utils import mujoco_utils

@@ -4,15 +4,13 @@ The wrist moves along the heading at constant height while axis 6 swings the sti
 that the blade is vertical, at its lowest and at full speed where it meets the puck.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import mujoco
 import numpy as np
 from dm_control import mujoco as dm_mujoco
 from dm_control.utils import inverse_kinematics
 
 from slapshot.arrays import Array
+from slapshot.config.trajectories import ScriptedHits
 from slapshot.domains.hockey.model import BLADE_HALF_SIZE, STICK_LENGTH, WRIST_TO_FLANGE
 from slapshot.scenes.scene import Scene
 
@@ -26,21 +24,19 @@ CONTACT_AT = 0.75  # of the duration, the rest being follow-through, short so th
 IK_TOLERANCE = 1e-6
 
 
-def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:
+def draw_task(settings: ScriptedHits, rng: np.random.Generator) -> dict[str, float]:
     """A heading (rad), a blade speed at contact (m/s) and a contact point along the blade (m)."""
     return {
-        "heading": rng.uniform(-settings["heading_rad"], settings["heading_rad"]),
-        "speed": rng.uniform(*settings["speed_m_s"]),
-        "contact_offset": rng.uniform(-1, 1) * settings["contact_offset_m"],
+        "heading": rng.uniform(-settings.heading_rad, settings.heading_rad),
+        "speed": rng.uniform(settings.speed_m_s[0], settings.speed_m_s[1]),
+        "contact_offset": rng.uniform(-1, 1) * settings.contact_offset_m,
     }
 
 
-def demonstrate(
-    scene: Scene, settings: Mapping[str, Any], tasks: list[dict[str, float]]
-) -> list[Array | None]:
+def demonstrate(scene: Scene, settings: ScriptedHits, tasks: list[dict[str, float]]) -> list[Array | None]:
     """Waypoints (waypoints, 7) in rad at equal times over the duration, None where out of reach."""
     physics = dm_mujoco.Physics.from_xml_string(scene.xml)
-    travel = blade_travel(settings["waypoints"], settings["duration_s"])
+    travel = blade_travel(settings.waypoints, settings.duration_s)
     return [_solve(physics, scene, task, travel) for task in tasks]
 
 

@@ -4,15 +4,14 @@ World frame: right-handed, z up, origin where the robot's axis 1 meets the board
 board. Lengths in metres, masses in kilograms, angles in radians unless a name says otherwise.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from dm_control import mjcf
 
 from slapshot.arrays import GRAVITY
-from slapshot.domains.hockey.settings import PuckName
+from slapshot.config.scene import HockeySettings, PuckName
 from slapshot.scenes.scene import Scene, SceneInfo
 
 ARM_XML = Path(__file__).with_name("kuka_lbr4plus.xml")
@@ -74,14 +73,14 @@ PUCKS: dict[PuckName, Puck] = {
 }
 
 
-def build_scene(settings: Mapping[str, Any]) -> Scene:
+def build_scene(settings: HockeySettings) -> Scene:
     """The hockey scene for the `scene` block of a configuration.
 
     Args:
-        settings: as HockeyScene has them; the contact plane has no edge.
+        settings: the contact plane has no edge.
 
     """
-    puck = PUCKS[settings["puck"]]
+    puck = PUCKS[settings.puck]
     info = SceneInfo(
         joints=tuple(f"q{i}" for i in range(7)),
         commands=7,
@@ -94,7 +93,7 @@ def build_scene(settings: Mapping[str, Any]) -> Scene:
         striker_site="blade",
         striker_half_thickness=BLADE_HALF_SIZE[0],
         clearance_geoms=("blade", "shaft", "link5", "link6", "link7"),
-        start=(settings["start_m"][0], settings["start_m"][1]),
+        start=(settings.start_m[0], settings.start_m[1]),
         servo_time=SERVO_TIME,
         torque_limits=TORQUE_LIMITS,
         speed_limits=SPEED_LIMITS,
@@ -103,7 +102,7 @@ def build_scene(settings: Mapping[str, Any]) -> Scene:
     return Scene(xml=build_mjcf(puck, settings).to_xml_string(), info=info)
 
 
-def build_mjcf(puck: Puck, settings: Mapping[str, Any]) -> mjcf.RootElement:
+def build_mjcf(puck: Puck, settings: HockeySettings) -> mjcf.RootElement:
     """The whole scene as an MJCF tree that can still be changed.
 
     Only two contacts exist, puck on board and puck against blade; everything else is checked
@@ -111,14 +110,14 @@ def build_mjcf(puck: Puck, settings: Mapping[str, Any]) -> mjcf.RootElement:
     """
     root = mjcf.from_path(str(ARM_XML))
     root.model = "hockey"
-    root.option.timestep = settings["timestep_s"]
+    root.option.timestep = settings.timestep_s
     root.option.cone = "elliptic"
     root.option.integrator = "implicitfast"
     root.option.gravity = (0.0, 0.0, -GRAVITY)
     _add_servos(root)
     _add_stick(root)
     _add_board(root, settings)
-    _add_puck(root, puck, settings["start_m"])
+    _add_puck(root, puck, settings.start_m)
     _add_contacts(root)
     _add_pictures(root, settings)
     return root
@@ -166,12 +165,12 @@ def _add_stick(root: mjcf.RootElement) -> None:
     blade.add("site", name="blade", size=(0.004,), rgba=(0, 0, 0, 0))
 
 
-def _add_board(root: mjcf.RootElement, settings: Mapping[str, Any]) -> None:
+def _add_board(root: mjcf.RootElement, settings: HockeySettings) -> None:
     root.worldbody.add(
         "geom",
         name="board",
         type="plane",
-        size=(settings["board_m"][0], settings["board_m"][1], 0.1),
+        size=(settings.board_m[0], settings.board_m[1], 0.1),
         contype=0,
         conaffinity=0,
         rgba=(0, 0, 0, 0),
@@ -223,9 +222,9 @@ def _add_contacts(root: mjcf.RootElement) -> None:
     )
 
 
-def _add_pictures(root: mjcf.RootElement, settings: Mapping[str, Any]) -> None:
+def _add_pictures(root: mjcf.RootElement, settings: HockeySettings) -> None:
     """Ceiling camera, one to look at the set-up, lights, and the whiteboard that one sees."""
-    centre = (settings["start_m"][0] + settings["board_m"][0] / 2 - 0.4, 0.0)
+    centre = (settings.start_m[0] + settings.board_m[0] / 2 - 0.4, 0.0)
     root.worldbody.add("camera", name="ceiling", pos=(*centre, 3.7), xyaxes=(0, -1, 0, 1, 0, 0), fovy=50)
     root.worldbody.add(
         "camera",
@@ -248,7 +247,7 @@ def _add_pictures(root: mjcf.RootElement, settings: Mapping[str, Any]) -> None:
         name="whiteboard",
         type="box",
         pos=(*centre, -0.011),
-        size=(settings["board_m"][0] / 2, settings["board_m"][1] / 2, 0.01),
+        size=(settings.board_m[0] / 2, settings.board_m[1] / 2, 0.01),
         contype=0,
         conaffinity=0,
         mass=0,

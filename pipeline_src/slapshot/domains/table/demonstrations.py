@@ -1,10 +1,10 @@
 """The part of a domain that the table lacks: there is no arm, so that nothing can be demonstrated."""
 
-from collections.abc import Mapping
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
+from slapshot.config.trajectories import ScriptedHits
 from slapshot.errors import InputError
 from slapshot.scenes.scene import Scene
 
@@ -14,7 +14,7 @@ _NO_ARM = (
 )
 
 
-def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> NoReturn:
+def draw_task(settings: ScriptedHits, rng: np.random.Generator) -> NoReturn:
     """Refused.
 
     Raises:
@@ -23,7 +23,7 @@ def draw_task(settings: Mapping[str, Any], rng: np.random.Generator) -> NoReturn
     raise InputError(_NO_ARM)
 
 
-def demonstrate(scene: Scene, settings: Mapping[str, Any], tasks: list[dict[str, float]]) -> NoReturn:
+def demonstrate(scene: Scene, settings: ScriptedHits, tasks: list[dict[str, float]]) -> NoReturn:
     """Refused.
 
     Raises:

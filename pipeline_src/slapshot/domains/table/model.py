@@ -7,18 +7,17 @@ Who hit it is not modelled: what `SceneInfo` says of an arm is empty.
 """
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 from dm_control import mjcf
 
 from slapshot.arrays import GRAVITY
+from slapshot.domains.table.settings import TableScene
 from slapshot.scenes.scene import Scene, SceneInfo
 
 CONTROL_PERIOD = 0.001  # s; nothing is commanded, but simulated tracks are sampled in whole periods
 
 
-def build_scene(settings: Mapping[str, Any]) -> Scene:
+def build_scene(settings: TableScene) -> Scene:
     """The table scene for the `scene` block of a configuration.
 
     Later stages know an object by the radius of a disc. The box gets that of the disc whose footprint has
@@ -29,10 +28,10 @@ def build_scene(settings: Mapping[str, Any]) -> Scene:
     slide without spin is the same. Nor can a disc say which way the edges lie.
 
     Args:
-        settings: as TableScene has them; a condition draws a mass of its own, and the contact plane has no
+        settings: a condition draws a mass of its own, and the contact plane has no
             edge.
     """
-    size = settings["size_m"]
+    size = settings.size_m
     info = SceneInfo(
         joints=(),
         commands=0,
@@ -45,7 +44,7 @@ def build_scene(settings: Mapping[str, Any]) -> Scene:
         striker_site="no_striker",
         striker_half_thickness=0.0,
         clearance_geoms=(),
-        start=(settings["start_m"][0], settings["start_m"][1]),
+        start=(settings.start_m[0], settings.start_m[1]),
         servo_time=0.0,
         torque_limits=(),
         speed_limits=(),
@@ -62,15 +61,15 @@ def disc_radius(a: float, b: float) -> float:
     return math.sqrt((a**2 + b**2) / 6)
 
 
-def build_mjcf(settings: Mapping[str, Any]) -> mjcf.RootElement:
+def build_mjcf(settings: TableScene) -> mjcf.RootElement:
     """The whole scene as an MJCF tree that can still be changed."""
     root = mjcf.RootElement(model="table")
-    root.option.timestep = settings["timestep_s"]
+    root.option.timestep = settings.timestep_s
     root.option.cone = "elliptic"
     root.option.integrator = "implicitfast"
     root.option.gravity = (0.0, 0.0, -GRAVITY)
     no_contact = {"contype": 0, "conaffinity": 0}
-    table = (*settings["table_m"], 0.1)
+    table = (*settings.table_m, 0.1)
     root.worldbody.add("geom", name="table", type="plane", size=table, rgba=(0, 0, 0, 0), **no_contact)
     # A scene's layout looks a striker's site up by its name, so there is one, with nothing to it.
     root.worldbody.add("site", name="no_striker", size=(0.004,), rgba=(0, 0, 0, 0))
@@ -89,9 +88,9 @@ def build_mjcf(settings: Mapping[str, Any]) -> mjcf.RootElement:
     return root
 
 
-def _add_box(root: mjcf.RootElement, settings: Mapping[str, Any]) -> None:
+def _add_box(root: mjcf.RootElement, settings: TableScene) -> None:
     """The box moves in x, y, z and yaw: it may hop, it does not tip."""
-    (a, b, height), (x, y) = settings["size_m"], settings["start_m"]
+    (a, b, height), (x, y) = settings.size_m, settings.start_m
     body = root.worldbody.add("body", name="box", pos=(x, y, height / 2))
     for axis, direction in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
         body.add("joint", name=f"box_{axis}", type="slide", axis=direction)
@@ -101,16 +100,16 @@ def _add_box(root: mjcf.RootElement, settings: Mapping[str, Any]) -> None:
         name="box",
         type="box",
         size=(a / 2, b / 2, height / 2),
-        mass=settings["mass_kg"],
+        mass=settings.mass_kg,
         contype=0,
         conaffinity=0,
         rgba=(0.72, 0.53, 0.33, 1.0),
     )
 
 
-def _add_pictures(root: mjcf.RootElement, settings: Mapping[str, Any]) -> None:
+def _add_pictures(root: mjcf.RootElement, settings: TableScene) -> None:
     """A camera above, a light, and the table that one sees."""
-    (x, y), (length, width) = settings["start_m"], settings["table_m"]
+    (x, y), (length, width) = settings.start_m, settings.table_m
     root.worldbody.add("camera", name="ceiling", pos=(x, y, 3.0), xyaxes=(0, -1, 0, 1, 0, 0), fovy=50)
     root.worldbody.add("light", pos=(x, y, 3.0), dir=(0, 0, -1), diffuse=(0.7, 0.7, 0.7))
     root.worldbody.add(

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from slapshot.scenes.settings import Coordinate, Extent, SceneSettings, Timestep
+from slapshot.config.scene import Coordinate, Extent, SceneSettings, Timestep
 
 # What is lighter than air floats; nothing on a table is denser than osmium.
 AIR, OSMIUM = 1.2, 22600.0  # kg/m^3

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
+from slapshot.config.scene import SceneSettings
 from slapshot.domains.fetchslide.model import FINGER_JOINTS, GRIPPER, STEP
 from slapshot.lab.joints.execution import Execution
 
@@ -70,7 +71,7 @@ def reset_state() -> dict[str, tuple[float, float]]:
     from slapshot.domains.fetchslide import build_scene
     from slapshot.domains.fetchslide.gripper import prepare
 
-    model = build_scene({}).compile()
+    model = build_scene(SceneSettings(domain="fetchslide")).compile()
     positions, velocities = prepare(model)
     return {
         model.joint(i).name: (positions[model.jnt_qposadr[i]], velocities[model.jnt_dofadr[i]])

@@ -1,8 +1,9 @@
 """What a case is to be; apart from what makes it, so that lists are read without MuJoCo."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Literal
+
+from slapshot.validation import Model
 
 Colour = Literal["white", "ou20", "ou100"]
 
@@ -43,13 +44,8 @@ class Order:
     episodes: int = 20
     seconds: float = 3.0
 
-    def to_config(self) -> dict[str, Any]:
-        """As a recipe holds it; `of_config` reads it."""
-        return asdict(self) | {"conceals": [list(one) for one in self.conceals]}
 
-    @classmethod
-    def of_config(cls, config: Mapping[str, Any]) -> "Order":
-        """From a recipe."""
-        values = dict(config)
-        conceals = tuple((kind, size) for kind, size in values.pop("conceals"))
-        return cls(**values | {"conceals": conceals, "condition": Condition(**values["condition"])})
+class JointCaseSettings(Model):
+    """What the stage `joint_case` is told."""
+
+    order: Order

@@ -7,12 +7,15 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from slapshot.config.scene import HockeySettings, SceneSettings
 from slapshot.errors import InputError
 from slapshot.lab.joints.rig import Clock, Rig
 
 # MuJoCo's Runge-Kutta method of fourth order is exact to 0.01 mrad with it, and implicitfast is not.
 _TIMESTEP = 0.0025  # s, of nominal models
-_HOCKEY = {"puck": "inline", "timestep_s": _TIMESTEP, "start_m": [0.55, 0.0], "board_m": [2.4, 1.2]}
+_HOCKEY = HockeySettings(
+    domain="hockey", puck="inline", timestep_s=0.001, start_m=(0.55, 0.0), board_m=(2.4, 1.2)
+)
 
 
 def _pendulum() -> Rig:
@@ -58,6 +61,7 @@ def _kuka() -> Rig:
         spec.delete(spec.geom(name))
     spec.modelname = "kuka"
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    spec.option.timestep = _TIMESTEP  # longer than any that resolves a contact with the puck
     spec.compile()
     return Rig(
         name="kuka",
@@ -83,7 +87,7 @@ def _fetchslide_arm() -> Rig:
     from slapshot.domains.fetchslide.model import GRIPPER
     from slapshot.lab.joints.gripper import reset_state
 
-    scene = build_scene({})
+    scene = build_scene(SceneSettings(domain="fetchslide"))
     included = {name: text for name, text in scene.assets.items() if name.endswith(".xml")}
     spec = mujoco.MjSpec.from_string(scene.xml, include=included, assets=dict(scene.assets))
     for body in list(spec.worldbody.bodies):

@@ -8,14 +8,14 @@ from typing import Any
 
 from slapshot.command import Run, stage_command
 from slapshot.lab.joints.case import make
-from slapshot.lab.joints.order import Order
+from slapshot.lab.joints.order import JointCaseSettings, Order
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.signals import write_signals
 
 
 def produce(run: Run) -> None:
     """Write recording/ (format 2), rig.yaml and model.xml, which it names, and sealed/truth.json."""
-    record(Order.of_config(run.config), run.out)
+    record(run.settings(JointCaseSettings).order, run.out)
 
 
 def record(order: Order, out: Path) -> dict[str, Any]:
