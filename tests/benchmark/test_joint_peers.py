@@ -5,10 +5,10 @@ import numpy as np
 import pandas as pd
 from slapshot.benchmark.joint_peers import LINKS, RIG, SCENARIOS, fit_by_sysid, write_comparison
 from slapshot.calibration.rig_simulator import recorded, rig_simulator_named
-from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.recorded_trajectory import recorded_path
 from slapshot.diagnosis.rig import bind
+from slapshot.diagnosis.rig_motion import situation
 from slapshot.diagnosis.segments import cut
-from slapshot.diagnosis.situation import situation
 from slapshot.effects.joints.catalogue import instances
 from slapshot.lab.joints.rigs import nominal_model
 

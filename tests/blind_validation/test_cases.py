@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from slapshot.blind_validation.cases import Case, read_cases, write_cases
-from slapshot.blind_validation.conditions import LISTS, PLAIN, WEAK, draw_list
+from slapshot.blind_validation.lists import LISTS, PLAIN, WEAK, draw_list
 from slapshot.errors import InputError
 from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
 

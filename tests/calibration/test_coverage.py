@@ -6,8 +6,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from slapshot.calibration import stage_coverage_table, stage_law_intervals
 from slapshot.calibration.coverage import BENCHES, Law, drawn, intervals, laws
-from slapshot.calibration.coverage_table import coverage_aims, coverage_table
 from slapshot.calibration.rig_simulator import INTERVAL, Drive, recorded, rig_simulator_named
+from slapshot.calibration.stage_coverage_table import coverage_aims, coverage_table
 from slapshot.command import Run
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.segments import cut

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.calibration import stage_null_p_values, stage_null_table
-from slapshot.calibration.null_table import draw_nulls, null_aims, null_table
-from slapshot.calibration.nulls import noise_of, null_p_value
+from slapshot.calibration.stage_null_p_values import noise_of, null_p_value
+from slapshot.calibration.stage_null_table import draw_nulls, null_aims, null_table
 from slapshot.command import Run
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.claims import c5
-from slapshot.claims.samples import samples_needed, samples_to_reach
+from slapshot.claims.comparison import samples_needed, samples_to_reach
 
 from .conftest import Curve, decay, error_rows, times
 

@@ -14,10 +14,10 @@ from slapshot.diagnosis.fit import Fit, Fitter, possible, prior_of
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.linear import STEP_ERROR, Look
 from slapshot.diagnosis.noise import Noise, marginal_likelihood
-from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.recorded_trajectory import recorded_path
 from slapshot.diagnosis.rig import Rig, bind
+from slapshot.diagnosis.rig_motion import situation, torque_scale
 from slapshot.diagnosis.segments import Segments, cut
-from slapshot.diagnosis.situation import situation, torque_scale
 from slapshot.effects.joints.actuator_gain import ActuatorGain
 from slapshot.effects.joints.armature import Armature
 from slapshot.effects.joints.effect import JointEffect, Parameter

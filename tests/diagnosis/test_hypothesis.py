@@ -6,8 +6,8 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
 from slapshot.diagnosis.rig import Rig, bind
+from slapshot.diagnosis.rig_motion import situation
 from slapshot.diagnosis.segments import cut
-from slapshot.diagnosis.situation import situation
 from slapshot.effects.joints.command_delay import CommandDelay
 from slapshot.effects.joints.effect import JointEffect, Parameter, State
 from slapshot.effects.joints.joint_offset import JointOffset

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.law_error import Friction, Law, law_errors
-from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.recorded_trajectory import recorded_path
 from slapshot.diagnosis.rig import bind
+from slapshot.diagnosis.rig_motion import situation
 from slapshot.diagnosis.segments import cut
-from slapshot.diagnosis.situation import situation
 from slapshot.effects.joints.effect import Joint, Situation, State
 
 from .mechanisms import PENDULUM, joint, recording, told

@@ -11,8 +11,8 @@ from slapshot.diagnosis.free_forms import FreeForce, free_forms
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.linear import STEP_ERROR, Linearised, linearise, looks_at
 from slapshot.diagnosis.rig import Rig, bind
+from slapshot.diagnosis.rig_motion import situation
 from slapshot.diagnosis.segments import Segments, cut
-from slapshot.diagnosis.situation import situation
 from slapshot.effects.joints.actuator_gain import ActuatorGain
 from slapshot.effects.joints.actuator_lag import ActuatorLag
 from slapshot.effects.joints.armature import Armature

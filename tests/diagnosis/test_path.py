@@ -6,10 +6,10 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.linear import linearise
-from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.recorded_trajectory import recorded_path
 from slapshot.diagnosis.rig import Rig, bind
+from slapshot.diagnosis.rig_motion import situation, torque_scale
 from slapshot.diagnosis.segments import Segments, cut
-from slapshot.diagnosis.situation import situation, torque_scale
 from slapshot.recordings.channels import QUATERNION, Channel
 
 from .mechanisms import ARM, BRICK, CART, HANGER, PENDULUM, joint, place, recording, simulate, told

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy import stats
 from slapshot.diagnosis.filter import Covariances, Linear, innovations
-from slapshot.diagnosis.inference.null import mismatch_test
 from slapshot.diagnosis.inference.scores import (
     Draws,
     Eliminated,
     Elimination,
     Scores,
     group_statistics,
+    mismatch_test,
     scores,
     spread_over_information,
 )

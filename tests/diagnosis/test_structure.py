@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.recorded_trajectory import recorded_path
 from slapshot.diagnosis.rig import Rig, bind
+from slapshot.diagnosis.rig_motion import situation
 from slapshot.diagnosis.segments import Segments, cut
-from slapshot.diagnosis.situation import situation
 from slapshot.diagnosis.structure import moved_path, moved_situation, restructured, same_effects
 from slapshot.effects.joints.backlash import Backlash
 from slapshot.effects.joints.base_compliance import BaseCompliance

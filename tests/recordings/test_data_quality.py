@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from slapshot.recordings.commands import run_check, say_findings
+from slapshot.recordings.cli import run_check, say_findings
 from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
 from slapshot.recordings.quality_warning import QualityWarning, WarningKind

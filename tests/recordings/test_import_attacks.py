@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 from slapshot.errors import InputError
-from slapshot.recordings.__main__ import describe
-from slapshot.recordings.commands import say_imported
+from slapshot.recordings.cli import say_imported
 from slapshot.recordings.importing import name_pattern
 from slapshot.recordings.importing.importer import import_tracks
 from slapshot.recordings.read import read_recording
+from slapshot.recordings.summary import describe_hits
 
 from .builder import assert_same_tables
 from .import_attacks import ATTACKS, Spoiler, csv_text, make_good
@@ -115,7 +115,7 @@ def test_names_are_escaped_on_the_terminal(tmp_path: Path) -> None:
     assert lines[-1] == "  \\x1b[2Jb\\n.csv: dropped, for it has only 1 frames"
     assert len(lines) == 1 + len(summary.lines)
     recording = dataclasses.replace(read_recording(tmp_path / "out"), rig="a\nkind           full\x1b[2J")
-    assert describe(recording).split("\n")[:2] == [
+    assert describe_hits(recording).split("\n")[:2] == [
         "rig            a\\nkind           full\\x1b[2J: real robot",
         "kind           tracks only",
     ]

@@ -14,12 +14,12 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from slapshot.errors import InputError
-from slapshot.recordings.commands import run_import, say_imported
+from slapshot.recordings.cli import run_import, say_imported
 from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
 from slapshot.recordings.importing.importer import ImportSummary, import_tracks
 from slapshot.recordings.importing.mapping import load_mapping
-from slapshot.recordings.motion import find_episodes, find_slide
+from slapshot.recordings.motion_detection import find_episodes, find_slide
 from slapshot.recordings.read import read_recording
 
 from .slide_tracks import RATE_HZ, slide, write_csv, write_mapping

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from slapshot.errors import InputError
-from slapshot.recordings.commands import run_check, run_import
+from slapshot.recordings.cli import run_check, run_import
 from slapshot.recordings.importing.signal_importer import SignalSummary, import_signals
 from slapshot.recordings.importing.signal_mapping import is_signal_mapping, load_signal_mapping
 from slapshot.recordings.signal_measures import measure_all

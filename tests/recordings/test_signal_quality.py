@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import butter, lfilter
-from slapshot.recordings.describe_signals import describe_signals
 from slapshot.recordings.quality_warning import WarningKind
 from slapshot.recordings.signal_measures import measure_all
 from slapshot.recordings.signal_quality import odd_signals
 from slapshot.recordings.signals import SignalRecording
+from slapshot.recordings.summary import describe_signals
 
 from .signal_builder import RATES, angle, changed, make_signals, speed, with_channel
 

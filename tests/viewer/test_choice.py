@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from slapshot.viewer.choice import choose_evenly, even_quotas
+from slapshot.viewer.hits import choose_evenly, even_quotas
 
 
 @given(st.lists(st.integers(0, 12), max_size=9), st.integers(0, 60))

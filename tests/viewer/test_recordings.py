@@ -11,8 +11,9 @@ from rerun.chunk import RrdReader
 from slapshot.command import Run
 from slapshot.errors import InputError
 from slapshot.viewer.__main__ import produce
+from slapshot.viewer.bodies import TIME
+from slapshot.viewer.hit_recording import CARDS_FILE, LAYOUT_FILE, SCENE_FILE, STEP
 from slapshot.viewer.hits import STAND_IN
-from slapshot.viewer.names import CARDS_FILE, LAYOUT_FILE, SCENE_FILE, STEP, TIME
 from waiting import HANG_S
 
 from .conftest import CONFIG, HITS, SAMPLES, Made, read, values

@@ -31,7 +31,7 @@ from slapshot.diagnosis.search import nominal_step
 from slapshot.diagnosis.segments import Segments, cut
 from slapshot.effects.joints.catalogue import instances
 from slapshot.errors import InputError, writing
-from slapshot.lab.joints.case import make_case
+from slapshot.lab.joints.record_case import make_case
 from slapshot.lab.joints.rigs import nominal_model
 from slapshot.progress import progress
 from slapshot.recordings.signals import SignalRecording

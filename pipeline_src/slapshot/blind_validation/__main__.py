@@ -3,9 +3,8 @@
 import json
 
 from slapshot.blind_validation.case_table import write_cases_table
-from slapshot.blind_validation.draw import draw_proof
-from slapshot.blind_validation.score import score
-from slapshot.blind_validation.true_family import gain_share
+from slapshot.blind_validation.page import draw_proof
+from slapshot.blind_validation.score import gain_share, score
 from slapshot.command import Run, stage_command
 from slapshot.diagnosis.pucks.rig_file import setting_of
 from slapshot.diagnosis.pucks.signatures import Signatures

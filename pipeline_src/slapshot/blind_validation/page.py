@@ -1,10 +1,18 @@
-"""proof.md: the measures beside their aims, and the confusions that remain."""
+"""The published proof, from its scored cases alone: proof.csv, proof.md and figures P1 to P3.
+
+The page shows the measures beside their aims, and the confusions that remain.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+
+from slapshot.blind_validation.case_table import FIRST, read_cases_table, write_measures
+from slapshot.blind_validation.figures import draw_all
+from slapshot.blind_validation.measures import measures_of
+from slapshot.plotting import save
 
 # Measure, condition -> aim: text, and bounds of the value (None for none).
 AIMS: dict[tuple[str, str], tuple[str, float | None, float | None]] = {
@@ -139,3 +147,22 @@ def _how(config: Mapping[str, Any]) -> str:
         "commands; a kind that cannot be as large as was drawn is listed under a condition of smaller "
         "effects."
     )
+
+
+def draw_proof(folder: Path, pages: Path, config: Mapping[str, Any]) -> None:
+    """Write proof.csv, proof.md and P1 to P3 from cases.csv.
+
+    Args:
+        folder: with cases.csv; gets the figures.
+        pages: gets proof.csv and proof.md.
+        config: list (full or small), pool and lab, as the score was made with.
+
+    Raises:
+        InputError: the table is missing or lacks a column.
+    """
+    cases = read_cases_table(folder / "cases.csv")
+    measures = pd.DataFrame(measures_of(cases))
+    write_measures(measures, FIRST, pages / "proof.csv")
+    write_page(pages / "proof.md", cases, measures, config)
+    for drawing in draw_all(cases):
+        save(drawing, folder)

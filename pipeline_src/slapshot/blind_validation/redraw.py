@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from slapshot.blind_validation.cases import lab_settings
-from slapshot.blind_validation.draw import draw_proof
+from slapshot.blind_validation.page import draw_proof
 from slapshot.config import load_config
 from slapshot.errors import InputError, writing
 

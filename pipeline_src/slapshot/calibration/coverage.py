@@ -16,7 +16,7 @@ from slapshot.calibration.rig_simulator import (
     rig_simulator_named,
 )
 from slapshot.diagnosis.diagnose import named_parameter
-from slapshot.diagnosis.inference.selection import gains
+from slapshot.diagnosis.inference.scores import gains
 from slapshot.diagnosis.problem import Examination, Problem, examine
 from slapshot.diagnosis.search import Step, first_values, nominal_step, refit, structured
 from slapshot.diagnosis.segments import cut

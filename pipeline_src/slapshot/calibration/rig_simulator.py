@@ -15,7 +15,7 @@ from slapshot.diagnosis.hypothesis import Hypothesis, actuator_torque
 from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.structure import restructured
 from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
-from slapshot.lab.joints.excitation import draw_excitation
+from slapshot.lab.joints.rig import draw_excitation
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.channels import Channel, Component
 from slapshot.recordings.signals import SignalRecording

@@ -1,11 +1,43 @@
-"""Stage `null_p_values`: a block of null recordings, and their p-values."""
+"""Stage `null_p_values`: a block of null recordings, and the p-value of the nominal model of each."""
+
+from collections.abc import Sequence
 
 import mujoco
+import numpy as np
 import pandas as pd
 
-from slapshot.calibration.nulls import noise_of, null_p_value
 from slapshot.command import Run, stage_command
+from slapshot.diagnosis.diagnose import split
+from slapshot.diagnosis.problem import Problem
+from slapshot.diagnosis.rig import bind
+from slapshot.diagnosis.search import nominal_step
+from slapshot.diagnosis.segments import cut
+from slapshot.lab.joints.noise import Colour
+from slapshot.lab.joints.record_case import make_case
+from slapshot.lab.joints.rigs import nominal_model
 from slapshot.progress import progress
+
+
+def noise_of(index: int, colours: Sequence[Colour]) -> Colour:
+    """Colour of the noise of a recording: they take turns."""
+    return colours[index % len(colours)]
+
+
+def null_p_value(rig: str, noise: Colour, seed: int, episodes: int, seconds: float) -> float:
+    """P-value of the mismatch test of a nominal model that is the truth.
+
+    Args:
+        rig: of the joint lab.
+        noise: colour of its encoders' noise.
+        seed: of everything that is drawn.
+        episodes: of the recording, those that a diagnosis holds out included.
+        seconds: length of an episode.
+    """
+    recording, _ = make_case(rig, (), seed, noise=noise, episodes=episodes, seconds=seconds)
+    nominal = bind(mujoco.MjSpec.from_string(nominal_model(rig)), recording.channels)
+    used, _ = split(cut(recording, nominal))
+    problem = Problem.of(nominal, recording.channels, used)
+    return nominal_step(problem, (), np.random.default_rng(seed)).test.p_value
 
 
 def produce(run: Run) -> None:

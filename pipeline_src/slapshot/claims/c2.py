@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from slapshot.claims.lead import drawn_errors, grows_with_noise, mean_ratio
+from slapshot.claims.comparison import drawn_errors, grows_with_noise, mean_ratio
 from slapshot.claims.statement import Statement
 from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap

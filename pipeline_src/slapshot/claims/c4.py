@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.claims.lead import drawn_errors, grows_with_noise, mean_ratio
+from slapshot.claims.comparison import drawn_errors, grows_with_noise, mean_ratio
 from slapshot.claims.statement import Statement, error_array
 from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap

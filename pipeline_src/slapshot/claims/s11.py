@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.claims.samples import samples_needed
+from slapshot.claims.comparison import samples_needed
 from slapshot.claims.statement import Statement, error_array
 from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap

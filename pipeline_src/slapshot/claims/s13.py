@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.claims.samples import samples_to_reach
+from slapshot.claims.comparison import samples_to_reach
 from slapshot.claims.statement import Statement, error_array
 from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap

@@ -15,8 +15,8 @@ from slapshot.diagnosis.fit import Fitter, prior_of
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.linear import Look, residuals
 from slapshot.diagnosis.noise import CLIP, Noise, fit_noise
-from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.problem import NUISANCE, Problem
+from slapshot.diagnosis.recorded_trajectory import recorded_path
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.shooting import shoot, simulate
 from slapshot.diagnosis.structure import moved_path

@@ -15,7 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Covariances, Innovations, Linear, innovations, left_out
-from slapshot.diagnosis.inference.scoring import Evaluation, maximise
+from slapshot.diagnosis.inference.fisher_scoring import Evaluation, maximise
 from slapshot.diagnosis.segments import Segments
 
 HELD_S = 0.01  # process force is told as the standard deviation of a force held so long

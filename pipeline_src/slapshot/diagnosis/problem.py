@@ -17,11 +17,11 @@ from slapshot.diagnosis.law_columns import LawColumns, law_columns
 from slapshot.diagnosis.law_error import law_errors
 from slapshot.diagnosis.linear import STEP_ERROR, Look, looks_at
 from slapshot.diagnosis.noise import Noise, first_noise, fit_noise, fit_process_force
-from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.pulses import Scan, scan
+from slapshot.diagnosis.recorded_trajectory import recorded_path
 from slapshot.diagnosis.rig import Rig
+from slapshot.diagnosis.rig_motion import situation, torque_scale
 from slapshot.diagnosis.segments import Segments
-from slapshot.diagnosis.situation import situation, torque_scale
 from slapshot.diagnosis.structure import moved_path, moved_situation, restructured, steps_in
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Situation, State

@@ -16,9 +16,14 @@ from slapshot.diagnosis.filter import innovations
 from slapshot.diagnosis.fit import Fit
 from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.inference.null import DRAWS, MismatchTest, mismatch_test
-from slapshot.diagnosis.inference.scores import scores, spread_over_information
-from slapshot.diagnosis.inference.selection import gains
+from slapshot.diagnosis.inference.scores import (
+    DRAWS,
+    MismatchTest,
+    gains,
+    mismatch_test,
+    scores,
+    spread_over_information,
+)
 from slapshot.diagnosis.law_error import SLOW
 from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise, fit_noise, fit_process_force
 from slapshot.diagnosis.problem import Examination, Problem, examine, first_look

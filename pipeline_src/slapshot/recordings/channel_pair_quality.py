@@ -35,7 +35,7 @@ def odd_pairs(channels: Sequence[Measured]) -> Iterator[QualityWarning]:
     for first, second in combinations(channels, 2):
         if _same_thing(first.channel, second.channel):
             a, b = (first, second) if first.channel.quantity == "position" else (second, first)
-            if a.channel.quantity == "position" and min(np.ptp(a.values), np.ptp(b.values)) > 0:
+            if a.channel.quantity == "position" and min(np.ptp(a.samples), np.ptp(b.samples)) > 0:
                 yield from _odd_pair(a, b)
 
 

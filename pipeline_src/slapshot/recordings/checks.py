@@ -20,7 +20,7 @@ from slapshot.recordings.format import (
     Recording,
     joint_columns,
 )
-from slapshot.recordings.units import (
+from slapshot.recordings.plausibility import (
     IMPOSSIBLE_JOINT_RAD,
     IMPOSSIBLE_M,
     IMPOSSIBLE_S,

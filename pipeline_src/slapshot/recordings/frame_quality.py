@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from slapshot.recordings.motion import moving_speed, smooth
+from slapshot.recordings.motion_detection import moving_speed, smooth
 from slapshot.recordings.quality_warning import QualityWarning
 from slapshot.recordings.track_features import HitTrack, rest_noise
 

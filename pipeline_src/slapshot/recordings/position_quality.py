@@ -94,7 +94,7 @@ def _odd_motion(measured: Measured) -> Iterator[QualityWarning]:
         ]
     )
     # Of less, rounding is all there is, or a simulation without noise.
-    large = robust_sd(left) > max(measured.grid, _COARSE * float(measured.values.std()))
+    large = robust_sd(left) > max(measured.grid, _COARSE * float(measured.samples.std()))
     if large and np.corrcoef(neighbours)[0, 1] > _SMOOTH:
         yield QualityWarning(
             "coarse_sampling",

@@ -1,6 +1,8 @@
 """Read a recording of hits from its folder and check all of it; tell the version of any recording."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pyarrow as pa
@@ -88,3 +90,23 @@ def _read_table(file: Path, schema: pa.Schema | None) -> pd.DataFrame | None:
     if schema is None:
         schema = joint_schema_for(table.column_names, file)
     return frame_from_table(conform(table, schema, file))
+
+
+def recording_folders(
+    sources: Mapping[str, Mapping[str, Any]], inputs: Mapping[str, Path]
+) -> dict[tuple[str, int], Path]:
+    """(recording, rig) -> folder; a recording of one's own is rig 0.
+
+    Args:
+        sources: recording -> {"rigs": count} or {"path": folder}, as a recipe has them.
+        inputs: role -> version folder; a stand-in rig's is lab/<recording>/<rig>.
+    """
+    folders = {}
+    for name, source in sources.items():
+        if "path" in source:
+            folders[name, 0] = Path(source["path"])
+        else:
+            folders |= {
+                (name, rig): inputs[f"lab/{name}/{rig}"] / "recording" for rig in range(source["rigs"])
+            }
+    return folders

@@ -26,7 +26,7 @@ _OTHER_NOISE = 3.0  # times
 
 def odd_samples(measured: Measured) -> Iterator[QualityWarning]:
     """What is odd in a channel's samples."""
-    if np.ptp(measured.values) == 0:
+    if np.ptp(measured.samples) == 0:
         yield _constant(measured)
         return
     yield from _saturated(measured)
@@ -56,7 +56,7 @@ def of_samples(
 
 
 def _constant(measured: Measured) -> QualityWarning:
-    value = f"{measured.values[0]:g} {measured.channel.unit}"
+    value = f"{measured.samples[0]:g} {measured.channel.unit}"
     if measured.channel.role == "control":
         return QualityWarning(
             "constant_control",
@@ -67,7 +67,7 @@ def _constant(measured: Measured) -> QualityWarning:
         )
     return QualityWarning(
         "constant_channel",
-        f"{measured.name} reads {value} in all {len(measured.values)} samples",
+        f"{measured.name} reads {value} in all {len(measured.samples)} samples",
         (),
         "a sensor that is not connected, or what it measures is locked: it tells nothing",
         "episode",
@@ -76,7 +76,7 @@ def _constant(measured: Measured) -> QualityWarning:
 
 def _saturated(measured: Measured) -> Iterator[QualityWarning]:
     """Stretches at the largest or smallest number that a channel reaches with speed."""
-    values = measured.values
+    values = measured.samples
     if len(np.unique(values)) <= _FEW_NUMBERS:
         return  # steps between a few set points
     for end, word in ((float(values.max()), "largest"), (float(values.min()), "smallest")):
@@ -135,7 +135,7 @@ def _repeated(measured: Measured, stuck: Sequence[Mask]) -> Iterator[QualityWarn
 
     Of two readings with normal noise of sd s, rounded to steps q << s, a share q / (2 s sqrt(pi)) is equal.
     """
-    values = measured.values
+    values = measured.samples
     changes = sum(len(runs(one.x)[0]) for one in measured.series)
     if not measured.grid and changes > _RECURS * len(np.unique(values)):
         return  # numbers of a grid that nobody knows: equal ones may be neighbours on it
@@ -176,7 +176,7 @@ def _outliers(measured: Measured) -> Iterator[QualityWarning]:
             measured,
             "outliers",
             masks,
-            f"{count} of {len(measured.values)} samples of {measured.name} stand out from their neighbours",
+            f"{count} of {len(measured.samples)} samples of {measured.name} stand out from their neighbours",
             f"readings or times off by {STANDS_OUT:g} times the noise outweigh all others: leave them out",
         )
 

@@ -13,8 +13,8 @@ import pandas as pd
 from slapshot.errors import InputError
 from slapshot.recordings.channels import Channel, Role, quaternions
 from slapshot.recordings.checks import check_shows_motion, check_timed_rows
+from slapshot.recordings.plausibility import check_begin, check_dates, check_possible
 from slapshot.recordings.signal_tables import EPISODES_FILE, clocks, signals_file
-from slapshot.recordings.units import check_begin, check_dates, check_possible
 
 # Beyond any rig, in any SI unit: memory that nobody wrote to.
 _IMPOSSIBLE = 1e9

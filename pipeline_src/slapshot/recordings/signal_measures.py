@@ -178,7 +178,7 @@ class Measured:
     sampling: Sampling
 
     @property
-    def values(self) -> Array:
+    def samples(self) -> Array:
         """(n,) its samples of all episodes."""
         return np.concatenate([one.x for one in self.series])
 

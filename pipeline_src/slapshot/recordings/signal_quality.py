@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 
 from slapshot.recordings.channel_pair_quality import odd_pairs
-from slapshot.recordings.hit_quality import odd_order
+from slapshot.recordings.data_quality import odd_order
 from slapshot.recordings.position_quality import odd_positions
 from slapshot.recordings.quality_warning import QualityWarning, WarningKind
 from slapshot.recordings.sample_quality import odd_samples
@@ -101,7 +101,7 @@ def odd_clock(recording: SignalRecording, clock: str) -> Iterator[QualityWarning
 def more_gaps(recording: SignalRecording, measured: Measured) -> Iterator[QualityWarning]:
     """A channel that lacks samples which its clock has."""
     table = recording.signals[measured.channel.clock]
-    if len(measured.values) < len(table) and _has_gaps(measured.sampling):
+    if len(measured.samples) < len(table) and _has_gaps(measured.sampling):
         yield QualityWarning(
             "gaps", f"{measured.name} has gaps: {_said(measured.sampling)}", (), _GAP_MEANS, "episode"
         )

@@ -8,8 +8,8 @@ import pandas as pd
 
 from slapshot.arrays import Array
 from slapshot.recordings.format import Recording, joint_columns
+from slapshot.recordings.plausibility import LARGEST_ANGLE_RAD
 from slapshot.recordings.quality_warning import QualityWarning, WarningKind
-from slapshot.recordings.units import LARGEST_ANGLE_RAD
 
 _FEWEST_ROWS = 3
 _FASTEST_RAD_S = 30.0  # twice as fast as any arm turns

@@ -18,7 +18,13 @@ from scipy.signal import find_peaks
 
 from slapshot.arrays import GRAVITY, Array
 from slapshot.recordings.format import Recording
-from slapshot.recordings.motion import Episode, find_episodes, find_slide, half_window, windowed_speed
+from slapshot.recordings.motion_detection import (
+    Episode,
+    find_episodes,
+    find_slide,
+    half_window,
+    windowed_speed,
+)
 
 _FAR_NOISE, _FAR_M = 8.0, 0.005  # beyond both, a frame at rest is no noise but elsewhere
 _SLOW_SHARE = 0.1  # of the launch speed: below, friction at creeping speed is another matter

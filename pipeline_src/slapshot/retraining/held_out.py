@@ -8,8 +8,7 @@ import pandas as pd
 from slapshot.command import Run, stage_command
 from slapshot.diagnosis.pucks.refit import REFIT_FILE
 from slapshot.errors import InputError
-from slapshot.recordings.read import read_recording
-from slapshot.recordings.sources import recording_folders
+from slapshot.recordings.read import read_recording, recording_folders
 from slapshot.recordings.write import write_recording
 
 

@@ -9,21 +9,21 @@ from slapshot.command import Run, stage_command
 from slapshot.errors import InputError
 from slapshot.parquet import read_frame, write_table
 from slapshot.progress import progress
-from slapshot.recordings.sources import recording_folders
+from slapshot.recordings.read import recording_folders
 from slapshot.scenes.scene import Scene
-from slapshot.viewer.bodies import Arm
+from slapshot.viewer.bodies import APPLICATION, Arm
 from slapshot.viewer.gallery import save_cards
-from slapshot.viewer.hits import choose, read_hits
-from slapshot.viewer.layout import Stage, hit_layout, scene_view
-from slapshot.viewer.names import (
-    APPLICATION,
+from slapshot.viewer.hit_recording import (
     CARDS_FILE,
     HITS_FOLDER,
     INDEX_FILE,
     INDEX_TABLE,
     LAYOUT_FILE,
+    write_hit,
+    write_scene,
 )
-from slapshot.viewer.write import write_hit, write_scene
+from slapshot.viewer.hits import choose, read_hits
+from slapshot.viewer.layout import Stage, hit_layout, scene_view
 
 log = logging.getLogger("slapshot")
 

@@ -9,6 +9,8 @@ import rerun as rr
 from slapshot.arrays import Array
 from slapshot.scenes.scene import Scene
 
+APPLICATION = "slapshot"
+TIME = "sim_time"  # timeline: seconds from the hit's start
 SOLID = rr.components.FillMode.Solid
 ROOT = "scene"
 

@@ -7,8 +7,7 @@ import rerun.blueprint as rrb
 
 from slapshot.arrays import Array
 from slapshot.scenes.scene import Scene
-from slapshot.viewer.bodies import extent
-from slapshot.viewer.names import TIME
+from slapshot.viewer.bodies import TIME, extent
 
 _BACKGROUND = (214, 220, 228)
 _SPEED = 0.5  # a hit is over in a second and a half

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.arrays import GRAVITY
-from slapshot.blind_validation.joints.names import ALIASES, Named, named_of, right_names
+from slapshot.blind_validation.joints.score import ALIASES, Named, named_of, right_names
 from slapshot.effects.joints.catalogue import instances, joint_effects
 from slapshot.effects.joints.effect import Joint, Situation
 from slapshot.lab.joints.hidden_effect import Concealed

@@ -2,8 +2,7 @@
 
 import pandas as pd
 import pytest
-from slapshot.blind_validation.joints.measures import measures_of
-from slapshot.blind_validation.joints.page import AIMS, is_wrong, standing, write_page
+from slapshot.blind_validation.joints.page import AIMS, is_wrong, measures_of, standing, write_page
 from slapshot.blind_validation.joints.score import COLUMNS
 
 from .conftest import concealed, effect, verdict

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from slapshot.blind_validation.joints.measures import measures_of
+from slapshot.blind_validation.joints.page import measures_of
 from slapshot.blind_validation.joints.score import ANSWERS, COLUMNS
 
 from .conftest import REFITTED, concealed, effect, verdict

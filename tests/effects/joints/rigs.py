@@ -10,8 +10,8 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.rig import Rig, bind
+from slapshot.diagnosis.rig_motion import situation
 from slapshot.diagnosis.segments import Segments
-from slapshot.diagnosis.situation import situation
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Observed, Situation, overrides
 from slapshot.recordings.channels import Channel

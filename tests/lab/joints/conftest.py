@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from slapshot.lab.joints.effect_size_calibration import Rehearsal
-from slapshot.lab.joints.excitation import draw_excitation
+from slapshot.lab.joints.rig import draw_excitation
 from slapshot.lab.joints.rigs import rig_named
 
 EPISODES, SECONDS = 3, 0.6

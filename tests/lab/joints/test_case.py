@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from slapshot.errors import InputError
 from slapshot.lab.joints.__main__ import main, write_case
-from slapshot.lab.joints.case import check_kinds, make, make_case
-from slapshot.lab.joints.cases import Case, read_cases, write_cases
+from slapshot.lab.joints.case_specs import Case, Condition, Order, read_cases, write_cases
 from slapshot.lab.joints.lists import LISTS, draw_list
-from slapshot.lab.joints.order import Condition, Order
+from slapshot.lab.joints.record_case import check_kinds, make, make_case
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.signals import read_signals

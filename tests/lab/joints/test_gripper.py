@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.domains.fetchslide.reference import make_environment
-from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.noise import NOISE_SD, read_clean
+from slapshot.lab.joints.rig import draw_excitation
 from slapshot.lab.joints.rig_simulator import RigSimulator
 from slapshot.lab.joints.rigs import rig_named
 

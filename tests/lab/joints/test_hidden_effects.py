@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.noise import NOISE_SD, read_clean
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
+from slapshot.lab.joints.rig import draw_excitation
 from slapshot.lab.joints.rig_simulator import RigSimulator
 from slapshot.lab.joints.rigs import RIGS, rig_named
 

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import ellipk
-from slapshot.lab.joints.excitation import Excitation
 from slapshot.lab.joints.hidden_effect import Concealed, Now
 from slapshot.lab.joints.hidden_effects.drive import _Delay, _Limit
 from slapshot.lab.joints.hidden_effects.friction import Bristles
 from slapshot.lab.joints.hidden_effects.surroundings import _Magnet
 from slapshot.lab.joints.noise import read_clean
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
-from slapshot.lab.joints.rig import CLOCK, Rig
+from slapshot.lab.joints.rig import CLOCK, Excitation, Rig
 from slapshot.lab.joints.rig_simulator import RigSimulator
 
 PERIOD = CLOCK.period

@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.lab.joints.clutter import LAW_ERROR, LawError
-from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.noise import (
     CORRELATION,
     NOISE_SD,
@@ -19,7 +18,7 @@ from slapshot.lab.joints.noise import (
     quantise,
     read_clean,
 )
-from slapshot.lab.joints.rig import CLOCK
+from slapshot.lab.joints.rig import CLOCK, draw_excitation
 from slapshot.lab.joints.rig_simulator import RigSimulator
 
 from .conftest import short

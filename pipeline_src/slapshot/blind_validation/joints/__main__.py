@@ -3,8 +3,7 @@
 import pandas as pd
 
 from slapshot.blind_validation.case_table import JOINTS, write_measures
-from slapshot.blind_validation.joints.measures import measures_of
-from slapshot.blind_validation.joints.page import write_page
+from slapshot.blind_validation.joints.page import measures_of, write_page
 from slapshot.blind_validation.joints.score import COLUMNS, score
 from slapshot.command import Run, stage_command
 from slapshot.diagnosis.verdict import read_verdict

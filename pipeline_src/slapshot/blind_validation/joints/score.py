@@ -1,17 +1,65 @@
 """One case of joints scored: what a verdict says against the truth, both read from files.
 
-This is the only place where the joint lab's seals are opened.
+The sealed truth of the joint lab is read here only. Every catalogued hidden effect of the lab corresponds to
+the effect of the same name. On some rigs another effect is exactly the same law, so that no recording
+distinguishes the two: these are aliases. Neither a merely similar law nor a more general one is an alias.
 """
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from itertools import permutations
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from slapshot.blind_validation.joints.names import Named, named_of, right_names
 from slapshot.diagnosis.verdict import Fits, Verdict
 from slapshot.effects.joints.catalogue import joint_effects
+
+_KEY = re.compile(r"(?P<name>[^@ ]+)(?:@(?P<part>.*?))?(?: \(.*\))?(?: from order \S+)?$")
+_OF_WHOLE_RIG = {"gravity_tilt", "base_compliance"}  # their effects sit on no part
+
+
+class Named(NamedTuple):
+    """An effect at a part of the rig; "" for the whole rig."""
+
+    effect: str
+    part: str
+
+
+# Rig and concealed effect -> the one that is the same law there. tests/proof/joints holds both against each
+# other by inverse dynamics.
+ALIASES: Mapping[tuple[str, Named], Named] = {
+    # All axes of this rig are level and parallel: turning the first link's zero turns all links against
+    # gravity alike, as turning gravity about that axis does, and inertia does not depend on the first angle.
+    ("pendulum", Named("joint_offset", "joint1")): Named("gravity_tilt", ""),
+    # The first axis is upright and its link turns about it alone: gravity does no work, and whatever the link
+    # weighs adds a constant to the inertia about that axis, as a rotor does.
+    ("arm", Named("armature", "joint1")): Named("link_mass", "turret"),
+    ("kuka", Named("armature", "q0")): Named("link_mass", "link1"),
+    ("kuka", Named("link_mass", "link1")): Named("armature", "q0"),
+}
+
+
+def right_names(rig: str, concealed: Mapping[str, Any]) -> tuple[Named, ...]:
+    """Effects that are right for a piece of concealed physics: its own first, then an alias.
+
+    Args:
+        rig: name of the stand-in rig.
+        concealed: an entry of `concealed` in the truth.
+    """
+    kind = concealed["kind"]
+    place = "" if kind in _OF_WHOLE_RIG else concealed["joint"] or concealed["body"]
+    own = Named(kind, place)
+    alias = ALIASES.get((rig, own))
+    return (own,) if alias is None else (own, alias)
+
+
+def named_of(key: str) -> Named:
+    """Effect and part of an effect's key, `name@part (variant)`."""
+    found = _KEY.match(key)
+    assert found is not None, f"{key!r} is no key of an effect"
+    return Named(found["name"], found["part"] or "")
+
 
 TRUTH = Path("sealed") / "truth.json"
 P_VALUE = 0.05

@@ -198,3 +198,74 @@ def spread_over_information(of: Scores) -> float:
     # What all segments together say was fitted.
     free = k - float(np.sum(share**2))
     return max(1.0, float(np.sum(about**2)) / free) if free > _FEWEST else 1.0
+
+
+DRAWS = 499
+
+
+@dataclass(frozen=True)
+class MismatchTest:
+    """Outcome.
+
+    Attributes:
+        p_value: of the largest statistic of all groups.
+        statistics: (groups,) -log p of each group by itself.
+        largest: index of the group with the largest.
+        push_p_value: of the largest force in a short window; 1 where none was looked for.
+    """
+
+    p_value: float
+    statistics: Array
+    largest: int
+    push_p_value: float = 1.0
+
+
+def mismatch_test(
+    of: Scores, groups: Sequence[NDArray[np.intp]], rng: np.random.Generator, count: int = DRAWS
+) -> MismatchTest:
+    """Test all groups of candidate columns at once.
+
+    Args:
+        of: scores in units of the priors.
+        groups: indices of each group among the candidates.
+        rng: for draws.
+        count: of draws.
+    """
+    eliminate = Elimination(of)
+    seen = group_statistics(eliminate(of.b), groups)
+    draws = Draws(of, rng)
+    largest = np.concatenate(
+        [group_statistics(eliminate(draws(part)), groups).max(-1) for part in _parts(count, 100)]
+    )
+    exceeding = int(np.sum(largest >= seen.max()))
+    return MismatchTest((1 + exceeding) / (count + 1), seen, int(np.argmax(seen)))
+
+
+def _parts(count: int, size: int) -> list[int]:
+    return [size] * (count // size) + ([count % size] if count % size else [])
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What a group of columns gains over none.
+
+    Attributes:
+        log_evidence: nats, by Laplace's method; exact where columns are linear.
+        values: (k,) in units of the priors.
+    """
+
+    log_evidence: float
+    values: Array
+
+
+def gains(of: Scores, groups: Sequence[NDArray[np.intp]]) -> list[Gain]:
+    """Gains of all groups, each by itself."""
+    eliminated = Elimination(of)(of.b)
+    total, information = eliminated.segment.sum(0), eliminated.information
+    found = []
+    for group in groups:
+        precision = np.eye(len(group)) + information[np.ix_(group, group)]
+        values = np.linalg.solve(precision, total[group])
+        volume = 0.5 * np.linalg.slogdet(precision)[1]
+        found.append(Gain(float(0.5 * total[group] @ values - volume), values))
+    return found

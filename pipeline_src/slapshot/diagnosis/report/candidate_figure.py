@@ -6,7 +6,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.diagnosis.free_forms import is_free
-from slapshot.diagnosis.inference.selection import gains
+from slapshot.diagnosis.inference.scores import gains
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.style import AUGMENTED, FREE_FORM, mark_stand_in
 from slapshot.diagnosis.search import CLASS_NATS, Step

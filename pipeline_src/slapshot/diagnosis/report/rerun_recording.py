@@ -17,8 +17,7 @@ from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.style import MODEL_COLOURS, RECORDED
 from slapshot.diagnosis.report.wording import MODELS, plain, scaled
 from slapshot.diagnosis.segments import Segments
-from slapshot.viewer.bodies import SOLID, rotation_quaternion, shape_of
-from slapshot.viewer.names import APPLICATION, TIME
+from slapshot.viewer.bodies import APPLICATION, SOLID, TIME, rotation_quaternion, shape_of
 
 RECORDING_FILE = "recording.rrd"
 CAPTION = (

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from slapshot.errors import InputError
-from slapshot.lab.concealed import camera, contact, drift, place, slide, swing
+from slapshot.lab.concealed import camera, contact, position_time, slide, swing
 from slapshot.lab.concealed.hidden_effect import HiddenEffect
 
 _ALL: tuple[HiddenEffect, ...] = (
@@ -19,18 +19,18 @@ _ALL: tuple[HiddenEffect, ...] = (
     contact.BladeYaw(),
     contact.CurvedBlade(),
     slide.Tilt(),
-    place.UnevenBoard(),
-    place.PlaceFriction(),
+    position_time.UnevenBoard(),
+    position_time.PlaceFriction(),
     slide.LinearDrag(),
     slide.QuadraticDrag(),
     slide.StribeckFriction(),
     slide.TurnedAnisotropy(),
     slide.Curl(),
     slide.OffcentreMass(),
-    place.AttractingSpot(),
-    place.Tether(),
-    place.PulsingFan(),
-    drift.FrictionDrift(),
+    position_time.AttractingSpot(),
+    position_time.Tether(),
+    position_time.PulsingFan(),
+    position_time.FrictionDrift(),
     camera.CameraScale(),
     camera.CameraRotation(),
     camera.CameraTime(),

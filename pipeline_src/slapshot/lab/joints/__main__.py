@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.errors import InputError, check_writable, writing
-from slapshot.lab.joints.case import SIZES
-from slapshot.lab.joints.cases import read_cases
+from slapshot.lab.joints.case_specs import Condition, Order, read_cases
 from slapshot.lab.joints.noise import CORRELATION
-from slapshot.lab.joints.order import Condition, Order
+from slapshot.lab.joints.record_case import SIZES
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import RIGS
 from slapshot.lab.joints.stage_case import record

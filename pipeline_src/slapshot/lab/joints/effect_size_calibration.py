@@ -9,11 +9,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.lab.joints.excitation import Excitation
 from slapshot.lab.joints.execution import MakeLaw, Motion
 from slapshot.lab.joints.hidden_effect import Bounds, Concealed, HiddenEffect, NominalMotion, Shape
 from slapshot.lab.joints.noise import NOISE_SD, read_clean
-from slapshot.lab.joints.rig import Rig
+from slapshot.lab.joints.rig import Excitation, Rig
 from slapshot.lab.joints.rig_simulator import RigSimulator
 
 CLOSE = 0.05  # share of a size that is asked for by which the one found may differ

@@ -14,9 +14,8 @@ import numpy as np
 from mujoco.batch import Batch
 
 from slapshot.arrays import Array
-from slapshot.lab.joints.excitation import Excitation
 from slapshot.lab.joints.hidden_effect import Law, Now, Plant
-from slapshot.lab.joints.rig import Rig
+from slapshot.lab.joints.rig import Excitation, Rig
 
 TIP = "lab_tip"
 FLEX = "lab_flex_"  # before a joint's name: what lies between its actuator and its link

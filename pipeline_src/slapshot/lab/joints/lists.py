@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from slapshot.case_list import draw_command, write_new
-from slapshot.lab.joints.case import SIZES, TOGETHER_NEVER
-from slapshot.lab.joints.cases import Case, write_cases
+from slapshot.lab.joints.case_specs import Case, Colour, Condition, Order, write_cases
 from slapshot.lab.joints.noise import CORRELATION
-from slapshot.lab.joints.order import Colour, Condition, Order
+from slapshot.lab.joints.record_case import SIZES, TOGETHER_NEVER
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import rig_named
 

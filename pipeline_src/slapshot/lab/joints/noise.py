@@ -8,9 +8,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from slapshot.arrays import Array
+from slapshot.lab.joints.case_specs import Colour, Condition
 from slapshot.lab.joints.execution import Motion
 from slapshot.lab.joints.hidden_effect import Concealed
-from slapshot.lab.joints.order import Colour, Condition
 from slapshot.lab.joints.rig import Rig
 
 NOISE_SD = 1e-3  # rad, or m of a site

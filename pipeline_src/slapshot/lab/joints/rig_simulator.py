@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import mujoco
 from mujoco.batch import SimulationError
 
-from slapshot.lab.joints.excitation import Excitation
 from slapshot.lab.joints.execution import TIP, Execution, MakeLaw, Motion
 from slapshot.lab.joints.gripper import GripperExecution
 from slapshot.lab.joints.hidden_effect import Concealed
-from slapshot.lab.joints.rig import Rig
+from slapshot.lab.joints.rig import Excitation, Rig
 
 
 class RigSimulator:

@@ -17,7 +17,7 @@ from slapshot.recordings.importing.csv_files import RawHit, read_hits
 from slapshot.recordings.importing.files import natural_key
 from slapshot.recordings.importing.mapping import TrackMapping, fill, load_mapping
 from slapshot.recordings.importing.segmentation import Cut, cut_hit
-from slapshot.recordings.units import FRAME_INTERVAL_FACTOR, check_metres
+from slapshot.recordings.plausibility import FRAME_INTERVAL_FACTOR, check_metres
 from slapshot.recordings.write import check_new, write_recording
 from slapshot.validation import short
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.recordings.importing.mapping import Crop, TrackMapping
-from slapshot.recordings.motion import Episode, find_episodes, find_slide
+from slapshot.recordings.motion_detection import Episode, find_episodes, find_slide
 
 _FEWEST_FRAMES = 5
 _START_WINDOW_S = 0.2  # before motion begins: earlier frames may be from before a nudge

@@ -8,15 +8,14 @@ import pandas as pd
 
 from slapshot.arrays import Array
 from slapshot.errors import InputError
+from slapshot.lab.joints.case_specs import Colour, Condition, Order
 from slapshot.lab.joints.clutter import LawError
 from slapshot.lab.joints.effect_size_calibration import Rehearsal, change
-from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.execution import Motion
 from slapshot.lab.joints.hidden_effect import Concealed
 from slapshot.lab.joints.noise import CORRELATION, draw_sensor_noise, quantise, read_clean
-from slapshot.lab.joints.order import Colour, Condition, Order
 from slapshot.lab.joints.registry import hidden_effect_named
-from slapshot.lab.joints.rig import Rig
+from slapshot.lab.joints.rig import Rig, draw_excitation
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.lab.rng_streams import stream_for
 from slapshot.recordings.signals import SignalRecording

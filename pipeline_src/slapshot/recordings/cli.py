@@ -1,11 +1,9 @@
-"""What `slapshot import` and `slapshot check` do."""
+"""What `slapshot import` and `slapshot check` do and print."""
 
 import argparse
 from pathlib import Path
 
-from slapshot.recordings.__main__ import describe
 from slapshot.recordings.data_quality import quality_warnings
-from slapshot.recordings.describe_signals import describe_signals
 from slapshot.recordings.importing.importer import ImportSummary, import_tracks
 from slapshot.recordings.importing.signal_importer import SignalSummary, import_signals
 from slapshot.recordings.importing.signal_mapping import is_signal_mapping
@@ -14,6 +12,7 @@ from slapshot.recordings.read import format_version, read_recording
 from slapshot.recordings.signal_measures import measure_all
 from slapshot.recordings.signal_quality import odd_signals
 from slapshot.recordings.signals import SIGNAL_FORMAT_VERSION, read_signals
+from slapshot.recordings.summary import describe_hits, describe_signals
 from slapshot.text import printable
 
 
@@ -50,7 +49,7 @@ def run_check(args: argparse.Namespace) -> int:
         print(say_findings(odd_signals(signals, channels)))
     else:
         recording = read_recording(folder)
-        print(describe(recording))
+        print(describe_hits(recording))
         print(say_findings(quality_warnings(recording)))
     return 0
 

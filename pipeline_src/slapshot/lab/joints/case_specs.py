@@ -1,17 +1,70 @@
-"""Concealed cases of joints: what a rig conceals, how it is recorded, and under which seed."""
+"""Concealed cases of joints: what a rig conceals, how it is recorded, and under which seed.
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+This module must not need MuJoCo, since a plan reads lists of cases.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from slapshot.case_list import JOIN, concealed_of, concealed_text, number, read_list, write_list
 from slapshot.config.values import Name
 from slapshot.errors import InputError
-from slapshot.lab.joints.order import Colour, Condition, Order
 from slapshot.validation import Model, validated
+
+Colour = Literal["white", "ou20", "ou100"]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """How a session is recorded.
+
+    Attributes:
+        noise: its colour; the standard deviation is the same.
+        cluttered: whether times jitter, noise has outliers and grows or shrinks, and encoders drift (and
+            whether the rig's laws are off, see `clutter`).
+        quantised: rad or m, step of the encoders; None for fine ones.
+    """
+
+    noise: Colour = "white"
+    cluttered: bool = False
+    quantised: float | None = None
+
+
+@dataclass(frozen=True)
+class Order:
+    """What a case is to be.
+
+    Attributes:
+        rig: by name.
+        seed: of everything that is drawn.
+        conceals: kind and size over the noise of each piece of physics; None where the size is drawn.
+        condition: how it is recorded.
+        episodes: of the session.
+        seconds: of an episode.
+    """
+
+    rig: str
+    seed: int
+    conceals: tuple[tuple[str, float | None], ...] = ()
+    condition: Condition = field(default_factory=Condition)
+    episodes: int = 20
+    seconds: float = 3.0
+
+    def to_config(self) -> dict[str, Any]:
+        """As a recipe holds it; `of_config` reads it."""
+        return asdict(self) | {"conceals": [list(one) for one in self.conceals]}
+
+    @classmethod
+    def of_config(cls, config: Mapping[str, Any]) -> "Order":
+        """From a recipe."""
+        values = dict(config)
+        conceals = tuple((kind, size) for kind, size in values.pop("conceals"))
+        return cls(**values | {"conceals": conceals, "condition": Condition(**values["condition"])})
+
 
 _COLUMNS = (
     "case", "condition", "rig", "seed", "conceals", "noise", "cluttered", "quantised", "episodes", "seconds"
@@ -93,7 +146,7 @@ def _case(values: dict[str, str], where: str, possible: bool) -> Case:
 
 
 def _check(order: Order, where: str) -> None:
-    from slapshot.lab.joints.case import check_kinds  # these need MuJoCo
+    from slapshot.lab.joints.record_case import check_kinds  # these need MuJoCo
     from slapshot.lab.joints.rigs import rig_named
 
     try:

@@ -1,14 +1,26 @@
-"""What a recording of one hit holds, entity by entity."""
+"""A version's files: one Rerun recording for each hit, entity by entity, and the scene they share."""
+
+import json
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import rerun as rr
 
 from slapshot.arrays import Array
-from slapshot.scenes.scene import SceneInfo
-from slapshot.viewer.bodies import ROOT, SOLID, Arm
+from slapshot.scenes.scene import Scene, SceneInfo
+from slapshot.viewer.bodies import APPLICATION, ROOT, SOLID, TIME, Arm, log_shapes
 from slapshot.viewer.hits import Hit
-from slapshot.viewer.names import STEP, TIME
+
+STEP = "hit"  # timeline: number of hits that the belief has seen
+
+HITS_FOLDER = "hits"
+SCENE_FILE = "scene.rrd"
+LAYOUT_FILE = "layout.rbl"  # of a hit that is opened from the gallery
+CARDS_FILE = "cards.rbl"  # of the gallery
+INDEX_FILE = "index.json"
+INDEX_TABLE = "index.parquet"
 
 RATE = 30.0  # poses of the arm a second
 
@@ -24,6 +36,11 @@ _CORNERS = 64
 _CROSS = 0.035  # m, half a stroke
 _PIN = 0.12  # m, its height
 _THICK, _THIN, _DOT = (rr.Radius.ui_points(r) for r in (1.6, 0.9, 4.0))
+
+
+def read_index(folder: Path) -> dict[str, Any]:
+    """What index.json says: application, domain, and one entry of `hits` a recording."""
+    return json.loads((folder / INDEX_FILE).read_text())
 
 
 def log_hit(recording: rr.RecordingStream, hit: Hit, arm: Arm, info: SceneInfo) -> None:
@@ -183,3 +200,48 @@ def _error_rows(hit: Hit) -> str:
     shown = milestones(hit.beliefs)["samples"].tolist()
     errors = dict(zip(hit.beliefs["samples"].tolist(), hit.errors, strict=True))
     return "\n".join(f"| {n} | {100 * errors[n]:.1f} cm |" for n in shown)
+
+
+def write_scene(folder: Path, scene: Scene) -> None:
+    """Write the shapes of a scene, static and without the object."""
+    with _recording(folder / SCENE_FILE, "scene") as recording:
+        log_shapes(recording, scene)
+
+
+def write_hit(folder: Path, hit: Hit, arm: Arm, info: SceneInfo) -> dict[str, Any]:
+    """Write a hit's recording; return what the index says of it."""
+    seen = int(hit.beliefs["samples"].iloc[-1])
+    before, after = float(hit.errors[0]), float(hit.errors[-1])
+    file = f"{HITS_FOLDER}/{hit.id}.rrd"
+    with _recording(folder / file, hit.id) as recording:
+        recording.send_recording_name(hit.title)
+        recording.send_property(
+            "hit",
+            rr.AnyValues(
+                note=hit.note,
+                group=hit.facts["group"],
+                hits_seen=seen,
+                error_before_cm=round(100 * before, 1),
+                error_after_cm=round(100 * after, 1),
+            ),
+        )
+        log_hit(recording, hit, arm, info)
+    return {
+        "file": file,
+        "recording_id": hit.id,
+        "title": hit.title,
+        **hit.facts,
+        "samples": seen,
+        "error_before_m": before,
+        "error_after_m": after,
+    }
+
+
+def _recording(path: Path, name: str) -> rr.RecordingStream:
+    """A recording that is written to `path`, complete when its block ends.
+
+    It carries no layout, which would double its size: layout.rbl is shared too.
+    """
+    recording = rr.RecordingStream(APPLICATION, recording_id=name)
+    recording.save(path)
+    return recording
