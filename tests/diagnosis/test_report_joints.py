@@ -49,8 +49,8 @@ from slapshot.diagnosis.verdict import (
 )
 from slapshot.plotting import STAND_IN
 from slapshot.progress import Steps
-from slapshot.recordings.signal_measures import measure_all
-from slapshot.recordings.signal_quality import odd_signals, warnings_of
+from slapshot.recordings.signal_quality import quality_warning_lines, signal_warnings
+from slapshot.recordings.signal_statistics import all_channel_statistics
 from slapshot.recordings.signals import SignalRecording
 from waiting import HANG_S
 
@@ -596,8 +596,8 @@ def test_findings_are_those_of_the_check():
     table = good.signals["encoder"]
     gap = table[(table["t"] < 0.5) | (table["t"] > 1.2)]
     bad = SignalRecording(**{**vars(good), "signals": {"encoder": gap}})
-    found = warnings_of(bad)
-    assert found == [str(finding) for finding in odd_signals(bad, measure_all(bad))]
+    found = quality_warning_lines(bad)
+    assert found == [str(finding) for finding in signal_warnings(bad, all_channel_statistics(bad))]
     assert any("gaps" in line for line in found)
     assert all("\n" not in line for line in found)
 

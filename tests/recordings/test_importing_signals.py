@@ -12,8 +12,8 @@ from slapshot.errors import InputError
 from slapshot.recordings.cli import run_check, run_import
 from slapshot.recordings.importing.signal_importer import SignalSummary, import_signals
 from slapshot.recordings.importing.signal_mapping import is_signal_mapping, load_signal_mapping
-from slapshot.recordings.signal_measures import measure_all
-from slapshot.recordings.signal_quality import odd_signals
+from slapshot.recordings.signal_quality import signal_warnings
+from slapshot.recordings.signal_statistics import all_channel_statistics
 from slapshot.recordings.signals import SignalRecording, read_signals
 
 from .signal_builder import write_signal_mapping
@@ -392,7 +392,7 @@ def test_commands_take_either_mapping(tmp_path: Path, capsys: pytest.CaptureFixt
     assert run_check(argparse.Namespace(recording=out)) == 0
     said = capsys.readouterr().out
     assert "kind           signals: 1 observed, 1 controlled" in said
-    assert said.splitlines()[-1] == "odd            nothing was found"
+    assert said.splitlines()[-1] == "warnings       none"
 
 
 @pytest.mark.parametrize("mapping", MAPPINGS, ids=lambda file: file.stem)
@@ -424,6 +424,6 @@ def test_real_pendulums(
     summary = import_signals(ROOT / f"config/recordings/{name}.yaml", PENDULUMS / source, tmp_path / "out")
     assert (summary.episodes, summary.samples) == (episodes, samples)
     recording = read_signals(tmp_path / "out")
-    kinds = {finding.kind for finding in odd_signals(recording, measure_all(recording))}
+    kinds = {finding.kind for finding in signal_warnings(recording, all_channel_statistics(recording))}
     assert odd <= kinds
     assert ("no_own_velocity" in kinds) == ("no_own_velocity" in odd)

@@ -40,8 +40,8 @@ from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, State, overrides
 from slapshot.effects.joints.external_pulse import ExternalPulse
 from slapshot.errors import InputError
-from slapshot.recordings.channel_pair_quality import derived_velocities
-from slapshot.recordings.signal_measures import measure
+from slapshot.recordings.channel_pair_quality import differentiated_velocities
+from slapshot.recordings.signal_statistics import channel_statistics
 from slapshot.recordings.signals import SignalRecording
 
 BEYOND = 1.2  # mean square of held-out errors over what is expected, where something must be missing
@@ -123,7 +123,7 @@ def _diagnosis(
     began = time.process_time()
     # Trials of models that blow up are part of a search: they are dropped, and nobody needs to read of each.
     mujoco.set_mju_user_warning(lambda text: None)
-    derived = derived_velocities([measure(recording, o.channel) for o in rig.observations])
+    derived = differentiated_velocities([channel_statistics(recording, o.channel) for o in rig.observations])
     rig = rig.without(derived)
     said = [*findings, *_unbound(rig)]
     if derived:

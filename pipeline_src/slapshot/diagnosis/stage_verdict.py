@@ -6,7 +6,7 @@ from slapshot.command import Run, stage_command
 from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.rig_file import bound_rig, read_rig_file
 from slapshot.diagnosis.verdict import versioned, write_verdict
-from slapshot.recordings.signal_quality import warnings_of
+from slapshot.recordings.signal_quality import quality_warning_lines
 from slapshot.recordings.signals import read_signals
 
 
@@ -16,7 +16,7 @@ def produce(run: Run) -> None:
     recording = read_signals(case / "recording")
     rig, recording = bound_rig(read_rig_file(case / "rig.yaml"), recording)
     found = diagnose(
-        recording, rig, seed=run.config["seed"], threads=run.cores, findings=warnings_of(recording)
+        recording, rig, seed=run.config["seed"], threads=run.cores, findings=quality_warning_lines(recording)
     )
     write_verdict(versioned(found.verdict, {"slapshot": version("slapshot"), "case": case.name}), run.out)
 

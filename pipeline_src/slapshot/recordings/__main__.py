@@ -7,7 +7,7 @@ from pathlib import Path
 
 from slapshot.errors import InputError
 from slapshot.recordings.read import format_version, read_recording
-from slapshot.recordings.signal_measures import measure_all
+from slapshot.recordings.signal_statistics import all_channel_statistics
 from slapshot.recordings.signals import SIGNAL_FORMAT_VERSION, read_signals
 from slapshot.recordings.summary import describe_hits, describe_signals
 
@@ -20,7 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if format_version(options.folder) == SIGNAL_FORMAT_VERSION:
             signals = read_signals(options.folder)
-            print(describe_signals(signals, measure_all(signals)))
+            print(describe_signals(signals, all_channel_statistics(signals)))
         else:
             print(describe_hits(read_recording(options.folder)))
     except InputError as error:

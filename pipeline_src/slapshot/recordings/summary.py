@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 
 from slapshot.recordings.format import Recording
-from slapshot.recordings.signal_measures import Measured
 from slapshot.recordings.signal_quality import clock_sampling
+from slapshot.recordings.signal_statistics import ChannelStatistics
 from slapshot.recordings.signals import SignalRecording
 from slapshot.text import printable
 
@@ -90,12 +90,12 @@ def _summarise_duration(recording: Recording) -> str:
     return f"{text}, {when.min():%Y-%m-%d %H:%M} to {when.max():%Y-%m-%d %H:%M} UTC"
 
 
-def describe_signals(recording: SignalRecording, channels: Mapping[str, Measured]) -> str:
+def describe_signals(recording: SignalRecording, channels: Mapping[str, ChannelStatistics]) -> str:
     """A short summary, one fact a line, and a table of the channels.
 
     Args:
         recording: that has passed its checks.
-        channels: name -> measure of the channel, of all of them.
+        channels: name -> statistics, for every channel.
     """
     origin = "stand-in (simulated), not a real robot" if recording.stand_in else "real robot"
     lines = [f"rig            {recording.rig}: {origin}", f"kind           {_count_roles(recording)}"]
@@ -135,7 +135,7 @@ def _summarise_clock(recording: SignalRecording, clock: str) -> str:
     )
 
 
-def _row(recording: SignalRecording, measured: Measured) -> tuple[str, ...]:
+def _row(recording: SignalRecording, measured: ChannelStatistics) -> tuple[str, ...]:
     channel, values = measured.channel, measured.samples
     rows = len(recording.signals[channel.clock])
     return (

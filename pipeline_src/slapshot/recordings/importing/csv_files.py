@@ -15,10 +15,10 @@ from slapshot.recordings.importing.rows import Rows, read_rows
 
 @dataclass(frozen=True)
 class RawHit:
-    """A hit as the file has it, frames that saw nothing left out.
+    """A hit as read from its file, without frames that did not detect the object.
 
     Attributes:
-        name: for people: the file, and which hit of it.
+        name: for messages: the file, and which hit of it.
         fields: texts that name it.
         lines: (n,) lines of the frames in the file.
         t: (n,) s from its first row.
@@ -44,7 +44,7 @@ def read_hits(mapping: TrackMapping, source: Path) -> list[RawHit]:
     """All hits of a source, in the natural order of their names (hit 2 before hit 10).
 
     Args:
-        mapping: says what is what.
+        mapping: meaning of files and columns.
         source: a folder, a file, or a path with * in it.
 
     Raises:
@@ -90,10 +90,10 @@ def _raw_hit(
     xy = np.stack([numbers["x"], numbers["y"]], axis=1)
     seen = ~(np.isnan(t) | np.isnan(xy).any(axis=1))
     if not seen.all():
-        remarks.append(f"{(~seen).sum()} of {len(seen)} frames saw nothing")
-    twice = _said_twice(t, xy, seen)
+        remarks.append(f"{(~seen).sum()} of {len(seen)} frames did not detect the object")
+    twice = _duplicate_frames(t, xy, seen)
     if twice.any():
-        remarks.append(f"{twice.sum()} frames stand there twice and were left out once")
+        remarks.append(f"{twice.sum()} duplicate frames were removed")
     keep = np.flatnonzero(seen & ~twice)
     _check_times(rows, t[keep], lines[keep])
     starts = [numbers[role] for role in ("start_x", "start_y") if role in numbers]
@@ -122,8 +122,8 @@ def _raw_hit(
     )
 
 
-def _said_twice(t: Array, xy: Array, seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(n,) whether a frame repeats time and place of the last one that saw something."""
+def _duplicate_frames(t: Array, xy: Array, seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(n,) whether a frame repeats time and position of the previous frame with a detection."""
     rows = np.flatnonzero(seen)
     same = (np.diff(t[rows]) == 0) & (np.diff(xy[rows], axis=0) == 0).all(axis=1)
     twice = np.zeros(len(t), dtype=bool)

@@ -11,7 +11,7 @@ from slapshot.errors import InputError
 from slapshot.recordings.importing.mapping import Files
 from slapshot.recordings.importing.name_pattern import NamePattern
 
-_MOST_ENTRIES = 500_000  # of folders that are searched: nobody's recordings, but a whole disk
+_MAX_ENTRIES = 500_000  # entries to search: more is a whole disk and not a folder of recordings
 _ANY_DEPTH = "**"
 
 
@@ -90,9 +90,9 @@ def _matching(root: Path, pattern: str) -> Iterator[Path]:
         with os.scandir(folder) as entries:
             for entry in entries:
                 count += 1
-                if count > _MOST_ENTRIES:
+                if count > _MAX_ENTRIES:
                     raise InputError(
-                        f"{root}: {pattern} leads through more than {_MOST_ENTRIES:,} files and folders; "
+                        f"{root}: {pattern} leads through more than {_MAX_ENTRIES:,} files and folders; "
                         "name the folder of the recordings"
                     )
                 hits = {i for i in places if _matches(entry.name, parts[i])}

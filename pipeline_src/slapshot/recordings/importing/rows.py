@@ -1,4 +1,4 @@
-"""Rows of one CSV file: the named columns as numbers and texts, whatever stands in the others.
+"""Rows of one CSV file: the named columns as numbers and texts; other columns are ignored.
 
 Read with Python's csv and not pandas: a row knows its line, rows may differ in length, and columns that
 nobody named may hold anything.
@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.errors import InputError, reading
-from slapshot.recordings.importing.mapping import LONGEST_TEXT, Column, CsvStyle
+from slapshot.recordings.importing.mapping import MAX_TEXT, CsvStyle, ScaledColumn
 from slapshot.validation import short
 
 _NOT_SEEN = {"", "nan", "na", "null", "none"}
-_LONGEST_FILE = 200_000_000  # bytes
+_MAX_FILE_BYTES = 200_000_000  # bytes
 _DAMAGED = "\ufffd"
 # One clock may tell the order of hits, too, and a place that changes begins where the hit does.
 _MAY_SHARE = {("t", "order"), ("x", "start_x"), ("y", "start_y")}
@@ -31,7 +31,7 @@ _LARGEST_TIME = 1e11  # s; clocks may count from 1970, in any unit
 
 
 class NamedColumns(Protocol):
-    """What a mapping says of the columns of a file."""
+    """The columns of a file, as defined by a mapping."""
 
     @property
     def csv(self) -> CsvStyle:
@@ -42,7 +42,7 @@ class NamedColumns(Protocol):
         """The mapping's own."""
 
     @property
-    def numbers(self) -> Mapping[str, Column]:
+    def numbers(self) -> Mapping[str, ScaledColumn]:
         """Role -> column of numbers; t is the time in s."""
 
     @property
@@ -51,9 +51,9 @@ class NamedColumns(Protocol):
 
     @property
     def sizes(self) -> tuple[float, float]:
-        """Least and largest size of a number other than 0 and t: others are memory that nobody wrote to."""
+        """Least and largest size of a number other than 0 and t: others are uninitialised memory."""
 
-    def place_of(self, role: str) -> str:
+    def location_of(self, role: str) -> str:
         """File, line and key of the mapping where a role's column is named."""
 
 
@@ -143,7 +143,7 @@ class _Row:
 
 
 def _text(file: Path) -> str:
-    with reading(file, "give a CSV file, or the folder that holds such files", _LONGEST_FILE):
+    with reading(file, "give a CSV file, or the folder that holds such files", _MAX_FILE_BYTES):
         raw = file.read_bytes()
     if b"\0" in raw:
         raise InputError(f"{file}: is binary or UTF-16, not plain text; save it as CSV in UTF-8")
@@ -179,7 +179,7 @@ def _check_apart(numbers: dict[str, int], mapping: NamedColumns) -> None:
     for a, b in combinations(numbers, 2):
         if numbers[a] == numbers[b] and (a, b) not in _MAY_SHARE:
             raise InputError(
-                f"{mapping.place_of(b)}: takes the column of {a}, {mapping.numbers[b].column!r}; "
+                f"{mapping.location_of(b)}: takes the column of {a}, {mapping.numbers[b].column!r}; "
                 "name another one"
             )
 
@@ -246,7 +246,7 @@ def _numbers(
         scaled = column.factor * value + column.offset
         if 0 < abs(value) < least or not abs(scaled) <= limit:
             raise InputError(
-                f"{where}: {text[:40]} cannot be: it looks like memory that nobody wrote to; name another "
+                f"{where}: {text[:40]} cannot be: it looks like uninitialised memory; name another "
                 "column, mend the line, or list the text under csv.missing"
             )
         values[i] = scaled
@@ -267,10 +267,10 @@ def _number(text: str, decimal: str) -> float:
 def _texts(cells: tuple[str, ...], role: str, file: Path, lines: NDArray[np.int64]) -> list[str]:
     """One column as texts; refuses what is too long, or was no UTF-8: two such texts may look equal."""
     for line, cell in zip(lines, cells, strict=True):
-        if _DAMAGED in cell or len(cell) > LONGEST_TEXT:
+        if _DAMAGED in cell or len(cell) > MAX_TEXT:
             problem = "is not UTF-8" if _DAMAGED in cell else f"has {len(cell):,} characters"
             raise InputError(
                 f"{file}: line {line}, {role.strip('<>')}: {short(cell)} {problem}; save the file as UTF-8, "
-                f"with texts of at most {LONGEST_TEXT} characters"
+                f"with texts of at most {MAX_TEXT} characters"
             )
     return [cell.strip() for cell in cells]

@@ -35,7 +35,7 @@ class SignalSummary:
         out: folder of the recording.
         episodes: how many it has.
         samples: rows of all clocks together.
-        lines: what a person should know, one line a fact.
+        lines: notes for the user, one line each.
     """
 
     out: Path
@@ -49,7 +49,7 @@ class _Part:
     """Rows of one clock in one episode.
 
     Attributes:
-        source: file, for people.
+        source: file, for messages.
         lines: (n,) lines of the rows in the file.
         t: (n,) s, of the file's zero.
         columns: channel -> (n,) in SI, NaN where missing.
@@ -77,7 +77,7 @@ def import_signals(mapping: Path, source: Path, out: Path) -> SignalSummary:
     """Make a recording of the signals in CSV files.
 
     Args:
-        mapping: YAML file that says what is what, see `SignalMapping`.
+        mapping: YAML file, see `SignalMapping`.
         source: a folder of CSV files, one of them, or a path with * in it.
         out: folder of the recording; must not exist yet.
 
