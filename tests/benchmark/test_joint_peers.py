@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 from slapshot.benchmark.joint_peers import LINKS, RIG, SCENARIOS, fit_by_sysid, write_comparison
-from slapshot.calibration.rig_simulator import recorded, rig_simulator_named
+from slapshot.calibration.calibration_rigs import recorded, rig_simulator_named
 from slapshot.diagnosis.recorded_trajectory import recorded_path
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.rig_motion import situation

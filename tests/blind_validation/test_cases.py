@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from slapshot.blind_validation.cases import Case, read_cases, write_cases
-from slapshot.blind_validation.lists import LISTS, PLAIN, WEAK, draw_list
+from slapshot.blind_validation.lists import LISTS, TYPICAL_SIZES, WEAK_SIZES, draw_list
 from slapshot.errors import InputError
 from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
 
@@ -53,13 +53,13 @@ def test_a_list_reads_as_it_was_written(tmp_path):
         (",0.04", ",0.04\x1b", ":3: noise_time: .* has an unprintable character; remove it"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_in_a_list_of_cases_is_told_with_its_line(tmp_path, old, new, told):
+def test_what_is_wrong_in_a_list_of_cases_is_told_with_its_line(tmp_path, old, new, reported):
     file = tmp_path / "cases.csv"
     write_cases(CASES, file)
     text = file.read_text()
     assert old in text
     file.write_text(text.replace(old, new))
-    with pytest.raises(InputError, match=f"^{file}.*{told}") as error:
+    with pytest.raises(InputError, match=f"^{file}.*{reported}") as error:
         read_cases(file)
     assert str(error.value).isprintable()
 
@@ -72,10 +72,10 @@ def test_what_is_wrong_in_a_list_of_cases_is_told_with_its_line(tmp_path, old, n
         ((ROOT / "config/cases/tiny.csv").read_bytes().splitlines()[0], ": holds no case; add a row"),
     ],
 )
-def test_a_list_of_no_cases_is_told(tmp_path, content, told):
+def test_a_list_of_no_cases_is_told(tmp_path, content, reported):
     file = tmp_path / "cases.csv"
     file.write_bytes(content)
-    with pytest.raises(InputError, match=f"^{file}{told}"):
+    with pytest.raises(InputError, match=f"^{file}{reported}"):
         read_cases(file)
 
 
@@ -138,7 +138,7 @@ def test_a_drawn_list_has_every_condition_in_its_number(full):
 
 def test_drawn_sizes_are_those_of_their_condition(full):
     for case in full:
-        low, high = WEAK if case.condition == "weak" else PLAIN
+        low, high = WEAK_SIZES if case.condition == "weak" else TYPICAL_SIZES
         assert all(low <= size <= high for _, size in case.conceals)
         assert len(case.conceals) == (
             0 if "null" in case.condition else 2 if case.condition == "pairs" else 1

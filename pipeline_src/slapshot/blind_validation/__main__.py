@@ -1,9 +1,9 @@
-"""Stage `score`: open the seals of diagnosed cases, score them, and tell it in table and picture."""
+"""Stage `score`: unseal diagnosed cases, score them, and write tables and figures."""
 
 import json
 
 from slapshot.blind_validation.case_table import write_cases_table
-from slapshot.blind_validation.page import draw_proof
+from slapshot.blind_validation.page import publish_proof
 from slapshot.blind_validation.score import gain_share, score
 from slapshot.command import Run, stage_command
 from slapshot.diagnosis.pucks.rig_file import setting_of
@@ -27,7 +27,7 @@ def produce(run: Run) -> None:
             row["gain_share"] = gain_share(row, folder, setting, signatures, run.config["diagnosis_seed"])
         rows.append(row)
     write_cases_table(rows, run.out / "cases.csv")
-    draw_proof(run.out, run.out, run.config)
+    publish_proof(run.out, run.out, run.config)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Pictures of the proof: who is taken for whom, from what size on, and what naming is worth."""
+"""Figures of the blind validation: confusion matrix, detection by effect size, and prediction errors."""
 
 from collections.abc import Iterator
 
@@ -21,7 +21,7 @@ def draw_all(cases: pd.DataFrame) -> Iterator[Drawing]:
         cases: of cases.csv.
     """
     use_style()
-    whole = cases[~cases["condition"].str.contains("only")]  # recordings that keep less are another matter
+    whole = cases[~cases["condition"].str.contains("only")]  # recordings with fewer tables are excluded
     one = whole[(whole["conceals"] != "") & ~whole["conceals"].str.contains("+", regex=False)]
     yield _confusion(pd.concat([one, whole[whole["conceals"] == ""]]))
     yield _by_size(one)
@@ -29,9 +29,9 @@ def draw_all(cases: pd.DataFrame) -> Iterator[Drawing]:
 
 
 def _confusion(cases: pd.DataFrame) -> Drawing:
-    """Concealed against first named; beside it, how many were called a mismatch and flagged as unknown.
+    """Confusion matrix of hidden and first-named effect; beside it, counts of mismatches and unknown flags.
 
-    The flag says that something is left besides what was named, so that it stands beside the name.
+    The flag means that something remains besides the named effects, so it is counted separately.
     """
     effects = list(catalogue())
     others = sorted(set(cases["conceals"]) - {*effects, ""})
@@ -86,7 +86,7 @@ def _by_size(cases: pd.DataFrame) -> Drawing:
     rows = []
     bins = pd.cut(known["displacement"].astype(float), SIZES)
     columns = {"found": "called mismatched", "in_class": "truth in the class", "top1": "named first"}
-    # Beside each other, where they are equal.
+    # Shifted sideways, so that equal values stay visible.
     for (column, text), colour, beside in zip(
         columns.items(), OTHER_COLOURS, (0.93, 1.0, 1.07), strict=False
     ):
@@ -145,7 +145,7 @@ def _fit(cases: pd.DataFrame) -> Drawing:
             tables.append(pd.DataFrame({"measure": measure, "scene": scene, "over_floor": ratio}))
         axis.axvline(1.0, color="#888888", lw=1, ls=":")
         axis.set_xscale("log")
-        axis.set_xlim(left=0.6)  # below it are floors of launches that scatter wildly
+        axis.set_xlim(left=0.6)  # below are noise floors of launches with extreme scatter
         axis.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
         axis.minorticks_off()
         axis.set_xlabel("held-out error over the noise floor")

@@ -1,6 +1,6 @@
 """`python -m slapshot.blind_validation.lists FILE`: draw a list of cases under seeds of the system.
 
-The conditions of the proof, and how the cases of a list are drawn for them.
+Conditions of the blind validation, and how the cases of a list are drawn for them.
 """
 
 import secrets
@@ -18,15 +18,15 @@ from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
 
 Conceals = tuple[tuple[str, float], ...]  # kind and displacement
 
-PLAIN = (0.5, 2.0)  # displacement over the hit-to-hit scatter
-WEAK = (0.2, 0.5)
+TYPICAL_SIZES = (0.5, 2.0)  # displacement over the hit-to-hit scatter
+WEAK_SIZES = (0.2, 0.5)
 
 
-def _slides(kind: HiddenEffect) -> bool:
+def _acts_on_slide(kind: HiddenEffect) -> bool:
     return kind.catalogued and kind.phase in ("slide", "across hits", "camera")
 
 
-def _launches(kind: HiddenEffect) -> bool:
+def _acts_on_launch(kind: HiddenEffect) -> bool:
     return kind.catalogued and kind.phase in ("swing", "contact")
 
 
@@ -35,39 +35,41 @@ def _uncatalogued(kind: HiddenEffect) -> bool:
 
 
 @dataclass(frozen=True)
-class Condition:
-    """A kind of case.
+class CaseGroup:
+    """Cases of one condition.
 
     Attributes:
         name: as in proof.csv.
-        count: of cases for each kind, or of all where nothing is concealed or two kinds are.
-        among: kinds that are concealed in turn; None for nothing.
-        sizes: lowest and highest displacement, between which one is drawn on a logarithmic scale.
-        together: kinds concealed in one case.
-        kinds: how many of them, drawn by chance; None for all.
-        how: how the case is recorded, where it is not as usual.
+        count: cases for each hidden effect, or in total for nulls and pairs.
+        candidates: hidden effects to choose from, in turn; None for nulls.
+        sizes: lowest and highest displacement of a log-uniform draw.
+        effects_per_case: number of hidden effects in one case.
+        kinds: how many candidates are drawn; None for all.
+        overrides: attributes of `Case` that differ from their defaults.
     """
 
     name: str
     count: int
-    among: Callable[[HiddenEffect], bool] | None = None
-    sizes: tuple[float, float] = PLAIN
-    together: int = 1
+    candidates: Callable[[HiddenEffect], bool] | None = None
+    sizes: tuple[float, float] = TYPICAL_SIZES
+    effects_per_case: int = 1
     kinds: int | None = None
-    how: Mapping[str, Any] = field(default_factory=dict)
+    overrides: Mapping[str, Any] = field(default_factory=dict)
 
     def conceals(self, rng: np.random.Generator) -> Iterator[Conceals]:
-        """What each case conceals."""
-        if self.among is None:
+        """Hidden effects of each case."""
+        if self.candidates is None:
             yield from ((),) * self.count
             return
-        kinds = [name for name, kind in HIDDEN_EFFECTS.items() if self.among(kind)]
+        kinds = [name for name, kind in HIDDEN_EFFECTS.items() if self.candidates(kind)]
         if self.kinds is not None:
             kinds = rng.permutation(kinds)[: self.kinds].tolist()
-        if self.together == 1:
+        if self.effects_per_case == 1:
             chosen = [[name] for name in kinds for _ in range(self.count)]
         else:
-            chosen = [rng.choice(kinds, self.together, replace=False).tolist() for _ in range(self.count)]
+            chosen = [
+                rng.choice(kinds, self.effects_per_case, replace=False).tolist() for _ in range(self.count)
+            ]
         low, high = np.log(self.sizes)
         for names in chosen:
             sizes = np.exp(rng.uniform(low, high, len(names)))
@@ -77,45 +79,45 @@ class Condition:
 TRACKS_ONLY = {"keep": "tracks only"}
 RESTS_ONLY = {"keep": "rest points only"}
 _FULL = (
-    Condition("null", 200),
-    Condition("null, 400 hits", 20, how={"hits": 400}),
-    Condition("null, 1 % mistracks", 20, how={"mistracks": 0.01}),
-    Condition("null, coloured noise", 20, how={"noise_time": 0.04}),
-    Condition("null, tracks only", 20, how=TRACKS_ONLY),
-    Condition("null, rest points only", 50, how=RESTS_ONLY),
-    Condition("plain", 4, _slides),
-    Condition("weak", 3, _slides, WEAK),
-    Condition("launch", 3, _launches, how={"hits": 100}),
-    Condition("launch, no encoders", 2, _launches, how={"hits": 100, "keep": "no encoders"}),
-    Condition("pairs", 30, lambda kind: kind.catalogued, together=2),
-    Condition("uncatalogued", 5, _uncatalogued),
-    Condition("plain, 25 hits", 1, _slides, how={"hits": 26}),
-    Condition("plain, 50 hits", 1, _slides, how={"hits": 50}),
-    Condition("plain, 100 hits", 1, _slides, how={"hits": 100}),
-    Condition("plain, 400 hits", 1, _slides, how={"hits": 400}),
-    Condition("plain, tracks only", 1, _slides, how=TRACKS_ONLY),
-    Condition("plain, rest points only", 2, _slides, how=RESTS_ONLY),
+    CaseGroup("null", 200),
+    CaseGroup("null, 400 hits", 20, overrides={"hits": 400}),
+    CaseGroup("null, 1 % mistracks", 20, overrides={"mistracks": 0.01}),
+    CaseGroup("null, coloured noise", 20, overrides={"noise_time": 0.04}),
+    CaseGroup("null, tracks only", 20, overrides=TRACKS_ONLY),
+    CaseGroup("null, rest points only", 50, overrides=RESTS_ONLY),
+    CaseGroup("plain", 4, _acts_on_slide),
+    CaseGroup("weak", 3, _acts_on_slide, WEAK_SIZES),
+    CaseGroup("launch", 3, _acts_on_launch, overrides={"hits": 100}),
+    CaseGroup("launch, no encoders", 2, _acts_on_launch, overrides={"hits": 100, "keep": "no encoders"}),
+    CaseGroup("pairs", 30, lambda kind: kind.catalogued, effects_per_case=2),
+    CaseGroup("uncatalogued", 5, _uncatalogued),
+    CaseGroup("plain, 25 hits", 1, _acts_on_slide, overrides={"hits": 26}),
+    CaseGroup("plain, 50 hits", 1, _acts_on_slide, overrides={"hits": 50}),
+    CaseGroup("plain, 100 hits", 1, _acts_on_slide, overrides={"hits": 100}),
+    CaseGroup("plain, 400 hits", 1, _acts_on_slide, overrides={"hits": 400}),
+    CaseGroup("plain, tracks only", 1, _acts_on_slide, overrides=TRACKS_ONLY),
+    CaseGroup("plain, rest points only", 2, _acts_on_slide, overrides=RESTS_ONLY),
 )
 
 
 _SMALL = (
-    Condition("null", 5),
-    Condition("plain", 1, _slides, kinds=6),
-    Condition("weak", 1, _slides, WEAK, kinds=2),
-    Condition("launch", 1, _launches, how={"hits": 100}, kinds=3),
-    Condition("pairs", 1, lambda kind: kind.catalogued, together=2),
-    Condition("uncatalogued", 1, _uncatalogued, kinds=1),
-    Condition("plain, tracks only", 1, _slides, how=TRACKS_ONLY, kinds=1),
-    Condition("plain, rest points only", 1, _slides, how=RESTS_ONLY, kinds=1),
+    CaseGroup("null", 5),
+    CaseGroup("plain", 1, _acts_on_slide, kinds=6),
+    CaseGroup("weak", 1, _acts_on_slide, WEAK_SIZES, kinds=2),
+    CaseGroup("launch", 1, _acts_on_launch, overrides={"hits": 100}, kinds=3),
+    CaseGroup("pairs", 1, lambda kind: kind.catalogued, effects_per_case=2),
+    CaseGroup("uncatalogued", 1, _uncatalogued, kinds=1),
+    CaseGroup("plain, tracks only", 1, _acts_on_slide, overrides=TRACKS_ONLY, kinds=1),
+    CaseGroup("plain, rest points only", 1, _acts_on_slide, overrides=RESTS_ONLY, kinds=1),
 )
 _TINY = (
-    Condition("null", 1, how={"hits": 16}),
-    Condition("plain", 1, lambda kind: kind.name == "tilt", how={"hits": 16}),
+    CaseGroup("null", 1, overrides={"hits": 16}),
+    CaseGroup("plain", 1, lambda kind: kind.name == "tilt", overrides={"hits": 16}),
 )
-LISTS: Mapping[str, Sequence[Condition]] = {"full": _FULL, "small": _SMALL, "tiny": _TINY}
+LISTS: Mapping[str, Sequence[CaseGroup]] = {"full": _FULL, "small": _SMALL, "tiny": _TINY}
 
 
-def draw_list(conditions: Sequence[Condition], prefix: str) -> list[Case]:
+def draw_list(conditions: Sequence[CaseGroup], prefix: str) -> list[Case]:
     """Cases under new seeds of the operating system, in random order and called by their numbers."""
     rng = np.random.default_rng(secrets.randbits(128))
     rows = [(c, conceals) for c in conditions for conceals in c.conceals(rng)]
@@ -123,7 +125,7 @@ def draw_list(conditions: Sequence[Condition], prefix: str) -> list[Case]:
     for number, i in enumerate(rng.permutation(len(rows))):
         condition, conceals = rows[i]
         name = f"{prefix}{number:04d}"
-        cases.append(Case(name, condition.name, secrets.randbits(48), conceals, **condition.how))
+        cases.append(Case(name, condition.name, secrets.randbits(48), conceals, **condition.overrides))
     return cases
 
 

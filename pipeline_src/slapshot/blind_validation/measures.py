@@ -103,7 +103,7 @@ def median(measure: str, condition: str, values: pd.Series) -> Measure:
 
 
 def clustered(measure: str, condition: str, held: pd.Series, number: pd.Series) -> Measure:
-    """Share of all intervals, with a bootstrap over cases, whose intervals go together."""
+    """Share of all intervals, with a bootstrap over cases, whose intervals are correlated."""
     top, bottom = held.fillna(0).to_numpy(float), number.fillna(0).to_numpy(float)
     some = bottom > 0
     top, bottom = top[some], bottom[some]

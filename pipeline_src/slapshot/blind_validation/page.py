@@ -58,8 +58,8 @@ def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, config: 
     small = config["list"] != "full"
     parts = [INTRODUCTION]
     if small:
-        told = "Its intervals are wide; `snakemake proof` makes the full one."
-        parts.append(f"**A small proof: {len(cases)} cases.** {told}\n")
+        reported = "Its intervals are wide; `snakemake proof` makes the full one."
+        parts.append(f"**A small proof: {len(cases)} cases.** {reported}\n")
     shown = measures[measures["n"] > 0]
     aimed = [row for row in shown.to_dict("records") if (row["measure"], row["condition"]) in AIMS]
     parts += [
@@ -78,13 +78,13 @@ def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, config: 
     ]
     parts += _table(rows, "measure", "condition", "hits", "value", "n")
     parts += ["\n## What was taken for something else\n", *_confusions(cases)]
-    parts += ["\n## How hits were made\n", _how(config)]
+    parts += ["\n## How hits were made\n", _recording_setup(config)]
     file.write_text("\n".join(parts) + "\n")
 
 
 def _aim_row(row: Mapping[Any, Any]) -> tuple[str, ...]:
     measure, condition = row["measure"], row["condition"]
-    met = "yes" if reached(measure, condition, row["value"]) else "**no**"
+    met = "yes" if meets_aim(measure, condition, row["value"]) else "**no**"
     return measure, condition, AIMS[measure, condition][0], _number(row), str(row["n"]), met
 
 
@@ -100,7 +100,7 @@ def percent(share: float) -> str:
     return f"{number:.{int(0 < number < 1 or 99 < number < 100)}f}".removesuffix(".0")
 
 
-def reached(measure: str, condition: str, value: float) -> bool:
+def meets_aim(measure: str, condition: str, value: float) -> bool:
     """Whether a measure's value lies within its aim."""
     _, low, high = AIMS[measure, condition]
     return (low is None or value >= low) and (high is None or value <= high)
@@ -133,7 +133,7 @@ def _confusions(cases: pd.DataFrame) -> list[str]:
     return _table(rows, "case", "condition", "concealed", "size", "named", "classes", "unknown")
 
 
-def _how(config: Mapping[str, Any]) -> str:
+def _recording_setup(config: Mapping[str, Any]) -> str:
     pool, camera, joints = config["pool"], config["lab"]["camera"], config["lab"]["joints"]
     low, high = pool["speed_m_s"]
     reach = 100 * pool["contact_offset_m"]
@@ -149,7 +149,7 @@ def _how(config: Mapping[str, Any]) -> str:
     )
 
 
-def draw_proof(folder: Path, pages: Path, config: Mapping[str, Any]) -> None:
+def publish_proof(folder: Path, pages: Path, config: Mapping[str, Any]) -> None:
     """Write proof.csv, proof.md and P1 to P3 from cases.csv.
 
     Args:

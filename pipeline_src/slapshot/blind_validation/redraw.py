@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from slapshot.blind_validation.cases import lab_settings
-from slapshot.blind_validation.page import draw_proof
+from slapshot.blind_validation.page import publish_proof
 from slapshot.config import load_config
 from slapshot.errors import InputError, writing
 
@@ -28,7 +28,7 @@ def redraw(folder: Path, pages: Path, which: str) -> None:
     config = load_config()
     shown = {"list": which, "pool": config["cases"]["pool"], "lab": lab_settings(config)}
     with writing(folder):
-        draw_proof(folder, pages, shown)
+        publish_proof(folder, pages, shown)
 
 
 def main() -> None:

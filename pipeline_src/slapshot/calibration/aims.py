@@ -1,4 +1,4 @@
-"""Aims of a calibration, whether they are reached, and the page that says so."""
+"""Aims of a calibration, whether they are met, and the report page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from scipy.stats import binomtest
 
 @dataclass(frozen=True)
 class Aim:
-    """What a number should be.
+    """The target of a measured quantity.
 
     Attributes:
-        of: what is measured.
-        wanted: in words.
-        measured: in words.
-        reached: whether it is so.
+        of: the measured quantity.
+        wanted: target, as text.
+        measured: result, as text.
+        reached: whether the target is met.
     """
 
     of: str
@@ -26,8 +26,8 @@ class Aim:
     reached: bool
 
 
-def share(yes: pd.Series) -> tuple[float, float, float]:
-    """Share of what is true, with Wilson's 95 % interval."""
+def wilson_share(yes: pd.Series) -> tuple[float, float, float]:
+    """Share of true values with Wilson's 95 % interval."""
     if not len(yes):
         return np.nan, np.nan, np.nan
     interval = binomtest(int(yes.sum()), len(yes)).proportion_ci(0.95, method="wilson")

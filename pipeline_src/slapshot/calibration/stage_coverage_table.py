@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from slapshot.calibration.aims import Aim, percent, share, write_page
+from slapshot.calibration.aims import Aim, percent, wilson_share, write_page
 from slapshot.command import Run, stage_command
 
 NAME = "coverage"
-POOLED_WITHIN, EACH_WITHIN = (0.88, 0.92), (0.80, 0.97)
+POOLED_RANGE, PARAMETER_RANGE = (0.88, 0.92), (0.80, 0.97)
 _KEYS = ["effect", "variant", "rig", "parameter"]
 
 INTRODUCTION = """# Coverage of 90 % intervals
@@ -25,7 +25,7 @@ fit being counted as if they were independent.
 
 
 def coverage_table(intervals: pd.DataFrame) -> pd.DataFrame:
-    """Share of intervals that hold the truth, parameter by parameter and pooled.
+    """Share of intervals that contain the true value, for each parameter and pooled.
 
     Args:
         intervals: columns effect, variant, rig, parameter, truth, low, high, converged.
@@ -40,7 +40,7 @@ def coverage_table(intervals: pd.DataFrame) -> pd.DataFrame:
 
 
 def _measured(scored: pd.DataFrame) -> dict[str, object]:
-    held, low, high = share(scored["held"])
+    held, low, high = wilson_share(scored["held"])
     return {
         "n": len(scored),
         "held": held,
@@ -54,20 +54,20 @@ def _measured(scored: pd.DataFrame) -> dict[str, object]:
 def coverage_aims(table: pd.DataFrame) -> list[Aim]:
     """Of all intervals together, and of each parameter."""
     pooled, each = table.iloc[-1], table.iloc[:-1]
-    (low, high), (least, most) = POOLED_WITHIN, EACH_WITHIN
+    (low, high), (least, most) = POOLED_RANGE, PARAMETER_RANGE
     value = float(pooled["held"])
-    told = f"{percent(value)} ({percent(pooled['held_low'])} to {percent(pooled['held_high'])})"
+    measured = f"{percent(value)} ({percent(pooled['held_low'])} to {percent(pooled['held_high'])})"
     outside = each[~each["held"].between(least, most)]
-    names = ", ".join(_told(row) for row in outside.to_dict("records"))
+    names = ", ".join(_describe(row) for row in outside.to_dict("records"))
     return [
-        Aim("intervals that hold the truth, all", f"{percent(low)} to {percent(high)}", told,
+        Aim("intervals that hold the truth, all", f"{percent(low)} to {percent(high)}", measured,
             low <= value <= high),
         Aim("parameters whose share is outside", f"none outside {percent(least)} to {percent(most)}",
             names or "none", outside.empty),
     ]  # fmt: skip
 
 
-def _told(row: Mapping[Any, Any]) -> str:
+def _describe(row: Mapping[Any, Any]) -> str:
     variant = f" ({row['variant']})" if row["variant"] else ""
     return f"{row['parameter']} of {row['effect']}{variant}: {percent(row['held'])}"
 

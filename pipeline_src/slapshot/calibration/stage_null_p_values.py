@@ -18,8 +18,8 @@ from slapshot.lab.joints.rigs import nominal_model
 from slapshot.progress import progress
 
 
-def noise_of(index: int, colours: Sequence[Colour]) -> Colour:
-    """Colour of the noise of a recording: they take turns."""
+def noise_colour(index: int, colours: Sequence[Colour]) -> Colour:
+    """Noise colour of a recording; colours alternate."""
     return colours[index % len(colours)]
 
 
@@ -42,12 +42,12 @@ def null_p_value(rig: str, noise: Colour, seed: int, episodes: int, seconds: flo
 
 def produce(run: Run) -> None:
     """Write p_values.csv: rig, noise, seed and p-value of each recording of the block."""
-    # Fits try models that blow up; nobody needs to read of each.
+    # Fits try unstable models; MuJoCo's warnings about them are suppressed.
     mujoco.set_mju_user_warning(lambda text: None)
     own = run.config
     rows = []
     for index in progress(range(own["first"], own["first"] + own["count"]), own["count"], "nulls"):
-        noise, seed = noise_of(index, own["noise"]), own["seed"] + index
+        noise, seed = noise_colour(index, own["noise"]), own["seed"] + index
         p_value = null_p_value(own["rig"], noise, seed, own["episodes"], own["seconds"])
         rows.append({"rig": own["name"], "noise": noise, "seed": seed, "p_value": p_value})
     pd.DataFrame(rows).to_csv(run.out / "p_values.csv", index=False, float_format="%.9g")

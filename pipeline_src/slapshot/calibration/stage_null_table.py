@@ -7,14 +7,14 @@ import numpy as np
 import pandas as pd
 from scipy.stats import kstest, kstwo
 
-from slapshot.calibration.aims import Aim, percent, share, write_page
+from slapshot.calibration.aims import Aim, percent, wilson_share, write_page
 from slapshot.command import Run, stage_command
 from slapshot.plotting import METHOD_COLOURS, OTHER_COLOURS, STAND_IN, Drawing, save, use_style
 
 NAME = "joint_nulls"
 POOLED = "all"
 BELOW = {"below_05": (0.05, 0.035, 0.065), "below_01": (0.01, 0.004, 0.018)}  # level, and aim of the pooled
-LEAST_KS = 1e-3
+MIN_KS_P_VALUE = 1e-3
 
 INTRODUCTION = """# P-values of rigs that conceal nothing
 
@@ -38,7 +38,7 @@ def null_table(p_values: pd.DataFrame) -> pd.DataFrame:
     for rig, values in [*parts, (POOLED, p_values["p_value"])]:
         row: dict[str, object] = {"rig": rig, "n": len(values)}
         for column, (level, *_) in BELOW.items():
-            row[column], row[f"{column}_low"], row[f"{column}_high"] = share(values < level)
+            row[column], row[f"{column}_low"], row[f"{column}_high"] = wilson_share(values < level)
         test = kstest(values, "uniform")
         rows.append(row | {"ks_distance": float(test.statistic), "ks_p": float(test.pvalue)})
     return pd.DataFrame(rows)
@@ -50,13 +50,17 @@ def null_aims(table: pd.DataFrame) -> list[Aim]:
     aims = []
     for column, (level, low, high) in BELOW.items():
         value = float(pooled[column])
-        told = f"{percent(value)} ({percent(pooled[f'{column}_low'])} to {percent(pooled[f'{column}_high'])})"
+        measured = (
+            f"{percent(value)} ({percent(pooled[f'{column}_low'])} to {percent(pooled[f'{column}_high'])})"
+        )
         wanted = f"{percent(low)} to {percent(high)}"
-        aims.append(Aim(f"share of p-values below {level}", wanted, told, low <= value <= high))
+        aims.append(Aim(f"share of p-values below {level}", wanted, measured, low <= value <= high))
     for row in table[table["rig"] != POOLED].to_dict("records"):
         p_value = float(row["ks_p"])
-        wanted = f"above {LEAST_KS:g}"
-        aims.append(Aim(f"Kolmogorov-Smirnov, {row['rig']}", wanted, f"{p_value:.2g}", p_value > LEAST_KS))
+        wanted = f"above {MIN_KS_P_VALUE:g}"
+        aims.append(
+            Aim(f"Kolmogorov-Smirnov, {row['rig']}", wanted, f"{p_value:.2g}", p_value > MIN_KS_P_VALUE)
+        )
     return aims
 
 

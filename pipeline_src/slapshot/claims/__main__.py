@@ -1,4 +1,4 @@
-"""Stage `claim`: judge one claim."""
+"""Stage `claim`: evaluate one claim."""
 
 import logging
 from importlib import import_module
@@ -19,7 +19,7 @@ _COLUMNS = list(Statement("", "", Interval(0, 0, 0)).row())
 def produce(run: Run) -> None:
     """Write statements.parquet: a row for each statement, with its verdict."""
     module: ClaimModule = import_module(run.config["module"])
-    statements = module.judge(run.inputs)
+    statements = module.evaluate(run.inputs)
     rows = [statement.row() for statement in statements]
     table = pd.DataFrame(rows, columns=_COLUMNS).assign(title=module.TITLE, domain=run.config["domain"])
     write_table(table, run.out / "statements.parquet")

@@ -21,7 +21,7 @@ WITHIN = 20  # samples after which the paper's MAML with 4 matches
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the errors of every method (role: method/recording), over all rigs and objects.
 
     Held against those in simulation (role: method), where they are given.

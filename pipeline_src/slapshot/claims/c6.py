@@ -21,7 +21,7 @@ SEVEN = 7.0
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From hits of policies and models on every rig, and the model's predictions.
 
     Roles: policy_acting/rig, acting/rig, predicted.

@@ -22,7 +22,7 @@ NEAR = 2.0  # of the oracle's distance, a margin of our own
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From what was done on every rig (role: rig)."""
     table = pd.concat([read_frame(f / "acting.parquet") for f in inputs.values()], ignore_index=True)
     table = table.dropna(subset="error_m")

@@ -1,4 +1,4 @@
-"""Stage `joint_score`: open the seals of diagnosed cases of joints, score them, and tell it."""
+"""Stage `joint_score`: unseal diagnosed cases of joints, score them, and write the results."""
 
 import pandas as pd
 

@@ -1,4 +1,4 @@
-"""One case of joints scored: what a verdict says against the truth, both read from files.
+"""Score of one case of joints: its verdict compared with the truth, both read from files.
 
 The sealed truth of the joint lab is read here only. Every catalogued hidden effect of the lab corresponds to
 the effect of the same name. On some rigs another effect is exactly the same law, so that no recording
@@ -19,7 +19,7 @@ _KEY = re.compile(r"(?P<name>[^@ ]+)(?:@(?P<part>.*?))?(?: \(.*\))?(?: from orde
 _OF_WHOLE_RIG = {"gravity_tilt", "base_compliance"}  # their effects sit on no part
 
 
-class Named(NamedTuple):
+class LocatedEffect(NamedTuple):
     """An effect at a part of the rig; "" for the whole rig."""
 
     effect: str
@@ -28,37 +28,37 @@ class Named(NamedTuple):
 
 # Rig and concealed effect -> the one that is the same law there. tests/proof/joints holds both against each
 # other by inverse dynamics.
-ALIASES: Mapping[tuple[str, Named], Named] = {
+ALIASES: Mapping[tuple[str, LocatedEffect], LocatedEffect] = {
     # All axes of this rig are level and parallel: turning the first link's zero turns all links against
     # gravity alike, as turning gravity about that axis does, and inertia does not depend on the first angle.
-    ("pendulum", Named("joint_offset", "joint1")): Named("gravity_tilt", ""),
+    ("pendulum", LocatedEffect("joint_offset", "joint1")): LocatedEffect("gravity_tilt", ""),
     # The first axis is upright and its link turns about it alone: gravity does no work, and whatever the link
     # weighs adds a constant to the inertia about that axis, as a rotor does.
-    ("arm", Named("armature", "joint1")): Named("link_mass", "turret"),
-    ("kuka", Named("armature", "q0")): Named("link_mass", "link1"),
-    ("kuka", Named("link_mass", "link1")): Named("armature", "q0"),
+    ("arm", LocatedEffect("armature", "joint1")): LocatedEffect("link_mass", "turret"),
+    ("kuka", LocatedEffect("armature", "q0")): LocatedEffect("link_mass", "link1"),
+    ("kuka", LocatedEffect("link_mass", "link1")): LocatedEffect("armature", "q0"),
 }
 
 
-def right_names(rig: str, concealed: Mapping[str, Any]) -> tuple[Named, ...]:
-    """Effects that are right for a piece of concealed physics: its own first, then an alias.
+def equivalent_effects(rig: str, concealed: Mapping[str, Any]) -> tuple[LocatedEffect, ...]:
+    """Effects that correctly name a hidden effect: the effect of the same name first, then an alias.
 
     Args:
         rig: name of the stand-in rig.
         concealed: an entry of `concealed` in the truth.
     """
     kind = concealed["kind"]
-    place = "" if kind in _OF_WHOLE_RIG else concealed["joint"] or concealed["body"]
-    own = Named(kind, place)
+    part = "" if kind in _OF_WHOLE_RIG else concealed["joint"] or concealed["body"]
+    own = LocatedEffect(kind, part)
     alias = ALIASES.get((rig, own))
     return (own,) if alias is None else (own, alias)
 
 
-def named_of(key: str) -> Named:
+def parse_key(key: str) -> LocatedEffect:
     """Effect and part of an effect's key, `name@part (variant)`."""
     found = _KEY.match(key)
     assert found is not None, f"{key!r} is no key of an effect"
-    return Named(found["name"], found["part"] or "")
+    return LocatedEffect(found["name"], found["part"] or "")
 
 
 TRUTH = Path("sealed") / "truth.json"
@@ -79,8 +79,8 @@ COLUMNS = (
 def score(case: str, condition: str, case_folder: Path, verdict: Verdict) -> dict[str, Any]:
     """A row of cases.csv; what does not apply is None.
 
-    A verdict that cannot tell names nothing and finds nothing, so that it is a miss wherever something is
-    concealed; for a null it is no false alarm, and counts among its cases.
+    An undecided verdict (cannot_tell) is a miss wherever something is concealed; for a null it is not a false
+    alarm, and counts among its cases.
 
     Args:
         case: its name.
@@ -90,13 +90,13 @@ def score(case: str, condition: str, case_folder: Path, verdict: Verdict) -> dic
     """
     truth = json.loads((case_folder / TRUTH).read_text())
     concealed = truth["concealed"]
-    right = [right_names(truth["rig"], one) for one in concealed]
+    right = [equivalent_effects(truth["rig"], one) for one in concealed]
     known = all(one["catalogued"] for one in concealed)
     row: dict[str, Any] = {
         "case": case,
         "condition": condition,
         "rig": truth["rig"],
-        "concealed": " + ".join(map(_told, concealed)),
+        "concealed": " + ".join(map(_describe, concealed)),
         "size": truth["size"] if concealed else None,
         "group": _group(concealed),
         "geared": any(one["kind"] in GEARED for one in concealed),
@@ -117,20 +117,20 @@ def score(case: str, condition: str, case_folder: Path, verdict: Verdict) -> dic
         row |= _naming(right, verdict) if known else {"unknown_flagged": row["unknown"]}
         if known and len(concealed) == 1:
             row["false_unknown"] = row["unknown"]
-    row["made_worse"] = verdict.fit is not None and _worse(verdict.fit)
+    row["made_worse"] = verdict.fit is not None and _is_worse(verdict.fit)
     if verdict.fit is not None:
         row["held_out_over_floor"] = _over_floor(verdict.fit)
     return row
 
 
-def _told(concealed: Mapping[str, Any]) -> str:
-    place = concealed["joint"] or concealed["body"]
+def _describe(concealed: Mapping[str, Any]) -> str:
+    part = concealed["joint"] or concealed["body"]
     value = f"{concealed['amplitude']:.3g} {concealed['amplitude_unit']}".removesuffix(" 1")
-    return f"{concealed['kind']}{f'@{place}' if place else ''} {value}"
+    return f"{concealed['kind']}{f'@{part}' if part else ''} {value}"
 
 
 def _group(concealed: Sequence[Mapping[str, Any]]) -> str:
-    """What a diagnosis has to do: structural effects have a state of their own, and take longest."""
+    """Group by effort: structural effects add states to the model and take longest."""
     if not concealed:
         return "nothing concealed"
     if not all(one["catalogued"] for one in concealed):
@@ -139,31 +139,31 @@ def _group(concealed: Sequence[Mapping[str, Any]]) -> str:
     return "structural effect" if any(effects[c["kind"]].hidden_state for c in concealed) else "force effect"
 
 
-def _naming(right: Sequence[tuple[Named, ...]], verdict: Verdict) -> dict[str, bool]:
-    """Of one kind: name, class and place of the effect named first; of two: whether both are named."""
-    said = [Named(effect.name, effect.part) for effect in verdict.effects]
+def _naming(right: Sequence[tuple[LocatedEffect, ...]], verdict: Verdict) -> dict[str, bool]:
+    """Of one effect: name, class and part of the effect named first; of two: whether both are named."""
+    answer = [LocatedEffect(effect.name, effect.part) for effect in verdict.effects]
     if len(right) > 1:
-        fitting = permutations(said, len(right))
-        return {"both_named": any(all(map(_is_right, order, right)) for order in fitting)}
-    first, names = said[:1], right[0]
-    in_class = [*first, *(named_of(key) for effect in verdict.effects[:1] for key in effect.rivals)]
+        fitting = permutations(answer, len(right))
+        return {"both_named": any(all(map(_matches, order, right)) for order in fitting)}
+    first, names = answer[:1], right[0]
+    in_class = [*first, *(parse_key(key) for effect in verdict.effects[:1] for key in effect.rivals)]
     return {
-        "named_first": any(_is_right(one, names) for one in first),
-        "in_class": any(_is_right(one, names) for one in in_class),
+        "named_first": any(_matches(one, names) for one in first),
+        "in_class": any(_matches(one, names) for one in in_class),
         "joint_right": any(one.part == names[0].part or one in names[1:] for one in first),
     }
 
 
-def _is_right(said: Named, names: tuple[Named, ...]) -> bool:
-    """Whether an effect is the concealed one wherever it sits, or an alias where it is one."""
-    return said.effect == names[0].effect or said in names[1:]
+def _matches(answer: LocatedEffect, names: tuple[LocatedEffect, ...]) -> bool:
+    """Whether an effect is the concealed one at any part, or an alias at its part."""
+    return answer.effect == names[0].effect or answer in names[1:]
 
 
-def _worse(fit: Fits) -> bool:
-    """Whether what was named predicts held-out windows worse than the refitted model's interval allows."""
+def _is_worse(fit: Fits) -> bool:
+    """Whether the augmented model predicts held-out windows worse than the refitted model's interval."""
     return any(error.value > fit.refitted.rms[quantity].high for quantity, error in fit.augmented.rms.items())
 
 
 def _over_floor(fit: Fits) -> float:
-    """Held-out error over what noise alone leaves, of the quantity that is worst."""
+    """Held-out error over the noise floor, of the worst quantity."""
     return max(error.value / fit.noise_floor.rms[q].value for q, error in fit.augmented.rms.items())
