@@ -22,7 +22,7 @@ def test_a_list_reads_as_it_was_written(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "reported"),
     [
         ("tracks only", "tracks", ":3: keep: 'tracks' is not allowed; use one of: full"),
         ("tilt:0.7", "tilt", ":3: conceals.0.displacement: '' is not a number; write a number"),
@@ -65,7 +65,7 @@ def test_what_is_wrong_in_a_list_of_cases_is_told_with_its_line(tmp_path, old, n
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         (b"", ":1: columns are ''; write case, condition"),
         (b"\xff\xfe\x00", ":1: not a text in UTF-8; save it as one"),

@@ -124,7 +124,7 @@ def test_measures_are_merged_into_what_is_published(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("share", "told"),
+    ("share", "reported"),
     [
         (0, "0"), (1e-17, "0"), (0.005, "0.5"), (0.00088, "0.1"), (0.01, "1"), (0.0278, "3"), (0.15, "15"),
         (0.9434, "94"), (0.99, "99"), (0.995, "99.5"), (1, "100"),

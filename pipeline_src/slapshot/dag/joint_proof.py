@@ -24,7 +24,7 @@ def add_joint_proof(plan: Plan, config: Mapping[str, Any]) -> None:
     conditions: dict[str, str] = {}
     for case in read_cases(list_file(config, "joints"), possible=False):
         recorded, found = f"joint_case/{case.case}", f"joint_verdict/{case.case}"
-        plan.add(recorded, "joint_case", case.order.to_config())
+        plan.add(recorded, "joint_case", case.spec.to_config())
         plan.add(found, "joint_verdict", {"seed": SEED}, {"case": recorded}, modules=effects)
         inputs |= {f"case/{case.case}": recorded, f"verdict/{case.case}": found}
         conditions[case.case] = case.condition

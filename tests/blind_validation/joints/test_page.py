@@ -25,7 +25,7 @@ def row(value, low, high, measure="named_first", n=20):
 
 
 @pytest.mark.parametrize(
-    ("measured", "aim", "said"),
+    ("measured", "aim", "answer"),
     [
         (row(0.95, 0.91, 0.98), (0.9, None), "reached"),
         (row(0.95, 0.85, 0.98), (0.9, None), "undecided"),

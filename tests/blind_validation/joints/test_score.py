@@ -147,7 +147,7 @@ def test_a_name_for_nothing_is_a_false_alarm(scored):
 
 
 @pytest.mark.parametrize(
-    ("said", "flagged"),
+    ("answer", "flagged"),
     [
         (verdict(headline="found_not_named", unknown=True), True),
         (verdict(effect("spring"), unknown=True), True),

@@ -27,9 +27,11 @@ def test_the_lab_steps_as_the_environment_does(session):
     settling = round(rig.settle / rig.clock.period)
     for episode in range(2):
         environment.reset(seed=0)
-        asked = [excitation.centre[episode]] * round(0.6 * settling) + [np.zeros(3)] * round(0.4 * settling)
+        requested = [excitation.centre[episode]] * round(0.6 * settling) + [np.zeros(3)] * round(
+            0.4 * settling
+        )
         found = []
-        for command in [*asked, *excitation.wave[episode]]:
+        for command in [*requested, *excitation.wave[episode]]:
             environment.step(np.append(command, 0.0))
             found.append(environment.data.qpos[columns])
         every = round(rig.clock.period / rig.clock.kept)

@@ -1,4 +1,4 @@
-"""All kinds of concealed physics by name."""
+"""All hidden effects by name."""
 
 from collections.abc import Mapping
 
@@ -37,15 +37,15 @@ _ALL: tuple[HiddenEffect, ...] = (
     camera.LensDistortion(),
 )
 
-HIDDEN_EFFECTS: Mapping[str, HiddenEffect] = {kind.name: kind for kind in _ALL}
+HIDDEN_EFFECTS: Mapping[str, HiddenEffect] = {effect.name: effect for effect in _ALL}
 
 
 def hidden_effect_named(name: str) -> HiddenEffect:
-    """A kind.
+    """A hidden effect.
 
     Raises:
         InputError: there is none of that name.
     """
     if name not in HIDDEN_EFFECTS:
-        raise InputError(f"lab.concealed: no kind {name!r}; use one of: {', '.join(HIDDEN_EFFECTS)}")
+        raise InputError(f"lab.concealed: no hidden effect {name!r}; use one of: {', '.join(HIDDEN_EFFECTS)}")
     return HIDDEN_EFFECTS[name]

@@ -1,4 +1,4 @@
-"""A case: a rig, what it conceals, and a session that is recorded of it."""
+"""Record a case: a rig with hidden effects, and a session on it."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,10 +8,10 @@ import pandas as pd
 
 from slapshot.arrays import Array
 from slapshot.errors import InputError
-from slapshot.lab.joints.case_specs import Colour, Condition, Order
+from slapshot.lab.joints.case_specs import CaseSpec, Colour, MeasurementCondition
 from slapshot.lab.joints.clutter import LawError
-from slapshot.lab.joints.effect_size_calibration import Rehearsal, change
-from slapshot.lab.joints.execution import Motion
+from slapshot.lab.joints.effect_size_calibration import EffectSizeCalibration, change
+from slapshot.lab.joints.execution import SimulatedMotion
 from slapshot.lab.joints.hidden_effect import Concealed
 from slapshot.lab.joints.noise import CORRELATION, draw_sensor_noise, quantise, read_clean
 from slapshot.lab.joints.registry import hidden_effect_named
@@ -20,9 +20,9 @@ from slapshot.lab.joints.rigs import rig_named
 from slapshot.lab.rng_streams import stream_for
 from slapshot.recordings.signals import SignalRecording
 
-SIZES = (0.3, 30.0)  # from undetectable to plain, which is 5 and more
-ORACLE = 4  # last episodes whose noiseless record is in the truth
-TOGETHER_NEVER = {"joint_elasticity", "backlash"}
+SIZES = (0.3, 30.0)  # from undetectable to obvious (5 and more)
+ORACLE_EPISODES = 4  # last episodes whose noiseless record is stored in the truth
+INCOMPATIBLE = {"joint_elasticity", "backlash"}
 NOTE = (
     "STAND-IN: this recording was simulated by slapshot's lab; no real robot was involved. The rig's "
     "physics is concealed in a sealed file whose digest is given. Commands are what actuators were told, "
@@ -42,11 +42,11 @@ def make_case(
     seconds: float = 3.0,
     size: float | None = None,
 ) -> tuple[SignalRecording, dict[str, Any]]:
-    """Record a session on a rig that conceals kinds of physics.
+    """Record a session on a rig with hidden effects.
 
     Args:
         rig: pendulum, arm, kuka or fetchslide_arm.
-        kinds: what it conceals, in `registry.HIDDEN_EFFECTS`; nothing for a null.
+        kinds: hidden effects, in `registry.HIDDEN_EFFECTS`; empty for a null.
         seed: of everything that is drawn.
         noise: colour of the encoders' noise of 1 mrad (or mm); ou20 and ou100 have a correlation time of 20
             and 100 ms.
@@ -54,95 +54,99 @@ def make_case(
         quantised: rad, step of the encoders; None for fine ones.
         episodes: of the session.
         seconds: of an episode.
-        size: of each kind over the noise, see `rehearsal`; drawn log-uniformly from 0.3 to 30 if None.
+        size: of each effect over the noise, see `effect_size_calibration`; log-uniform from 0.3 to 30 if
+            None.
 
     Returns:
         The recording, with no digest of a truth yet, and the truth, which can be written as JSON.
 
     Raises:
-        InputError: there is no such rig or kind, or a kind does not fit the rig.
+        InputError: the rig or an effect is unknown, or an effect does not fit the rig.
     """
     if noise not in CORRELATION:
         raise InputError(f"lab: no noise {noise!r}; use one of: {', '.join(CORRELATION)}")
     return make(
-        Order(
+        CaseSpec(
             rig=rig,
             seed=seed,
-            conceals=tuple((kind, size) for kind in kinds),
-            condition=Condition(noise, cluttered, quantised),
+            conceals=tuple((effect, size) for effect in kinds),
+            condition=MeasurementCondition(noise, cluttered, quantised),
             episodes=episodes,
             seconds=seconds,
         )
     )
 
 
-def make(order: Order) -> tuple[SignalRecording, dict[str, Any]]:
+def make(spec: CaseSpec) -> tuple[SignalRecording, dict[str, Any]]:
     """See `make_case`."""
-    rig = rig_named(order.rig)
-    check_kinds([kind for kind, _ in order.conceals], rig)
-    excitation_rng, concealed_rng, clutter_rng, chance_rng = np.random.default_rng(order.seed).spawn(4)
-    excitation = draw_excitation(rig, order.episodes, order.seconds, excitation_rng)
-    rehearsal = Rehearsal(rig, excitation)
+    rig = rig_named(spec.rig)
+    check_hidden_effects([effect for effect, _ in spec.conceals], rig)
+    excitation_rng, concealed_rng, clutter_rng, noise_rng = np.random.default_rng(spec.seed).spawn(4)
+    excitation = draw_excitation(rig, spec.episodes, spec.seconds, excitation_rng)
+    size_calibration = EffectSizeCalibration(rig, excitation)
     law_error = None
-    if order.condition.cluttered:
-        error, plain = LawError(rehearsal.setting, clutter_rng), rehearsal.setting.positions
-        rehearsal = Rehearsal(rig, excitation, [error.law])
-        law_error = error.truth() | {"size": change(rehearsal.setting.positions, plain)}
+    if spec.condition.cluttered:
+        error, plain = LawError(size_calibration.nominal, clutter_rng), size_calibration.nominal.positions
+        size_calibration = EffectSizeCalibration(rig, excitation, [error.law])
+        law_error = error.truth() | {"size": change(size_calibration.nominal.positions, plain)}
     concealed = [
-        _find(rehearsal, kind, size, stream_for(concealed_rng, kind)) for kind, size in order.conceals
+        _find(size_calibration, effect, size, stream_for(concealed_rng, effect))
+        for effect, size in spec.conceals
     ]
-    motion = rehearsal.motion(concealed)
+    motion = size_calibration.motion(concealed)
     if motion is None:
-        raise InputError(f"lab: rig {rig.name} falls apart when it conceals all that; take another seed")
+        raise InputError(f"lab: rig {rig.name} is unstable with these effects; use another seed")
     clean = read_clean(rig, motion, concealed)
-    chance = draw_sensor_noise(order.condition, clean.shape, rig.clock.sample, chance_rng)
-    told = read_clean(rig, motion, concealed, chance.late) + chance.added
+    sensor_noise = draw_sensor_noise(spec.condition, clean.shape, rig.clock.sample, noise_rng)
+    told = read_clean(rig, motion, concealed, sensor_noise.sample_delay) + sensor_noise.added
     truth = {
         "stand_in": True,
         "rig": rig.name,
-        "seed": order.seed,
+        "seed": spec.seed,
         "condition": {
-            "noise": order.condition.noise,
-            "cluttered": order.condition.cluttered,
-            "quantised_rad": order.condition.quantised,
-            "episodes": order.episodes,
-            "seconds": order.seconds,
+            "noise": spec.condition.noise,
+            "cluttered": spec.condition.cluttered,
+            "quantised_rad": spec.condition.quantised,
+            "episodes": spec.episodes,
+            "seconds": spec.seconds,
         },
-        "kinds": [c.kind.name for c in concealed],
-        "size": rehearsal.size(concealed, motion),
+        "kinds": [c.effect.name for c in concealed],
+        "size": size_calibration.size(concealed, motion),
         "concealed": [c.truth() for c in concealed],
-        "chance": chance.truth,
+        "chance": sensor_noise.truth,
         "law_error": law_error,
         "noiseless": _noiseless(rig, clean),
     }
-    return _recording(rig, motion, quantise(told, order.condition.quantised)), truth
+    return _recording(rig, motion, quantise(told, spec.condition.quantised)), truth
 
 
-def check_kinds(kinds: Sequence[str], rig: Rig) -> None:
-    """Refuse what a rig cannot conceal.
+def check_hidden_effects(kinds: Sequence[str], rig: Rig) -> None:
+    """Refuse hidden effects that do not fit a rig.
 
     Raises:
-        InputError: a kind is unknown, stands twice or does not fit, or two contradict each other.
+        InputError: an effect is unknown, duplicate or does not fit, or two are incompatible.
     """
-    if set(kinds) >= TOGETHER_NEVER:
-        raise InputError(f"lab: {' and '.join(sorted(TOGETHER_NEVER))} part the same joint; take one of them")
-    for kind in kinds:
-        if not hidden_effect_named(kind).fits(rig):
-            raise InputError(f"lab: {kind} does not show on rig {rig.name}; take another kind or rig")
-        if kinds.count(kind) > 1:
-            raise InputError(f"lab: {kind} stands twice; name it once, with a larger size")
+    if set(kinds) >= INCOMPATIBLE:
+        raise InputError(f"lab: {' and '.join(sorted(INCOMPATIBLE))} split the same joint; use one of them")
+    for effect in kinds:
+        if not hidden_effect_named(effect).fits(rig):
+            raise InputError(f"lab: {effect} is not observable on rig {rig.name}; use another effect or rig")
+        if kinds.count(effect) > 1:
+            raise InputError(f"lab: {effect} is given twice; name it once, with a larger size")
 
 
-def _find(rehearsal: Rehearsal, kind: str, size: float | None, rng: np.random.Generator) -> Concealed:
+def _find(
+    size_calibration: EffectSizeCalibration, effect: str, size: float | None, rng: np.random.Generator
+) -> Concealed:
     shape_rng, size_rng = rng.spawn(2)
     if size is None:
         size = float(np.exp(size_rng.uniform(*np.log(SIZES))))
-    return rehearsal.find(hidden_effect_named(kind), size, shape_rng)
+    return size_calibration.find(hidden_effect_named(effect), size, shape_rng)
 
 
 def _noiseless(rig: Rig, clean: Array) -> dict[str, Any]:
-    """What encoders told in the last episodes, but for chance: rounded to 1e-8 rad or m."""
-    first = max(0, len(clean) - ORACLE)
+    """Noiseless readings of the last episodes, rounded to 1e-8 rad or m."""
+    first = max(0, len(clean) - ORACLE_EPISODES)
     values = np.round(clean[first:], 8)
     return {
         "episodes": list(range(first, len(clean))),
@@ -150,7 +154,7 @@ def _noiseless(rig: Rig, clean: Array) -> dict[str, Any]:
     }
 
 
-def _recording(rig: Rig, motion: Motion, told: Array) -> SignalRecording:
+def _recording(rig: Rig, motion: SimulatedMotion, told: Array) -> SignalRecording:
     controls, observations = rig.controls(), rig.observations()
     signals: dict[str, dict[str, Any]] = {}
     for channels, values, period in (

@@ -1,4 +1,4 @@
-"""What everybody believes of a rig with joints, and how it is made to move and recorded."""
+"""Nominal description of a rig with joints, its excitation and its channels."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -34,7 +34,7 @@ CLOCK = Clock()
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A rig as a diagnosis is given it, and what the lab needs besides.
+    """A rig as given to a diagnosis, with further data for the lab.
 
     Attributes:
         name: of the rig.
@@ -55,7 +55,7 @@ class Rig:
         turns: how its base can turn: "slide" along x, or "yaw" about the upright.
         clock: when things happen.
         moving: joints that are observed; all if empty.
-        site: whose place is observed besides, if any.
+        site: whose position is also observed, if any.
     """
 
     name: str
@@ -95,7 +95,7 @@ class Rig:
         return np.array([_joints_of(self.xml)[name].armature for name in self.joints])
 
     def controls(self) -> dict[str, Channel]:
-        """Channels of what is told, in the order of `Motion.told`."""
+        """Control channels, in the order of `SimulatedMotion.told`."""
         if self.drive != "mocap":
             unit = "N m" if self.drive == "torque" else "rad"
             return {
@@ -118,7 +118,7 @@ class Rig:
         }
 
     def observations(self) -> dict[str, Channel]:
-        """Channels of what is observed: joints, then the site's place."""
+        """Observation channels: joints, then the site's position."""
         found = {
             f"{_plain(name)}_position": Channel(
                 clock=_ENCODERS, role="observation", quantity="position", joint=name, unit="rad"

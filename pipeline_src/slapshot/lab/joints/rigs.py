@@ -90,7 +90,7 @@ def _fetchslide_arm() -> Rig:
         if not body.name.startswith("robot0:"):
             spec.delete(body)
     parts = (spec.geoms, spec.cameras, spec.lights, spec.excludes, spec.textures, spec.materials, spec.meshes)
-    for part in [part for kind in parts for part in kind]:
+    for part in [part for effect in parts for part in effect]:
         spec.delete(part)
     for weld in spec.equalities:
         data = np.array(weld.data)
