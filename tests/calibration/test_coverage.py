@@ -10,7 +10,7 @@ from slapshot.calibration.coverage import RIGS, TestedEffect, draw_from_prior, i
 from slapshot.calibration.stage_coverage_table import coverage_aims, coverage_table
 from slapshot.command import Run
 from slapshot.diagnosis.problem import Problem
-from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.effects.joints.effect import JointEffect, Parameter
 from slapshot.effects.joints.linear_drag import LinearDrag
 
@@ -92,8 +92,8 @@ def test_a_thrown_ball_with_drag_flies_as_its_equation_says():
     start = np.zeros((1, 13))
     start[0, [2, 3, 7, 9]] = 1.0, 1.0, 3.0, 2.0
     motion = Motion(start, np.zeros((1, 100, 0)))
-    nominal = cut(simulate_recording(simulated, motion, None, np.zeros(0)), simulated.rig)
-    (effect,) = LinearDrag.instances(Problem.of(simulated.rig, simulated.channels, nominal).situation)
+    nominal = segment_recording(simulate_recording(simulated, motion, None, np.zeros(0)), simulated.rig)
+    (effect,) = LinearDrag.instances(Problem.of(simulated.rig, simulated.channels, nominal).rig_motion)
     recording = simulate_recording(simulated, motion, effect, np.array([0.02]))
     mass, t = 0.05, np.arange(100) * INTERVAL
     way = solve_ivp(

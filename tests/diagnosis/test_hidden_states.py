@@ -11,7 +11,7 @@ from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.diagnosis.structure import same_effects
 from slapshot.effects.joints.catalogue import instances
 
@@ -63,23 +63,23 @@ def test_on_which_side_of_its_play_a_gear_is_told_by_the_data_before_a_window(mo
     blank = {"q": (joint("swing"), [np.sin(5 * t)] * 4), "u": (told(actuator="drive"), u)}
     nominal = recording([t] * 4, blank)
     rig = bind(MjSpec.from_string(ROTOR), nominal.channels)
-    problem = Problem.of(rig, nominal.channels, cut(nominal, rig))
+    problem = Problem.of(rig, nominal.channels, segment_recording(nominal, rig))
     effect = next(e for e in problem.catalogue if e.key == "backlash@swing (read at the link)")
     values = np.array([0.05, 0.05])
-    moved = problem.restructured(effect, problem.path)
-    hypothesis = Hypothesis(moved.rig, same_effects((effect,), instances(moved.situation)))
+    moved = problem.restructured(effect, problem.trajectory)
+    hypothesis = Hypothesis(moved.rig, same_effects((effect,), instances(moved.rig_motion)))
     model = hypothesis.compiled(values, 1e-3)
     readings = []
     for part in u:
         q, *_ = simulate(model, t, part[:, None], [rng.uniform(-1, 1), 0.0], [0.0, 0.0])
         readings.append(q.sum(axis=1) + white * rng.normal(size=len(t)))
     taken = recording([t] * 4, blank | {"q": (joint("swing"), readings)})
-    windows = cut(taken, rig, segment_s=1.0)
-    noise = replace(moved.first_noise, white=np.array([white]), coloured=np.zeros(1), force=1e-6)
+    windows = segment_recording(taken, rig, segment_s=1.0)
+    noise = replace(moved.initial_noise, white=np.array([white]), coloured=np.zeros(1), force=1e-6)
 
     def errors() -> float:
-        path = held_out.first_path(moved, problem, windows)
-        return held_out.predict(moved, hypothesis, values, windows, noise, path).rms(np.array([0]))
+        trajectory = held_out.initial_trajectory(moved, problem, windows)
+        return held_out.predict(moved, hypothesis, values, windows, noise, trajectory).rms(np.array([0]))
 
     found = errors()
     monkeypatch.setattr(held_out, "_rough", lambda hypothesis: False)

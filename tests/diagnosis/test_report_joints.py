@@ -20,7 +20,7 @@ from slapshot.diagnosis.outputs import write_outputs
 from slapshot.diagnosis.report.markdown import markdown
 from slapshot.diagnosis.report.motion import Motion, predicted_motion, recorded_motion
 from slapshot.diagnosis.report.outcome import Outcome, coordinates
-from slapshot.diagnosis.report.residuals import binned, made_up, missing, variables
+from slapshot.diagnosis.report.residuals import added_force, binned, misfit, variables
 from slapshot.diagnosis.report.terminal import terminal_text
 from slapshot.diagnosis.report.wording import (
     between,
@@ -277,9 +277,9 @@ def test_missing_torque_is_the_friction(made):
     outcome = made["friction"].outcome
     (swing,) = coordinates(outcome.rig.model)
     speed = variables(outcome, swing)["velocity"]
-    found = missing(outcome, "nominal")
-    left = missing(outcome, "augmented")
-    added = made_up(outcome)
+    found = misfit(outcome, "nominal")
+    left = misfit(outcome, "augmented")
+    added = added_force(outcome)
     (effect,) = outcome.verdict.effects
     value = effect.parameters[0].value
     for way in (-1, 1):
@@ -297,7 +297,7 @@ def test_missing_torque_is_the_friction(made):
 
 
 def test_nothing_is_made_up_where_nothing_was_found(made):
-    assert made_up(made["nothing"].outcome) is None
+    assert added_force(made["nothing"].outcome) is None
 
 
 def test_binned_means_and_their_intervals():
@@ -317,10 +317,10 @@ def test_binned_means_and_their_intervals():
 def test_motion_that_is_drawn_is_that_which_was_predicted_and_recorded(made):
     outcome = made["friction"].outcome
     every = np.arange(outcome.windows.shape[0])
-    for arm in outcome.arms:
-        motion = predicted_motion(outcome, arm, every)
+    for model_name in outcome.by_model:
+        motion = predicted_motion(outcome, model_name, every)
         # To a tenth of what can be seen at all, the noise.
-        np.testing.assert_allclose(motion.seen, outcome.predictions(arm).predicted, atol=0.1 * NOISE)
+        np.testing.assert_allclose(motion.seen, outcome.predictions(model_name).predicted, atol=0.1 * NOISE)
         np.testing.assert_allclose(motion.qpos, motion.seen, atol=1e-9)
         recorded = recorded_motion(motion, outcome.recorded)
         np.testing.assert_allclose(recorded.qpos, outcome.recorded, atol=1e-9)

@@ -147,8 +147,8 @@ def _simulated(simulated: CalibrationRig, motion: Motion, effect: JointEffect | 
         y = _episode(replace(rig, model=model), simulated.rig.model, start, control, effect, values, order)
         if effect is not None:
             rate = np.gradient(y, step, axis=0, edge_order=2)
-            bend = np.gradient(rate, step, axis=0, edge_order=2)
-            added = effect.observe(Observed(y, rate, bend, np.full(len(y), order)), values)
+            second_rate = np.gradient(rate, step, axis=0, edge_order=2)
+            added = effect.observe(Observed(y, rate, second_rate, np.full(len(y), order)), values)
             y = y if added is None else y + added
         seen.append(y[::substeps])
     return np.array(seen)

@@ -15,13 +15,13 @@ from slapshot.calibration.calibration_rigs import (
     calibration_rig,
     simulate_recording,
 )
-from slapshot.diagnosis.diagnose import named_parameter
+from slapshot.diagnosis.diagnose import estimated_parameter
 from slapshot.diagnosis.inference.scores import gains
-from slapshot.diagnosis.problem import Examination, Problem, examine
-from slapshot.diagnosis.search import Step, first_values, nominal_step, refit, structured
-from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score
+from slapshot.diagnosis.search import Step, nominal_step, one_step_values, refit, structural_fit
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.effects.joints.catalogue import joint_effects
-from slapshot.effects.joints.effect import JointEffect, Situation
+from slapshot.effects.joints.effect import JointEffect, RigMotion
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 RIGS = ("pendulum", "arm", "ball")  # the simplest first
@@ -46,7 +46,7 @@ def tested_effects(effect: str) -> list[TestedEffect]:
     for name in [_REQUIRED_RIG[effect]] if effect in _REQUIRED_RIG else RIGS:
         simulated = calibration_rig(name)
         motion = simulated.draw(6, 1.0, np.random.default_rng(0))
-        for one in _instances(_nominal(simulated, motion).situation, effect, motion):
+        for one in _instances(_nominal(simulated, motion).rig_motion, effect, motion):
             variant = "" if effect == ExternalPulse.name else one.variant
             found.setdefault(variant, TestedEffect(effect, variant, name))
     return list(found.values())
@@ -66,24 +66,24 @@ def intervals(tested: TestedEffect, seed: int, episodes: int, seconds: float) ->
     simulated = calibration_rig(tested.rig)
     motion = simulated.draw(episodes, seconds, rng)
     nominal = _nominal(simulated, motion)
-    effect = _select_instance(tested, nominal.situation, motion)
+    effect = _select_instance(tested, nominal.rig_motion, motion)
     truth = draw_from_prior(effect, rng)
     noise = WHITE_NOISE * rng.standard_normal((*motion.commands.shape[:2], len(simulated.rig.observations)))
     recording = simulate_recording(simulated, motion, effect, truth, noise)
     # Scales of the nominal motion, so that the prior is the one that the truth was drawn from.
     problem = replace(
-        Problem.of(simulated.rig, simulated.channels, cut(recording, simulated.rig)),
-        situation=nominal.situation,
+        Problem.of(simulated.rig, simulated.channels, segment_recording(recording, simulated.rig)),
+        rig_motion=nominal.rig_motion,
     )
-    examined = fitted(problem, effect, rng)
+    scored = fitted(problem, effect, rng)
     for k, parameter in enumerate(effect.parameters):
         row = {"effect": tested.effect, "variant": tested.variant, "rig": tested.rig, "part": effect.part,
                "parameter": parameter.name, "seed": seed, "truth": truth[k]}  # fmt: skip
-        if examined is None:
+        if scored is None:
             yield row | {"value": np.nan, "low": np.nan, "high": np.nan, "state": "", "converged": False}
             continue
-        fit = examined.fit
-        found = named_parameter(parameter, float(fit.theta[k]), float(fit.sd[k]))
+        fit = scored.fit
+        found = estimated_parameter(parameter, float(fit.theta[k]), float(fit.sd[k]))
         yield row | {
             "value": found.value,
             "low": found.low,
@@ -93,14 +93,14 @@ def intervals(tested: TestedEffect, seed: int, episodes: int, seconds: float) ->
         }
 
 
-def fitted(problem: Problem, effect: JointEffect, rng: np.random.Generator) -> Examination | None:
+def fitted(problem: Problem, effect: JointEffect, rng: np.random.Generator) -> ScoredFit | None:
     """The fit of an effect as in a search; None if it fails."""
     try:
         nominal = nominal_step(problem, (), rng)
         if effect.hidden_state:
-            return structured(nominal, effect)
+            return structural_fit(nominal, effect)
         fit = refit(nominal, effect, _initial_values(nominal, effect))
-        return examine(problem, fit.hypothesis, fit.theta, fit.path, nominal.examination.noise)
+        return fit_and_score(problem, fit.hypothesis, fit.theta, fit.trajectory, nominal.scored.noise)
     except np.linalg.LinAlgError:
         return None
 
@@ -119,10 +119,10 @@ def draw_from_prior(effect: JointEffect, rng: np.random.Generator) -> Array:
 def _nominal(simulated: CalibrationRig, motion: Motion) -> Problem:
     """The problem of a noise-free recording of the nominal model."""
     recording = simulate_recording(simulated, motion, None, np.zeros(0))
-    return Problem.of(simulated.rig, simulated.channels, cut(recording, simulated.rig))
+    return Problem.of(simulated.rig, simulated.channels, segment_recording(recording, simulated.rig))
 
 
-def _instances(scales: Situation, effect: str, motion: Motion) -> list[JointEffect]:
+def _instances(scales: RigMotion, effect: str, motion: Motion) -> list[JointEffect]:
     if effect != ExternalPulse.name:
         return list(joint_effects()[effect].instances(scales))
     # Its times are detected in data; here they are known.
@@ -132,7 +132,7 @@ def _instances(scales: Situation, effect: str, motion: Motion) -> list[JointEffe
     return [ExternalPulse(joint, [Pulse(episode, order, begin, end)]) for joint in scales.joints]
 
 
-def _select_instance(tested: TestedEffect, scales: Situation, motion: Motion) -> JointEffect:
+def _select_instance(tested: TestedEffect, scales: RigMotion, motion: Motion) -> JointEffect:
     """The instance at the first part; of many forms, an intermediate one."""
     own = _instances(scales, tested.effect, motion)
     own = [e for e in own if tested.effect == ExternalPulse.name or e.variant == tested.variant]
@@ -142,9 +142,9 @@ def _select_instance(tested: TestedEffect, scales: Situation, motion: Motion) ->
 
 def _initial_values(nominal: Step, effect: JointEffect) -> Array:
     """Initial values of a fit, from the scores of the nominal model."""
-    examined = nominal.examination
-    keys = [candidate.key for candidate in examined.effects]
+    scored = nominal.scored
+    keys = [candidate.key for candidate in scored.effects]
     if effect.key not in keys:
         return np.array([parameter.start for parameter in effect.parameters])
     index = keys.index(effect.key)
-    return first_values(examined, index, gains(examined.scores, examined.columns)[index].values)
+    return one_step_values(scored, index, gains(scored.scores, scored.columns)[index].values)

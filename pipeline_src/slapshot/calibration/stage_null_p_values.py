@@ -11,7 +11,7 @@ from slapshot.diagnosis.diagnose import split
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.search import nominal_step
-from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.lab.joints.noise import Colour
 from slapshot.lab.joints.record_case import make_case
 from slapshot.lab.joints.rigs import nominal_model
@@ -35,7 +35,7 @@ def null_p_value(rig: str, noise: Colour, seed: int, episodes: int, seconds: flo
     """
     recording, _ = make_case(rig, (), seed, noise=noise, episodes=episodes, seconds=seconds)
     nominal = bind(mujoco.MjSpec.from_string(nominal_model(rig)), recording.channels)
-    used, _ = split(cut(recording, nominal))
+    used, _ = split(segment_recording(recording, nominal))
     problem = Problem.of(nominal, recording.channels, used)
     return nominal_step(problem, (), np.random.default_rng(seed)).test.p_value
 

@@ -1,4 +1,4 @@
-"""A rig: a MuJoCo model, and which recorded channel is which part of it.
+"""A rig: a MuJoCo model with recorded channels bound to its parts.
 
 Controls go to actuators, as a torque or force to a joint without one (which gets a motor), or as a pose to a
 mocap body. Observations are sensors that are added to the model: what a simulation step returns beside the
@@ -24,7 +24,7 @@ _QUATERNIONS = (int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjS
 
 @dataclass(frozen=True)
 class Control:
-    """What an input of the model follows.
+    """Binding of an input of the model.
 
     Attributes:
         input: name of an actuator, or of a mocap body and a component of its pose.
@@ -41,7 +41,7 @@ class Control:
 
 @dataclass(frozen=True)
 class Observation:
-    """What a recorded channel observes.
+    """Binding of an observed channel.
 
     Attributes:
         channel: its name.

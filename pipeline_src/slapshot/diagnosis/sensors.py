@@ -1,4 +1,4 @@
-"""Sensors that stand for observed channels.
+"""Sensors for observed channels.
 
 A hinge, slide or actuator reads one number. A ball joint reads its own quaternion and angular velocity, as
 qpos and qvel have them; sites, bodies and free joints read place, quaternion and velocities in the world
@@ -45,7 +45,7 @@ def check_part(model: mujoco.MjModel, kind: str, part: str, channel: str) -> Non
 
 
 def add_sensor(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Channel) -> tuple[str, int]:
-    """Add the sensor that a channel stands for, where the model has none.
+    """Add a sensor for a channel, if the model has none.
 
     Args:
         spec: which gets it.

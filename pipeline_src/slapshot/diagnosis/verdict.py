@@ -1,4 +1,4 @@
-"""verdict.json of a recording of joints and bodies: what it holds."""
+"""Schema of verdict.json for recordings of joints and bodies."""
 
 import json
 from collections.abc import Mapping

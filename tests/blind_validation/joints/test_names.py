@@ -6,7 +6,7 @@ import pytest
 from slapshot.arrays import GRAVITY
 from slapshot.blind_validation.joints.score import ALIASES, LocatedEffect, equivalent_effects, parse_key
 from slapshot.effects.joints.catalogue import instances, joint_effects
-from slapshot.effects.joints.effect import Joint, Situation
+from slapshot.effects.joints.effect import Joint, RigMotion
 from slapshot.lab.joints.hidden_effect import Concealed
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import RIGS, nominal_model, rig_named
@@ -67,7 +67,7 @@ def test_keys_of_effects_are_those_of_the_catalogue():
         Joint(name, i, i, "N m", (i,), 1.0, (1.0,), 1.0, 0.5, 0.0, 0.1)
         for i, name in enumerate(("joint1", "joint2"))
     )
-    found = instances(Situation(model, joints, (), (), 0.005, 20))
+    found = instances(RigMotion(model, joints, (), (), 0.005, 20))
     assert len(found) > 30
     for effect in found:
         assert parse_key(effect.key) == LocatedEffect(effect.name, effect.part), effect.key

@@ -1,4 +1,4 @@
-"""The verdict in sentences: verdict.md, for a roboticist who must act."""
+"""verdict.md: the verdict as text."""
 
 from collections.abc import Mapping, Sequence
 
@@ -42,7 +42,7 @@ def markdown(
     """verdict.md.
 
     Args:
-        verdict: to tell.
+        verdict: the verdict.
         figures: name of a figure in the same folder, without suffix -> caption.
         augmented: whether the model with what was found stands beside it.
         problems: what could not be written beside it, a line each.

@@ -47,8 +47,8 @@ def write_recording(outcome: Outcome, text: str, folder: Path) -> None:
     count = outcome.windows.shape[0]
     some = np.unique(np.linspace(0, count - 1, min(count, _MOST_WINDOWS)).astype(int))
     windows = predicted_half(outcome.windows.select(some))
-    arms = list(dict.fromkeys(["nominal", outcome.best]))
-    motions = {arm: predicted_motion(outcome, arm, some) for arm in arms}
+    by_model = list(dict.fromkeys(["nominal", outcome.best]))
+    motions = {model_name: predicted_motion(outcome, model_name, some) for model_name in by_model}
     motions = {"recorded": recorded_motion(motions[outcome.best], windows.y), **motions}
     moments = _moments(windows)
     with rr.RecordingStream(APPLICATION, recording_id="diagnosis") as recording:

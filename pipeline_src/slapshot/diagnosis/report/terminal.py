@@ -1,4 +1,4 @@
-"""The verdict in some lines for the terminal."""
+"""Summary of the verdict for the terminal."""
 
 import textwrap
 
@@ -20,12 +20,12 @@ from slapshot.plotting import STAND_IN
 from slapshot.text import printable
 
 _WIDTH = 108
-_MOST = 3  # channels, rivals or quantities that are told one by one
+_MAX_SHOWN = 3  # channels, rivals or quantities that are told one by one
 _INDENT = 13
 
 
 def terminal_text(verdict: Verdict) -> str:
-    """Headline, and a line for each thing worth knowing; 5 to 15 lines."""
+    """Headline and one line for each result; 5 to 15 lines."""
     kind = f" ({STAND_IN})" if verdict.stand_in else ""
     recorded = f"{verdict.rig}{kind}, {several(verdict.episodes, 'episode')}"
     if verdict.seconds:
@@ -52,15 +52,15 @@ def terminal_text(verdict: Verdict) -> str:
         if effect.same_as:
             lines.append(_line("same as", effect.same_as))
         if effect.rivals:
-            some = dict(list(effect.rivals.items())[:_MOST])
-            more = f", and {len(effect.rivals) - _MOST} more" if len(effect.rivals) > _MOST else ""
+            some = dict(list(effect.rivals.items())[:_MAX_SHOWN])
+            more = f", and {len(effect.rivals) - _MAX_SHOWN} more" if len(effect.rivals) > _MAX_SHOWN else ""
             lines.append(_line("or", f"{rivals_text(some)}{more}"))
     if verdict.location is not None:
         size = verdict.location.size
         rms = "" if size is None else f"; {quantity(size.value, size.unit)} rms"
         lines.append(_line("where", f"{place(verdict)}{rms}"))
     assert verdict.fit is not None
-    for kind in list(verdict.fit.nominal.rms)[:_MOST]:
+    for kind in list(verdict.fit.nominal.rms)[:_MAX_SHOWN]:
         lines.append(
             _line(
                 "held out",
@@ -86,9 +86,9 @@ def terminal_text(verdict: Verdict) -> str:
 
 
 def _findings(verdict: Verdict) -> list[str]:
-    lines = [_line("check", finding, most=2) for finding in verdict.findings[:_MOST]]
-    if len(verdict.findings) > _MOST:
-        lines.append(_line("check", f"{len(verdict.findings) - _MOST} more in verdict.md"))
+    lines = [_line("check", finding, most=2) for finding in verdict.findings[:_MAX_SHOWN]]
+    if len(verdict.findings) > _MAX_SHOWN:
+        lines.append(_line("check", f"{len(verdict.findings) - _MAX_SHOWN} more in verdict.md"))
     return lines
 
 

@@ -1,4 +1,4 @@
-"""Words and numbers for people: what an effect is called in a sentence, and SI numbers in readable units."""
+"""Formatting for reports: phrases of effects, and SI numbers in readable units."""
 
 import html
 import math

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation, servo
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion, servo
 from slapshot.effects.joints.parts import shown
 
 _LINEAR = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
@@ -18,7 +18,7 @@ class ActuatorGain(JointEffect):
     phrase = "gain of actuator {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["ActuatorGain"]:
+    def instances(cls, rig: RigMotion) -> Iterator["ActuatorGain"]:
         """One an actuator, and one for the stiffness alone of a servo with damping; prior: a fifth."""
         model, parameter = rig.model, Parameter("excess", "1", 0.2, low=-0.95, probe=1e-3)
         for actuator in range(model.nu):

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import of_actuators
 
 
@@ -17,7 +17,7 @@ class ActuatorLag(JointEffect):
     phrase = "lag of {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["ActuatorLag"]:
+    def instances(cls, rig: RigMotion) -> Iterator["ActuatorLag"]:
         """One an actuator and one of all; prior: 20 ms."""
         yield from of_actuators(
             cls, rig, Parameter("time_constant", "s", 0.02, low=0.0, high=1.0, probe=1e-3)

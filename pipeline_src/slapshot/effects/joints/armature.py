@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion
 
 
 class Armature(JointEffect):
@@ -15,7 +15,7 @@ class Armature(JointEffect):
     phrase = "rotor inertia at {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["Armature"]:
+    def instances(cls, rig: RigMotion) -> Iterator["Armature"]:
         """One a joint; prior: a third of the joint's inertia."""
         for joint in rig.joints:
             scale = 0.3 * joint.inertia

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Parameter, Situation
+from slapshot.effects.joints.effect import Parameter, RigMotion
 from slapshot.effects.joints.split import AT_LINK, AT_MOTOR, SplitJoint, deflection
 
 _HIT = 1000.0  # rad/s, of the stop: four steps of a time constant
@@ -20,7 +20,7 @@ class Backlash(SplitJoint):
     phrase = "backlash of joint {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["Backlash"]:
+    def instances(cls, rig: RigMotion) -> Iterator["Backlash"]:
         """One a driven joint, read at the motor or at the link; prior: a gap of 10 mrad either way."""
         for joint in rig.joints:
             if not joint.actuators:

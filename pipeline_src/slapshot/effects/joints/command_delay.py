@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import of_actuators
 
 
@@ -16,7 +16,7 @@ class CommandDelay(JointEffect):
     phrase = "delay of {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["CommandDelay"]:
+    def instances(cls, rig: RigMotion) -> Iterator["CommandDelay"]:
         """One an actuator and one of all; prior: 20 ms."""
         yield from of_actuators(cls, rig, Parameter("delay", "s", 0.02, low=0.0, high=1.0, probe=1e-3))
 

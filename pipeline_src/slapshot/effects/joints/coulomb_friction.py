@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import add_friction
 
 
@@ -18,7 +18,7 @@ class CoulombFriction(JointEffect):
     friction = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["CoulombFriction"]:
+    def instances(cls, rig: RigMotion) -> Iterator["CoulombFriction"]:
         """One a joint; prior: a third of the usual torque."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque

@@ -87,7 +87,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Sensed:
+class SensedChannel:
     """A column of the observations: its channel, quantity, and joint (None for sites and bodies)."""
 
     column: int
@@ -97,7 +97,7 @@ class Sensed:
 
 
 @dataclass(frozen=True)
-class Situation:
+class RigMotion:
     """What instances of effects are made for: a model and how it was moved.
 
     Attributes:
@@ -113,7 +113,7 @@ class Situation:
     model: mujoco.MjModel
     joints: tuple[Joint, ...]
     free_bodies: tuple[tuple[int, int], ...]
-    sensed: tuple[Sensed, ...]
+    sensed: tuple[SensedChannel, ...]
     interval: float
     episodes: int
     speed: float = 0.0
@@ -139,7 +139,7 @@ class State:
 
 @dataclass(frozen=True)
 class Observed:
-    """What the model observes along a path.
+    """What the model observes along a trajectory.
 
     Attributes:
         y: (n, ny) without the effect.
@@ -150,7 +150,7 @@ class Observed:
 
     y: Array
     rate: Array
-    bend: Array
+    second_rate: Array
     order: Array
 
 
@@ -186,7 +186,7 @@ class JointEffect:
         self.part, self.parameters, self.variant = part, tuple(parameters), variant
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["JointEffect"]:
+    def instances(cls, rig: RigMotion) -> Iterator["JointEffect"]:
         """One for every part that the effect can sit on, and variant."""
         raise NotImplementedError
 
@@ -197,15 +197,15 @@ class JointEffect:
         return f"{key} ({self.variant})" if self.variant else key
 
     @property
-    def initial_values(self) -> tuple[tuple[float, ...], ...]:
+    def probe_values(self) -> tuple[tuple[float, ...], ...]:
         """Values at which a first look is taken: each gives a column, (F(value) - F(start)) / probe."""
-        looks = []
+        perturbations = []
         for i, parameter in enumerate(self.parameters):
             if parameter.probe:
                 values = [p.start for p in self.parameters]
                 values[i] = parameter.start + parameter.probe
-                looks.append(tuple(values))
-        return tuple(looks)
+                perturbations.append(tuple(values))
+        return tuple(perturbations)
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Change numbers of a compiled model in place."""
@@ -222,7 +222,7 @@ class JointEffect:
         """What is added to the observations, (n, ny)."""
         return None
 
-    def knees(self, model: mujoco.MjModel, force: Array, values: Array) -> tuple[int, Array]:
+    def soft_limit(self, model: mujoco.MjModel, force: Array, values: Array) -> tuple[int, Array]:
         """What a limit of an actuator does before it is reached, beside what it does at it.
 
         Args:

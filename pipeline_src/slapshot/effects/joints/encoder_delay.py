@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, RigMotion
 
 ALL_SENSORS = "all sensors"
 
@@ -18,7 +18,7 @@ class EncoderDelay(JointEffect):
     both_signs = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["EncoderDelay"]:
+    def instances(cls, rig: RigMotion) -> Iterator["EncoderDelay"]:
         """One a joint that is observed and one of all, where controls tell the time; prior: 10 ms."""
         if not rig.model.nu:
             return
@@ -39,7 +39,7 @@ class EncoderDelay(JointEffect):
     def observe(self, seen: Observed, values: Array) -> Array:
         """Reading of an earlier time, to second order: for delays that are short against the motion."""
         added, own = np.zeros_like(seen.y), self._columns
-        added[:, own] = -values[0] * seen.rate[:, own] + values[0] ** 2 / 2 * seen.bend[:, own]
+        added[:, own] = -values[0] * seen.rate[:, own] + values[0] ** 2 / 2 * seen.second_rate[:, own]
         return added
 
     def note(self, values: Array) -> str:

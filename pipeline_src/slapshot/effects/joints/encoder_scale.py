@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Observed, Parameter, Situation, servo
+from slapshot.effects.joints.effect import Joint, JointEffect, Observed, Parameter, RigMotion, servo
 
 
 class EncoderScale(JointEffect):
@@ -16,7 +16,7 @@ class EncoderScale(JointEffect):
     phrase = "scale of the encoder of {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["EncoderScale"]:
+    def instances(cls, rig: RigMotion) -> Iterator["EncoderScale"]:
         """One a joint that is observed; prior: 2 %."""
         for joint in rig.joints:
             columns = tuple(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class ExternalPulse(JointEffect):
     phrase = "a push from outside at {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["ExternalPulse"]:
+    def instances(cls, rig: RigMotion) -> Iterator["ExternalPulse"]:
         """None: times are found in the data first, see diagnosis.pulses."""
         return iter(())
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
 
 class FrictionDrift(JointEffect):
@@ -19,7 +19,7 @@ class FrictionDrift(JointEffect):
     friction = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["FrictionDrift"]:
+    def instances(cls, rig: RigMotion) -> Iterator["FrictionDrift"]:
         """One a joint, from five episodes on; prior: a sixth of the usual torque."""
         if rig.episodes < 5:
             return

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Parameter, Situation
+from slapshot.effects.joints.effect import Parameter, RigMotion
 from slapshot.effects.joints.split import AT_LINK, AT_MOTOR, FASTEST, SplitJoint, deflection, stiffest
 
 
@@ -19,7 +19,7 @@ class JointElasticity(SplitJoint):
     phrase = "elasticity of joint {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["JointElasticity"]:
+    def instances(cls, rig: RigMotion) -> Iterator["JointElasticity"]:
         """One a driven joint, read at the motor or at the link; prior: 10 mrad under the usual torque."""
         for joint in rig.joints:
             if not joint.actuators:

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Observed, Parameter, Situation, servo
+from slapshot.effects.joints.effect import Joint, JointEffect, Observed, Parameter, RigMotion, servo
 
 
 class JointOffset(JointEffect):
@@ -16,7 +16,7 @@ class JointOffset(JointEffect):
     phrase = "zero of joint {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["JointOffset"]:
+    def instances(cls, rig: RigMotion) -> Iterator["JointOffset"]:
         """One a joint; prior: 0.1 rad, or 20 mm: zeros of two conventions differ more."""
         for joint in rig.joints:
             columns = tuple(

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import moving_bodies
 
 
@@ -16,7 +16,7 @@ class LinkMass(JointEffect):
     phrase = "mass of {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["LinkMass"]:
+    def instances(cls, rig: RigMotion) -> Iterator["LinkMass"]:
         """One a moving body with a mass that counts; prior: a quarter of it."""
         for body in moving_bodies(rig.model):
             name = rig.model.body(body).name

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
 
 class LoadFriction(JointEffect):
@@ -17,7 +17,7 @@ class LoadFriction(JointEffect):
     friction = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["LoadFriction"]:
+    def instances(cls, rig: RigMotion) -> Iterator["LoadFriction"]:
         """One a driven joint; prior: a tenth of the transmitted torque."""
         for joint in rig.joints:
             if joint.actuators:

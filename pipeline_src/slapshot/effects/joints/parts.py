@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Parameter, Situation
+from slapshot.effects.joints.effect import Parameter, RigMotion
 
 _COUNTS = 1e-3  # of the whole mass: lighter bodies cannot be told
 _STIFFEST = 0.9999  # impedance that MuJoCo allows
@@ -32,7 +32,7 @@ def freely(body: str, law: str) -> str:
     )
 
 
-def of_actuators(kind: Any, rig: Situation, parameter: Parameter) -> Iterator[Any]:
+def of_actuators(kind: Any, rig: RigMotion, parameter: Parameter) -> Iterator[Any]:
     """An effect on all actuators and, of several, on each, and on each mocap body."""
     model, count = rig.model, rig.model.nu
     if count:

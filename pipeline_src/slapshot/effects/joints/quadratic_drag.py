@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation, State
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion, State
 from slapshot.effects.joints.parts import freely, weight
 
 
@@ -16,7 +16,7 @@ class QuadraticDrag(JointEffect):
     phrase = "air drag on {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["QuadraticDrag"]:
+    def instances(cls, rig: RigMotion) -> Iterator["QuadraticDrag"]:
         """One a free body; prior: at the usual speed a third of its weight."""
         for body, v in rig.free_bodies:
             scale = 0.3 * weight(rig.model, body) / max(rig.speed, 1e-6) ** 2

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import shown
 
 # Sharpness of an amplifier that gives in before its limit: at 56 and 89 % of it half a percent is lacking.
-KNEES = (6.0, 20.0)
+SHARPNESS = (6.0, 20.0)
 
 
 class Saturation(JointEffect):
@@ -20,7 +20,7 @@ class Saturation(JointEffect):
     phrase = "torque limit of actuator {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["Saturation"]:
+    def instances(cls, rig: RigMotion) -> Iterator["Saturation"]:
         """One an actuator of a joint.
 
         The limit is told as the share of its largest force along the recorded motion that is cut off.
@@ -36,7 +36,7 @@ class Saturation(JointEffect):
         self._actuator, self._largest = actuator, largest
 
     @property
-    def initial_values(self) -> tuple[tuple[float, ...], ...]:
+    def probe_values(self) -> tuple[tuple[float, ...], ...]:
         """A little and much cut off: a limit that is never reached would not tell which way to go."""
         return ((0.02,), (0.1,), (0.3,), (0.6,))
 
@@ -51,13 +51,13 @@ class Saturation(JointEffect):
             model.actuator_forcelimited[self._actuator] = 1
             model.actuator_forcerange[self._actuator] = low, high
 
-    def knees(self, model: mujoco.MjModel, force: Array, values: Array) -> tuple[int, Array]:
+    def soft_limit(self, model: mujoco.MjModel, force: Array, values: Array) -> tuple[int, Array]:
         """Of amplifiers that give in softly: F / (1 + |F / L|^p)^(1/p), less what the sharp limit leaves."""
         own, limit = force[:, self._actuator], max(self._largest * (1 - float(values[0])), 1e-300)
         share = np.abs(own / limit)[:, None]
         # In a form that does not overflow.
         top = np.maximum(share, 1.0)
-        power = np.array(KNEES)
+        power = np.array(SHARPNESS)
         soft = share / (top * ((1 / top) ** power + (share / top) ** power) ** (1 / power))
         lacking = np.sign(own)[:, None] * limit * (soft - np.minimum(share, 1.0)) * (values[0] > 0)
         joint = int(model.actuator_trnid[self._actuator, 0])

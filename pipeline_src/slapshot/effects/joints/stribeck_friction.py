@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 from slapshot.effects.joints.parts import add_friction
 
 
@@ -19,7 +19,7 @@ class StribeckFriction(JointEffect):
     friction = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["StribeckFriction"]:
+    def instances(cls, rig: RigMotion) -> Iterator["StribeckFriction"]:
         """One a joint; prior: as dry friction, and as much again below a seventh of the usual speed."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
 MOST = 18  # orders that are looked at, half a period over the travel apart
 
@@ -18,7 +18,7 @@ class TorqueRipple(JointEffect):
     many_forms = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["TorqueRipple"]:
+    def instances(cls, rig: RigMotion) -> Iterator["TorqueRipple"]:
         """One a joint and start of its period; prior: a tenth of the usual torque."""
         for joint in rig.joints:
             scale = 0.1 * joint.torque

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion
 
 
 class ViscousFriction(JointEffect):
@@ -17,7 +17,7 @@ class ViscousFriction(JointEffect):
     friction = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["ViscousFriction"]:
+    def instances(cls, rig: RigMotion) -> Iterator["ViscousFriction"]:
         """One a joint; prior: at the usual speed it takes a third of the usual torque."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque / joint.speed

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation, State
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion, State
 from slapshot.effects.joints.parts import freely, level, weight
 
 
@@ -16,7 +16,7 @@ class Wind(JointEffect):
     phrase = "wind on {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["Wind"]:
+    def instances(cls, rig: RigMotion) -> Iterator["Wind"]:
         """One a free body; prior: a tenth of its weight, level."""
         for body, v in rig.free_bodies:
             scale = 0.1 * weight(rig.model, body)
