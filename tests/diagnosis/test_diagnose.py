@@ -129,8 +129,8 @@ def predictions(monkeypatch, likelihoods: list[float], clumsy: int | None = None
 
     Predictions of so many effects and of one more differ by `apart` standard deviations of a reading.
     """
-    monkeypatch.setattr(held_out, "first_path", lambda *a: None)
-    monkeypatch.setattr(held_out, "own_noise", lambda *a: (None, None))
+    monkeypatch.setattr(held_out, "initial_trajectory", lambda *a: None)
+    monkeypatch.setattr(held_out, "refitted_noise", lambda *a: (None, None))
 
     def predict(problem, hypothesis, *a):
         value = np.array([likelihoods[len(hypothesis.effects)]])

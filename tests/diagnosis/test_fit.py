@@ -27,7 +27,7 @@ from slapshot.effects.joints.link_mass import LinkMass
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 from slapshot.recordings.channels import QUATERNION, Channel
 
-from .mechanisms import BRICK, HANGER, PENDULUM, joint, place, recording, simulate, told
+from .mechanisms import BRICK, HANGER, PENDULUM, control_channel, joint, place, recording, simulate
 
 Observed = dict[str, tuple[Channel, np.ndarray]]
 
@@ -92,7 +92,7 @@ def swinging(
     u = 1.5 * np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t)[:, None] + rng.normal(size=(len(t), 1))
     qpos, *_ = simulate(true, t, u, [rng.uniform(-1, 1)], [rng.uniform(-2, 2)], finer=finer)
     angle = qpos[:, 0] + white * rng.standard_normal(len(t))
-    data = {"angle": (joint("swing"), angle), "drive": (told(actuator="drive"), u[:, 0])}
+    data = {"angle": (joint("swing"), angle), "drive": (control_channel(actuator="drive"), u[:, 0])}
     return bench(model, t, data, [white], force=force, nuisance=nuisance)
 
 
@@ -142,7 +142,7 @@ def test_with_process_force_the_intervals_are_wider_and_hold():
         pushed = 0.1 * plain.noise.torque[0] * rng.standard_normal((200, 1))
         qpos, *_ = simulate(DAMPED, t, u + pushed, [0.5], [0.0], finer=1)
         angle = qpos[:, 0] + 1e-3 * rng.standard_normal(200)
-        data = {"angle": (joint("swing"), angle), "drive": (told(actuator="drive"), u[:, 0])}
+        data = {"angle": (joint("swing"), angle), "drive": (control_channel(actuator="drive"), u[:, 0])}
         of = bench(PENDULUM, t, data, [1e-3])
         held = 0.1 * plain.noise.torque[0] / of.noise.torque[0]
         of = of._replace(noise=replace(of.noise, force=held))
@@ -165,7 +165,7 @@ def test_several_parameters_of_different_kinds():
     late = qpos[:, 0] - 0.004 * qvel[:, 0]
     data = {
         "angle": (joint("swing"), late + 1e-3 * rng.standard_normal(400)),
-        "drive": (told(actuator="drive"), u[:, 0]),
+        "drive": (control_channel(actuator="drive"), u[:, 0]),
     }
     of = bench(PENDULUM, t, data, [1e-3])
     found = of.fit(*of.effects(LinkMass, ActuatorGain, EncoderDelay))
@@ -355,7 +355,7 @@ def test_an_actuator_with_a_state_of_its_own():
     qpos, _, act, _ = simulate(true, t, u, [0.2], [0.0], finer=1)
     data = {
         "angle": (joint("swing"), qpos[:, 0] + 1e-3 * rng.standard_normal(300)),
-        "drive": (told(actuator="drive"), u[:, 0]),
+        "drive": (control_channel(actuator="drive"), u[:, 0]),
     }
     of = bench(LAGGED, t, data, [1e-3])
     assert of.rig.model.na == 1
@@ -399,7 +399,7 @@ def test_a_closed_loop():
     qpos, *_ = simulate(true, t, u, [0.5, -0.35], [0.0, 0.0], finer=2)
     data = {
         "angle": (joint("a"), qpos[:, 0] + 1e-3 * rng.standard_normal(300)),
-        "drive": (told(actuator="drive"), u[:, 0]),
+        "drive": (control_channel(actuator="drive"), u[:, 0]),
     }
     of = bench(CLOSED, t, data, [1e-3])
     _, friction = ViscousFriction.instances(rig_motion(of.rig, of.segments, of.trajectory))

@@ -15,7 +15,7 @@ from slapshot.diagnosis.segments import Segments, segment_recording
 from slapshot.errors import InputError
 from slapshot.recordings.signals import SignalRecording
 
-from .mechanisms import PENDULUM, joint, recording, simulate, told
+from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 
 WHITE = 2e-3
 BOTH = np.array([0])
@@ -27,7 +27,10 @@ def taken(seed: int, episodes: int = 6, seconds: float = 2.0) -> SignalRecording
     u = [1.5 * np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t)[:, None] for _ in range(episodes)]
     angles = [simulate(PENDULUM, t, p, [rng.uniform(-1, 1)], [0.0], finer=1)[0][:, 0] for p in u]
     noisy = [angle + WHITE * rng.standard_normal(len(t)) for angle in angles]
-    channels = {"angle": (joint("swing"), noisy), "drive": (told(actuator="drive"), [p[:, 0] for p in u])}
+    channels = {
+        "angle": (joint("swing"), noisy),
+        "drive": (control_channel(actuator="drive"), [p[:, 0] for p in u]),
+    }
     return recording([t] * episodes, channels)
 
 

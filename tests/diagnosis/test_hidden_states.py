@@ -15,7 +15,7 @@ from slapshot.diagnosis.segments import segment_recording
 from slapshot.diagnosis.structure import same_effects
 from slapshot.effects.joints.catalogue import instances
 
-from .mechanisms import PENDULUM, joint, recording, simulate, told
+from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 
 COMPLIANCE = 2e-3  # rad/(N m)
 ROTOR = PENDULUM.replace('damping="0.05"', 'damping="0.05" armature="0.05"')
@@ -42,7 +42,9 @@ def taken():
         q, *_ = simulate(model, t, u[:, None], [0.0, 0.0], [0.0, 0.0])
         readings.append(q[:, 1] + 1e-3 * rng.normal(size=len(t)))
         commands.append(u)
-    return recording([t] * 10, {"q": (joint("swing"), readings), "u": (told(actuator="drive"), commands)})
+    return recording(
+        [t] * 10, {"q": (joint("swing"), readings), "u": (control_channel(actuator="drive"), commands)}
+    )
 
 
 def test_a_soft_base_is_named_and_measured(taken):
@@ -60,7 +62,7 @@ def test_on_which_side_of_its_play_a_gear_is_told_by_the_data_before_a_window(mo
     """A rod whose motor has play, its values given: errors of a held-out window are those of the readings."""
     rng, t, white = np.random.default_rng(4), np.arange(0, 2, 0.01), 1e-3
     u = [rng.uniform(0.5, 1.0) * np.sin(rng.uniform(5, 9) * t + rng.uniform(0, 6)) for _ in range(4)]
-    blank = {"q": (joint("swing"), [np.sin(5 * t)] * 4), "u": (told(actuator="drive"), u)}
+    blank = {"q": (joint("swing"), [np.sin(5 * t)] * 4), "u": (control_channel(actuator="drive"), u)}
     nominal = recording([t] * 4, blank)
     rig = bind(MjSpec.from_string(ROTOR), nominal.channels)
     problem = Problem.of(rig, nominal.channels, segment_recording(nominal, rig))
@@ -82,6 +84,6 @@ def test_on_which_side_of_its_play_a_gear_is_told_by_the_data_before_a_window(mo
         return held_out.predict(moved, hypothesis, values, windows, noise, trajectory).rms(np.array([0]))
 
     found = errors()
-    monkeypatch.setattr(held_out, "_rough", lambda hypothesis: False)
+    monkeypatch.setattr(held_out, "_has_hidden_state", lambda hypothesis: False)
     assert found < 2 * white
     assert errors() > 2 * found

@@ -15,7 +15,7 @@ from slapshot.effects.joints.link_mass import LinkMass
 from slapshot.effects.joints.spring import Spring
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 
-from .mechanisms import ARM, PENDULUM, joint, recording, simulate, told
+from .mechanisms import ARM, PENDULUM, control_channel, joint, recording, simulate
 
 # One of each law that is affine, on two joints that carry each other.
 ACTUATED = """
@@ -99,7 +99,9 @@ def swinging() -> tuple[Rig, object, object]:
     t = np.arange(101) * 0.01
     u = np.sin(9 * t)[:, None]
     qpos, qvel, _, _ = simulate(PENDULUM, t, u, [0.3], [0.0])
-    made = recording(t, {"angle": (joint("swing"), qpos[:, 0]), "drive": (told(actuator="drive"), u[:, 0])})
+    made = recording(
+        t, {"angle": (joint("swing"), qpos[:, 0]), "drive": (control_channel(actuator="drive"), u[:, 0])}
+    )
     rig = bind(MjSpec.from_string(PENDULUM), made.channels)
     segments = segment_recording(made, rig)
     trajectory = np.concatenate([qpos, qvel], axis=1)[:100].reshape(*segments.shape, 2)

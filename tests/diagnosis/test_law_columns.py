@@ -9,11 +9,11 @@ from slapshot.diagnosis.noise import LARGEST_LAW_ERROR
 from slapshot.diagnosis.problem import Problem
 from slapshot.recordings.channels import Channel
 
-from .mechanisms import information, joint
+from .mechanisms import control_channel, joint
 from .test_linear import arm_situation
 
 CHANNELS: dict[str, Channel] = {
-    "s": joint("shoulder"), "e": joint("elbow"), "servo": information("rad", actuator="servo"),
+    "s": joint("shoulder"), "e": joint("elbow"), "servo": control_channel("rad", actuator="servo"),
 }  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from slapshot.diagnosis.rig_motion import rig_motion
 from slapshot.diagnosis.segments import segment_recording
 from slapshot.effects.joints.effect import Joint, RigMotion, State
 
-from .mechanisms import PENDULUM, joint, recording, told
+from .mechanisms import PENDULUM, control_channel, joint, recording
 
 HINGE = Joint("swing", 0, 0, "N m", (), 1.0, (), 1.0, 1.0, 0.0, 1.0)
 WHOLE = 0.2  # size of a change of the whole law
@@ -22,7 +22,7 @@ def moving(text: str, torque: float | None = None) -> tuple[RigMotion, State]:
     """The rod on a sine, its motor at a constant torque or at one that follows nothing."""
     t, rng = np.arange(300) * 0.01, np.random.default_rng(1)
     u = rng.normal(size=300) if torque is None else np.full(300, torque)
-    made = recording(t, {"a": (joint("swing"), np.sin(5 * t)), "u": (told(actuator="drive"), u)})
+    made = recording(t, {"a": (joint("swing"), np.sin(5 * t)), "u": (control_channel(actuator="drive"), u)})
     rig = bind(MjSpec.from_string(text), made.channels)
     segments = segment_recording(made, rig)
     x = recorded_trajectory(rig, segments)

@@ -25,7 +25,7 @@ from slapshot.effects.joints.spring import Spring
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 from slapshot.recordings.channels import QUATERNION, Channel
 
-from .mechanisms import ARM, BRICK, CART, HANGER, PENDULUM, joint, place, recording, told
+from .mechanisms import ARM, BRICK, CART, HANGER, PENDULUM, control_channel, joint, place, recording
 
 NONE = np.zeros(0)
 INERTIA = 1 / 12 + 0.25
@@ -104,7 +104,7 @@ def accumulated(found: Linearised, column: int) -> np.ndarray:
 def test_the_double_integrator_in_closed_form(interval, substeps):
     """MuJoCo's Euler step moves the position by the new velocity."""
     channels = {"place": joint("rail", unit="m"), "rate": joint("rail", "velocity", "m/s")}
-    rig, segments = made(CART, channels | {"push": told("N", actuator="push")}, 30, interval)
+    rig, segments = made(CART, channels | {"push": control_channel("N", actuator="push")}, 30, interval)
     assert segments.substeps == substeps
     trajectory = random_path(rig, segments, 1)
     system = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory).system
@@ -126,7 +126,9 @@ def test_the_double_integrator_in_closed_form(interval, substeps):
 
 def test_the_pendulum_in_closed_form():
     """With damping taken implicitly, (I + h d) v' = I v + h (u - m g l sin q)."""
-    rig, segments = made(PENDULUM, {"angle": joint("swing"), "drive": told(actuator="drive")}, 40, 0.01)
+    rig, segments = made(
+        PENDULUM, {"angle": joint("swing"), "drive": control_channel(actuator="drive")}, 40, 0.01
+    )
     trajectory = random_path(rig, segments, 2)
     found = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory)
     q = trajectory[..., 0]
@@ -226,7 +228,7 @@ def arm_situation(
     channels = {
         "s": (joint("shoulder"), np.sin(t)),
         "e": (joint("elbow"), np.sin(t)),
-        "servo": (told("rad", actuator="servo"), 0.6 * np.sin(5 * t)),
+        "servo": (control_channel("rad", actuator="servo"), 0.6 * np.sin(5 * t)),
     }
     taken = recording(t, channels)
     rig = bind(MjSpec.from_string(ARM), taken.channels)
@@ -363,7 +365,7 @@ def test_twice_the_step_error_removes_the_error_of_integration(integrator):
 
 def test_samples_between_nodes_are_predicted_where_they_were_taken():
     """A constant push: position is a parabola in time also for Euler steps, and second order is exact."""
-    channels = {"place": joint("rail", unit="m"), "push": told("N", actuator="push")}
+    channels = {"place": joint("rail", unit="m"), "push": control_channel("N", actuator="push")}
     rig, segments = made(CART, channels, 80, 0.01, jitter=0.003, seed=7)
     segments = replace(segments, controls=(np.full_like(segments.controls[0], 3.0),))
     trajectory = own_path(rig, Hypothesis(rig), segments, NONE, np.array([0.2, -0.4]))

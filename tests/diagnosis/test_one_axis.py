@@ -9,7 +9,7 @@ from mujoco import MjSpec
 from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.rig import bind
 
-from .mechanisms import joint, recording, told
+from .mechanisms import control_channel, joint, recording
 
 AXIS = """<mujoco><option timestep="0.005" integrator="implicitfast"/><worldbody><body>
 <joint name="slide" type="slide" axis="1 0 0"/><geom type="box" size=".1 .1 .05" mass="95.1" contype="0"
@@ -38,7 +38,7 @@ def driven_pendulum(seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray, 
 
 def test_friction_of_a_precise_axis_is_named():
     t, read, force = driven_pendulum(16.0, 3)
-    channels = {"q": (joint("slide", unit="m"), read), "u": (told("N", actuator="motor"), force)}
+    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
     made = recording(t, channels)
     verdict = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1).verdict
     assert verdict.headline == "found"

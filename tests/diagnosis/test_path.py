@@ -12,7 +12,7 @@ from slapshot.diagnosis.rig_motion import rig_motion, torque_scale
 from slapshot.diagnosis.segments import Segments, segment_recording
 from slapshot.recordings.channels import QUATERNION, Channel
 
-from .mechanisms import ARM, BRICK, CART, HANGER, PENDULUM, joint, place, recording, simulate, told
+from .mechanisms import ARM, BRICK, CART, HANGER, PENDULUM, control_channel, joint, place, recording, simulate
 
 INERTIA = 1 / 12 + 0.25
 
@@ -153,7 +153,9 @@ def test_scales_of_a_swinging_rod():
     t = np.arange(230) * 0.01  # ends in the middle of a segment, in full motion
     q, v, a = 0.8 * np.sin(4 * t), 3.2 * np.cos(4 * t), -12.8 * np.sin(4 * t)
     u = 0.7 * np.ones(230)
-    rig, segments = cut_up(PENDULUM, t, {"a": (joint("swing"), q), "drive": (told(actuator="drive"), u)})
+    rig, segments = cut_up(
+        PENDULUM, t, {"a": (joint("swing"), q), "drive": (control_channel(actuator="drive"), u)}
+    )
     assert not segments.inside.all()
     trajectory = recorded_trajectory(rig, segments)
     torque = np.sqrt(np.mean((INERTIA * a + 9.81 * 0.5 * np.sin(q)) ** 2))

@@ -13,7 +13,7 @@ from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.segments import segment_recording
 from slapshot.effects.joints.catalogue import instances
 
-from .mechanisms import ARM, PENDULUM, compared, joint, recording, simulate
+from .mechanisms import ARM, PENDULUM, control_channel, joint, recording, simulate
 
 SERVO = """
 <mujoco>
@@ -44,7 +44,7 @@ def test_coloured_noise_is_not_taken_for_errors_of_a_stiff_servo():
         times.append(t)
         readings.append(q[:, 0] + sd * noise)
         commands.append(u[:, 0])
-    channels = {"q": (joint("shoulder"), readings), "u": (compared("rad", actuator="servo"), commands)}
+    channels = {"q": (joint("shoulder"), readings), "u": (control_channel("rad", actuator="servo"), commands)}
     made = recording(times, channels)
     rig = bind(mujoco.MjSpec.from_string(SERVO), made.channels)
     problem, fit, noise = initial_fit(
@@ -79,7 +79,7 @@ def test_a_limit_is_found_whatever_its_knee():
         times.append(t)
         readings.append(q[:, 0] + sd * rng.normal(size=len(t)))
         commands.append(u)
-    channels = {"q": (joint("swing"), readings), "u": (compared(actuator="drive"), commands)}
+    channels = {"q": (joint("swing"), readings), "u": (control_channel(actuator="drive"), commands)}
     made = recording(times, channels)
     rig = bind(MjSpec.from_string(PENDULUM), made.channels)
     problem = Problem.of(rig, made.channels, segment_recording(made, rig))

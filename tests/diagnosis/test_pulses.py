@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from slapshot.diagnosis.filter import Linear
-from slapshot.diagnosis.noise import HELD_S, Noise
+from slapshot.diagnosis.noise import FORCE_HOLD_S, Noise
 from slapshot.diagnosis.pulses import Scan, pushes, scan
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Joint, RigMotion, State
@@ -66,7 +66,7 @@ def masses(
         x = np.repeat([0.05, 1.0], JOINTS) * rng.standard_normal(n)
         for t in range(L):
             r[s, t] = C @ x + WHITE * rng.standard_normal(JOINTS)
-            f = FORCE * np.sqrt(HELD_S / h) * rng.standard_normal(JOINTS)
+            f = FORCE * np.sqrt(FORCE_HOLD_S / h) * rng.standard_normal(JOINTS)
             if push is not None and of.episode[s] == push[0]:
                 f[push[1]] += push[4] * (push[2] - 1e-9 <= of.time[s, t] < push[3] - 1e-9)
             x = A @ x + B @ f

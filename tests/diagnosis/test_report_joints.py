@@ -54,7 +54,7 @@ from slapshot.recordings.signal_statistics import all_channel_statistics
 from slapshot.recordings.signals import SignalRecording
 from waiting import HANG_S
 
-from .mechanisms import BRICK, PENDULUM, joint, place, recording, simulate, told
+from .mechanisms import BRICK, PENDULUM, control_channel, joint, place, recording, simulate
 
 FRICTION = 0.25  # N m
 NOISE = 5e-4  # rad
@@ -98,7 +98,8 @@ def swings(friction: float, seed: int) -> SignalRecording:
         angles.append(qpos[:, 0] + rng.normal(0, NOISE, len(t)))
         torques.append(torque)
     return recording(
-        [t] * EPISODES, {"angle": (joint("swing"), angles), "torque": (told(actuator="drive"), torques)}
+        [t] * EPISODES,
+        {"angle": (joint("swing"), angles), "torque": (control_channel(actuator="drive"), torques)},
     )
 
 
@@ -111,7 +112,7 @@ def made(tmp_path_factory):
         [still] * EPISODES,
         {
             "angle": (joint("swing"), [0 * still] * EPISODES),
-            "torque": (told(actuator="drive"), [0 * still] * EPISODES),
+            "torque": (control_channel(actuator="drive"), [0 * still] * EPISODES),
         },
     )
     with pytest.MonkeyPatch.context() as patch:

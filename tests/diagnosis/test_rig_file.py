@@ -12,7 +12,7 @@ from slapshot.diagnosis.segments import segment_recording
 from slapshot.errors import InputError
 from slapshot.recordings.signals import SignalRecording
 
-from .mechanisms import PENDULUM, joint, recording, simulate, told
+from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 
 
 @pytest.fixture(name="folder")
@@ -31,7 +31,7 @@ def taken(*, angle: str = "swing", drive: str = "drive") -> SignalRecording:
         {
             "angle": (joint(angle), qpos[:, 0]),
             "rate": (joint("swing", "velocity", "rad/s"), qvel[:, 0]),
-            "motor": (told(actuator=drive), u[:, 0]),
+            "motor": (control_channel(actuator=drive), u[:, 0]),
         },
     )
 

@@ -21,7 +21,7 @@ from slapshot.errors import InputError
 from slapshot.recordings.channels import Channel
 from slapshot.recordings.signals import SignalRecording
 
-from .mechanisms import CART, PENDULUM, joint, recording, told
+from .mechanisms import CART, PENDULUM, control_channel, joint, recording
 
 times = st.lists(st.floats(0, 10, width=32), min_size=1, max_size=8, unique=True).map(sorted)
 
@@ -36,7 +36,7 @@ def swinging(t, values=None, control=None) -> SignalRecording:
     values = [np.sin(part) for part in parts] if values is None else values
     channels = {"angle": (joint("swing"), values)}
     if control is not None:
-        channels["drive"] = (told(actuator="drive"), control)
+        channels["drive"] = (control_channel(actuator="drive"), control)
     return recording(parts, channels)
 
 

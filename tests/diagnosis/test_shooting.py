@@ -18,7 +18,7 @@ from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.joint_elasticity import JointElasticity
 
 from . import mechanisms
-from .mechanisms import CART, PENDULUM, joint, recording, told
+from .mechanisms import CART, PENDULUM, control_channel, joint, recording
 
 WHITE = 3e-4
 ROD = PENDULUM.replace('damping="0.05"', 'damping="0.05" armature="0.05"').replace(
@@ -42,7 +42,7 @@ def problem(text: str, name: str, u: list[np.ndarray], angles: list[np.ndarray],
     unit, motor = ("m", "push") if name == "rail" else ("rad", "drive")
     channels = {
         "angle": (joint(name, unit=unit), noisy),
-        "drive": (told(actuator=motor), [part[:, 0] for part in u]),
+        "drive": (control_channel(actuator=motor), [part[:, 0] for part in u]),
     }
     taken = recording([T] * len(u), channels)
     rig = bind(MjSpec.from_string(text), taken.channels)

@@ -20,7 +20,7 @@ from slapshot.effects.joints.joint_elasticity import JointElasticity
 from slapshot.effects.joints.split import base_joint, deflection
 from slapshot.recordings.channels import Channel
 
-from .mechanisms import PENDULUM, joint, recording, simulate, told
+from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 
 ROTOR, LINK, WEIGHT = 0.05, 1 / 12 + 0.25, 9.81 * 0.5  # kg m², kg m², N m at a right angle
 ROD = PENDULUM.replace('damping="0.05"', f'armature="{ROTOR}"').replace('timestep="0.01"', 'timestep="0.001"')
@@ -41,7 +41,7 @@ class RigSimulator:
             {
                 "angle": (joint("swing"), [s[0][:, 0] for s in states]),
                 "rate": (joint("swing", "velocity", "rad/s"), [s[1][:, 0] for s in states]),
-                "drive": (told(actuator="drive"), [part[:, 0] for part in u]),
+                "drive": (control_channel(actuator="drive"), [part[:, 0] for part in u]),
             },
         )
         self.channels: dict[str, Channel] = taken.channels

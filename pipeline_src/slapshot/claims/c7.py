@@ -80,7 +80,7 @@ def _recorded(seen: pd.DataFrame, projections: Mapping[int, Projection]) -> list
         low, medium = (first(own[own["name"] == f"{k} friction"]).mean() for k in ("low", "medium"))
         rows = recorded[recorded["model"] == model]
         position = rows.assign(position=(first(rows) - low) / (medium - low))
-        parts.append(position.groupby(["recording", "rig"])["place"].mean().to_numpy())
+        parts.append(position.groupby(["recording", "rig"])["position"].mean().to_numpy())
     positions = np.stack(parts)[..., None]
     return [
         Statement(

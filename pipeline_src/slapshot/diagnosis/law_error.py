@@ -299,7 +299,7 @@ def soft_limit(system: Linear, hypothesis: Hypothesis, theta: Array, x: Array, s
     S, L, n, _ = system.W.shape
     columns, model = [np.zeros((S, L, n, 0))], hypothesis.rig.model
     parts = zip(hypothesis.effects, hypothesis.slices, strict=True)
-    limits = [(effect, theta[part]) for effect, part in parts if overrides(effect, "knees")]
+    limits = [(effect, theta[part]) for effect, part in parts if overrides(effect, "soft_limit")]
     if limits:
         force = actuator_force(model, x, segments.control()[:, :, 0].reshape(S * L, -1))
         for effect, values in limits:

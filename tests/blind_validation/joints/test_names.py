@@ -91,9 +91,9 @@ def with_concealed(rig, kind, part):
     where = "joint" if part in rig.joints else "body"
     one = Concealed(HIDDEN_EFFECTS[kind], amplitude, shape | {where: part})
     spec = mujoco.MjSpec.from_string(rig.xml)
-    one.kind.build(one.amplitude, one.shape, spec, rig)
+    one.effect.build(one.amplitude, one.shape, spec, rig)
     model = spec.compile()
-    one.kind.tune(one.amplitude, one.shape, model, rig)
+    one.effect.tune(one.amplitude, one.shape, model, rig)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
 

@@ -45,11 +45,11 @@ def test_the_nominal_model_follows_what_was_told(session):
     joints = [model.joint(name).qposadr[0] for name in rig.joints]
     every = round(rig.clock.sample / model.opt.timestep)
     clean = read_clean(rig, motion, ())
-    for episode, told in enumerate(motion.told):
+    for episode, commands in enumerate(motion.commands):
         data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:] = motion.start[episode]
         found = []
-        for pose in told:
+        for pose in commands:
             data.mocap_pos[0], data.mocap_quat[0] = pose[:3], pose[3:]
             for _ in range(round(rig.clock.period / rig.clock.sample)):
                 mujoco.mj_kinematics(model, data)

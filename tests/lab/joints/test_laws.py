@@ -207,9 +207,9 @@ def test_a_command_that_arrives_within_a_step_acts_for_a_part_of_it():
     law._rng = type("Still", (), {"normal": lambda self, size: np.zeros(size)})()
     acted = []
     for step in range(60):
-        told = np.array([[float(step // 20)]])
-        law.command(told, StepState((step + 0.5) * 2.5e-4, None, None, None, None))
-        acted.append(told[0, 0])
+        commands = np.array([[float(step // 20)]])
+        law.command(commands, StepState((step + 0.5) * 2.5e-4, None, None, None, None))
+        acted.append(commands[0, 0])
     # The step to 1 is told at 5 ms and arrives at 11.1 ms: in step 44, which is from 11 to 11.25 ms.
     assert acted[43] == 0.0
     assert acted[44] == pytest.approx(0.6)

@@ -32,8 +32,8 @@ def replayed(rig, motion, timestep=None, integrator=None):
     model.opt.timestep = timestep or model.opt.timestep
     model.opt.integrator = model.opt.integrator if integrator is None else integrator
     steps = round(PERIOD / model.opt.timestep)
-    angles = np.empty_like(motion.told)
-    for episode, told in enumerate(motion.told):
+    angles = np.empty_like(motion.commands)
+    for episode, told in enumerate(motion.commands):
         data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:] = motion.start[episode]
         for sample, command in enumerate(told):

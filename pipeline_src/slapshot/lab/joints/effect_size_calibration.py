@@ -43,7 +43,7 @@ class EffectSizeCalibration:
             peaks = np.abs(forces).max((0, 1))
         self.nominal = NominalMotion(
             rig=rig,
-            episodes=motion.told.shape[0],
+            episodes=motion.commands.shape[0],
             seconds=excitation.wave.shape[1] * rig.clock.period,
             positions=self._clean,
             speeds=motion.speeds,

@@ -36,7 +36,7 @@ class SimulatedMotion:
         peak: (joints,) N m, largest size of these forces at any time.
         tip: (episodes, samples, 3) m.
         start: (episodes, 2, dofs) positions and velocities of all that moves where episodes begin.
-        told: (episodes, commands, controls), in the order of `Rig.controls`.
+        commands: (episodes, ticks, controls), in the order of `Rig.controls`.
     """
 
     times: Array
@@ -46,7 +46,7 @@ class SimulatedMotion:
     peak: Array
     tip: Array
     start: Array
-    told: Array
+    commands: Array
 
 
 class Execution:
@@ -100,7 +100,7 @@ class Execution:
         settling, ticks = round(self.rig.settle / clock.period), self.excitation.wave.shape[1]
         self.begin()
         self.batch.forward()
-        kept, told = [self.observed()], []
+        kept, commands = [self.observed()], []
         speeds, forces, tip = [], [], []
         force = np.zeros((len(self.qpos), len(self.dofs)))
         peak = force.copy()
@@ -108,7 +108,7 @@ class Execution:
             if tick == 0:
                 start = np.stack([self.qpos, self.qvel], axis=1)
             command = self.command(tick)
-            told.append(command)
+            commands.append(command)
             for substep in range(substeps):
                 if substep % sampled == 0 and tick >= 0:
                     speeds.append(self.qvel[:, self.dofs])
@@ -131,7 +131,7 @@ class Execution:
             peak=peak.max(0),
             tip=np.stack(tip, axis=1),
             start=start,
-            told=np.stack(told[settling:], axis=1),
+            commands=np.stack(commands[settling:], axis=1),
         )
 
     def begin(self) -> None:
@@ -147,9 +147,9 @@ class Execution:
 
     def command(self, tick: int) -> Array:
         """Apply and return the commands (episodes, controls)."""
-        told = self.excitation.wave[:, max(tick, 0)].copy()
+        commands = self.excitation.wave[:, max(tick, 0)].copy()
         if self.rig.drive == "servo":
-            told += self.excitation.centre
+            commands += self.excitation.centre
         else:
             links = self.observed()
             last = links if len(self._last) == 0 else self._last
@@ -157,10 +157,10 @@ class Execution:
             stiffness, damping = self._hold
             if tick < 0:  # sooner at rest, at the same place
                 damping = _BRAKE * damping
-            told += stiffness * (self.excitation.centre - links)
-            told -= damping * (links - last) / self.rig.clock.period
-        self.ctrl[:] = told
-        return told
+            commands += stiffness * (self.excitation.centre - links)
+            commands -= damping * (links - last) / self.rig.clock.period
+        self.ctrl[:] = commands
+        return commands
 
     def actuate(self, command: Array, position: Array, velocity: Array) -> Array:
         """Nominal actuator torques (episodes, joints), N m."""

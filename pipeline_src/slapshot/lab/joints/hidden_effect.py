@@ -113,7 +113,7 @@ class StepState:
 class Law:
     """A law applied in every step; arrays are changed in place."""
 
-    def command(self, told: Array, state: StepState) -> None:
+    def command(self, commands: Array, state: StepState) -> None:
         """Change the commands (episodes, joints) of the actuators; `state.load` is the previous load."""
 
     def drive(self, force: Array, state: StepState) -> None:

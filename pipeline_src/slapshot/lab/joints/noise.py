@@ -37,8 +37,8 @@ def read_clean(
     times = np.arange(samples) * rig.clock.sample + (
         np.zeros((episodes, 1)) if sample_delay is None else sample_delay
     )
-    told = np.empty((episodes, samples, motion.positions.shape[2]))
-    for column in range(told.shape[2]):
+    readings = np.empty((episodes, samples, motion.positions.shape[2]))
+    for column in range(readings.shape[2]):
         joint = rig.joints[column] if column < len(rig.joints) else None
         own = [c for c in concealed if c.amplitude and c.shape.get("joint") == joint]
         when = times
@@ -46,10 +46,10 @@ def read_clean(
             when = c.effect.when(c.amplitude, c.shape, when)
         for episode in range(episodes):
             positions = motion.positions[episode, :, column]
-            told[episode, :, column] = np.interp(when[episode], motion.times, positions)
+            readings[episode, :, column] = np.interp(when[episode], motion.times, positions)
         for c in own:
-            told[..., column] = c.effect.read(c.amplitude, c.shape, told[..., column])
-    return told
+            readings[..., column] = c.effect.read(c.amplitude, c.shape, readings[..., column])
+    return readings
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,7 +98,7 @@ def make(spec: CaseSpec) -> tuple[SignalRecording, dict[str, Any]]:
         raise InputError(f"lab: rig {rig.name} is unstable with these effects; use another seed")
     clean = read_clean(rig, motion, concealed)
     sensor_noise = draw_sensor_noise(spec.condition, clean.shape, rig.clock.sample, noise_rng)
-    told = read_clean(rig, motion, concealed, sensor_noise.sample_delay) + sensor_noise.added
+    readings = read_clean(rig, motion, concealed, sensor_noise.sample_delay) + sensor_noise.added
     truth = {
         "stand_in": True,
         "rig": rig.name,
@@ -117,7 +117,7 @@ def make(spec: CaseSpec) -> tuple[SignalRecording, dict[str, Any]]:
         "law_error": law_error,
         "noiseless": _noiseless(rig, clean),
     }
-    return _recording(rig, motion, quantise(told, spec.condition.quantised)), truth
+    return _recording(rig, motion, quantise(readings, spec.condition.quantised)), truth
 
 
 def check_hidden_effects(kinds: Sequence[str], rig: Rig) -> None:
@@ -154,12 +154,12 @@ def _noiseless(rig: Rig, clean: Array) -> dict[str, Any]:
     }
 
 
-def _recording(rig: Rig, motion: SimulatedMotion, told: Array) -> SignalRecording:
+def _recording(rig: Rig, motion: SimulatedMotion, readings: Array) -> SignalRecording:
     controls, observations = rig.controls(), rig.observations()
     signals: dict[str, dict[str, Any]] = {}
     for channels, values, period in (
-        (controls, motion.told, rig.clock.period),
-        (observations, told, rig.clock.sample),
+        (controls, motion.commands, rig.clock.period),
+        (observations, readings, rig.clock.sample),
     ):
         episodes, samples = values.shape[:2]
         for i, (name, channel) in enumerate(channels.items()):
@@ -171,7 +171,7 @@ def _recording(rig: Rig, motion: SimulatedMotion, told: Array) -> SignalRecordin
                 },
             )
             table[name] = values[..., i].ravel()
-    number = np.arange(len(told))
+    number = np.arange(len(readings))
     return SignalRecording(
         rig=f"stand-in {rig.name}",
         stand_in=True,

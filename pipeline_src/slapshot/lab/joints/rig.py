@@ -95,7 +95,7 @@ class Rig:
         return np.array([_joints_of(self.xml)[name].armature for name in self.joints])
 
     def controls(self) -> dict[str, Channel]:
-        """Control channels, in the order of `SimulatedMotion.told`."""
+        """Control channels, in the order of `SimulatedMotion.commands`."""
         if self.drive != "mocap":
             unit = "N m" if self.drive == "torque" else "rad"
             return {

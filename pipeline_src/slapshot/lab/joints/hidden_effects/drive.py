@@ -90,8 +90,8 @@ class _Lag(Law):
         self._up, self._down = -np.expm1(-plant.timestep / times)
         self._value: Array | None = None
 
-    def command(self, told: Array, state: StepState) -> None:
-        own = told[:, self._joint]
+    def command(self, commands: Array, state: StepState) -> None:
+        own = commands[:, self._joint]
         value = own.copy() if self._value is None else self._value
         change = own - value
         self._value = value + np.where(change > 0, self._up, self._down) * change
@@ -128,8 +128,8 @@ class _Delay(Law):
         self._waiting: list[tuple[Array, Array]] = []  # when they arrive, and what they say
         self._step, self._value = 0, np.empty(0)
 
-    def command(self, told: Array, state: StepState) -> None:
-        own = told[:, self._joint]
+    def command(self, commands: Array, state: StepState) -> None:
+        own = commands[:, self._joint]
         if self._step == 0:
             self._value = own.copy()
         if self._step % self._every == 0:
