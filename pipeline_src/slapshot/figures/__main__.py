@@ -13,7 +13,7 @@ class FigureModule(Protocol):
     """A module of this package that draws one figure."""
 
     def draw(self, inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
-        """Draw from upstream version folders (role -> folder) and the configuration shown."""
+        """Draw from upstream version folders (role -> folder) and the configuration."""
 
 
 def produce(run: Run) -> None:

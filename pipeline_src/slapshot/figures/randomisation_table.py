@@ -1,4 +1,4 @@
-"""T1, T2: what was randomised, from the configuration that ran (paper, tables I and II)."""
+"""T1, T2: randomised parameters, from the configuration (paper, tables I and II)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +16,7 @@ _SYMBOLS = {"friction_x": r"\mu_x", "friction_y": r"\mu_y"}
 
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
-    """A table of parameters, distributions and units; what is the same in every condition is left out."""
+    """A table of parameters, distributions and units; constant parameters are omitted."""
     rows = []
     for name in (*CONDITION_PARAMETERS, START_ERROR):
         spec = config["randomisation"][name]

@@ -1,4 +1,4 @@
-"""An actuator that follows what it is told with a lag."""
+"""First-order lag of an actuator."""
 
 from collections.abc import Iterator
 
@@ -18,7 +18,7 @@ class ActuatorLag(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["ActuatorLag"]:
-        """One an actuator and one of all; prior: 20 ms."""
+        """One for each actuator and one for all; prior: 20 ms."""
         yield from of_actuators(
             cls, rig, Parameter("time_constant", "s", 0.02, low=0.0, high=1.0, probe=1e-3)
         )
@@ -32,7 +32,7 @@ class ActuatorLag(JointEffect):
         if values[0] <= 0:
             return u
         decay = np.exp(-step / values[0])
-        # Mean of the response over a step, and what remains of what was before: exact for held input.
+        # Mean of the response over a step, exact for a held input.
         mean = values[0] / step * (1 - decay)
         out = u.copy()
         told = u[:, self._actuators]
@@ -43,7 +43,7 @@ class ActuatorLag(JointEffect):
         return out
 
     def note(self, values: Array) -> str:
-        """The filter, as it is stepped."""
+        """The discrete filter."""
         return (
             f"Filter the controls of {self.part}: in every step of h s, c += (1 - exp(-h / T)) (u - c) with "
             f"T = {values[0]:.4g} s; the actuator is given c, which begins at the first command."

@@ -1,4 +1,4 @@
-"""Inertia of a rotor, seen through its gear."""
+"""Reflected rotor inertia."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ class Armature(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["Armature"]:
-        """One a joint; prior: a third of the joint's inertia."""
+        """One for each joint; prior: a third of the joint's inertia."""
         for joint in rig.joints:
             scale = 0.3 * joint.inertia
             nominal = float(rig.model.dof_armature[joint.v])

@@ -25,7 +25,7 @@ def joint_effects() -> dict[str, type[JointEffect]]:
 
 
 def import_joint_effects(module: str, where: str) -> None:
-    """Register every effect that a module of one's own defines.
+    """Register every effect that a user's module defines.
 
     Args:
         module: dotted name; it is announced before its code runs.

@@ -1,4 +1,4 @@
-"""Commands that act later than they are recorded."""
+"""Dead time of commands."""
 
 from collections.abc import Iterator
 
@@ -17,7 +17,7 @@ class CommandDelay(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["CommandDelay"]:
-        """One an actuator and one of all; prior: 20 ms."""
+        """One for each actuator and one for all; prior: 20 ms."""
         yield from of_actuators(cls, rig, Parameter("delay", "s", 0.02, low=0.0, high=1.0, probe=1e-3))
 
     def __init__(self, part: str, actuators: tuple[int, ...], parameter: Parameter) -> None:
@@ -25,7 +25,7 @@ class CommandDelay(JointEffect):
         self._actuators = list(actuators)
 
     def control(self, u: Array, step: float, values: Array) -> Array:
-        """Shift the means over steps: the integral is interpolated, so that any delay can be had."""
+        """Shift the means over steps, by interpolating the integral, which allows fractional delays."""
         out = u.copy()
         told = u[:, self._actuators]
         ticks = np.arange(len(u) + 1.0)
@@ -38,7 +38,7 @@ class CommandDelay(JointEffect):
         return out
 
     def note(self, values: Array) -> str:
-        """By how much."""
+        """The delay."""
         return (
             f"Delay the controls of {self.part} by {values[0]:.4g} s; before that time the first command "
             "holds."

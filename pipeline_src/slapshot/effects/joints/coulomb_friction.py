@@ -1,4 +1,4 @@
-"""Dry friction: a constant torque against the motion."""
+"""Coulomb friction: a constant torque against the motion."""
 
 from collections.abc import Iterator
 
@@ -19,7 +19,7 @@ class CoulombFriction(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["CoulombFriction"]:
-        """One a joint; prior: a third of the usual torque."""
+        """One for each joint; prior: a third of the usual torque."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque
             nominal = float(rig.model.dof_frictionloss[joint.v])

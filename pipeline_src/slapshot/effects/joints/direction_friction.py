@@ -1,4 +1,4 @@
-"""Dry friction that is larger in one direction."""
+"""Direction-dependent dry friction."""
 
 from collections.abc import Iterator
 
@@ -20,7 +20,7 @@ class DirectionFriction(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["DirectionFriction"]:
-        """One a joint; prior: in each direction as dry friction."""
+        """One for each joint; prior: in each direction as dry friction."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque
             nominal = float(rig.model.dof_frictionloss[joint.v])

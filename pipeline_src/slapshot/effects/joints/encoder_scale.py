@@ -1,4 +1,4 @@
-"""An encoder whose unit is off."""
+"""Scale error of an encoder."""
 
 from collections.abc import Iterator
 
@@ -17,7 +17,7 @@ class EncoderScale(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["EncoderScale"]:
-        """One a joint that is observed; prior: 2 %."""
+        """One for each joint that is observed; prior: 2 %."""
         for joint in rig.joints:
             columns = tuple(
                 s.column
@@ -36,7 +36,7 @@ class EncoderScale(JointEffect):
         self._joint, self._columns, self._servo = joint, list(columns), "servo" in variant
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
-        """The servo takes the reading for the angle."""
+        """The servo uses the scaled reading."""
         if self._servo:
             for actuator in self._joint.actuators:
                 if servo(model, actuator):

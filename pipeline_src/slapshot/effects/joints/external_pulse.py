@@ -1,4 +1,4 @@
-"""Pushes from outside, at some times."""
+"""External pushes during some intervals."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMot
 
 @dataclass(frozen=True)
 class Pulse:
-    """A time in an episode in which something pushes.
+    """An interval of an episode during which an external force acts.
 
     Attributes:
         episode: as recorded.
-        order: place of the episode in the session, -1/2 to 1/2.
+        order: normalised position of the episode in the session, -1/2 to 1/2.
         begin, end: s from the episode's start.
     """
 
@@ -33,7 +33,7 @@ class ExternalPulse(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["ExternalPulse"]:
-        """None: times are found in the data first, see diagnosis.pulses."""
+        """None: intervals are detected in the data first, see diagnosis.pulses."""
         return iter(())
 
     def __init__(self, joint: Joint, pulses: Sequence[Pulse]) -> None:
@@ -54,7 +54,7 @@ class ExternalPulse(JointEffect):
         return ", ".join(told) + more
 
     def force(self, state: State, values: Array) -> Array:
-        """A constant in each of the times."""
+        """A constant force in each interval."""
         push = np.zeros(len(state.v))
         for pulse, value in zip(self.pulses, values, strict=True):
             during = (

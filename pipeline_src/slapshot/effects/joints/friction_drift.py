@@ -1,4 +1,4 @@
-"""Friction that changes over the session."""
+"""Drift of friction over the session."""
 
 from collections.abc import Iterator
 
@@ -20,7 +20,7 @@ class FrictionDrift(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["FrictionDrift"]:
-        """One a joint, from five episodes on; prior: a sixth of the usual torque."""
+        """One for each joint, from five episodes on; prior: a sixth of the usual torque."""
         if rig.episodes < 5:
             return
         for joint in rig.joints:
@@ -48,7 +48,7 @@ class FrictionDrift(JointEffect):
         self._joint = joint
 
     def force(self, state: State, values: Array) -> Array:
-        """Friction of the first episode, of which a share is left when warm; warmth comes exponentially."""
+        """Friction of the first episode, which decays exponentially to a share of it."""
         j = self._joint
         v = state.v[:, j.v]
         dry, viscous, warm, warms_in, slides_at = values

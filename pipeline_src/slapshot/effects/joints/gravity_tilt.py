@@ -1,4 +1,4 @@
-"""A base that does not stand upright."""
+"""Tilt of the base."""
 
 from collections.abc import Iterator, Sequence
 

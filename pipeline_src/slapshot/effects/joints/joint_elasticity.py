@@ -1,4 +1,4 @@
-"""A gear or shaft that gives way between motor and link."""
+"""Elasticity between motor and link."""
 
 from collections.abc import Iterator
 
@@ -20,7 +20,7 @@ class JointElasticity(SplitJoint):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["JointElasticity"]:
-        """One a driven joint, read at the motor or at the link; prior: 10 mrad under the usual torque."""
+        """One for each driven joint, read at motor or link; prior: 10 mrad under the usual torque."""
         for joint in rig.joints:
             if not joint.actuators:
                 continue
@@ -50,5 +50,5 @@ class JointElasticity(SplitJoint):
         model.dof_damping[joint.dofadr[0]] = values[1]
 
     def static_deflection(self, load: Array) -> Array:
-        """Where the link stands behind the motor under a load (N m or N) that it takes to move it."""
+        """Static deflection of the link under a load (N m or N)."""
         return -self.parameters[0].start * load

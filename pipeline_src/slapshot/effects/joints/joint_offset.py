@@ -1,4 +1,4 @@
-"""The zero of a joint is not where the model has it."""
+"""Zero offset of a joint."""
 
 from collections.abc import Iterator
 
@@ -17,7 +17,7 @@ class JointOffset(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["JointOffset"]:
-        """One a joint; prior: 0.1 rad, or 20 mm: zeros of two conventions differ more."""
+        """One for each joint; prior: 0.1 rad, or 20 mm; different conventions differ by more."""
         for joint in rig.joints:
             columns = tuple(
                 s.column for s in rig.sensed if s.joint == joint.name and s.quantity == "position"
@@ -49,7 +49,7 @@ class JointOffset(JointEffect):
         return added
 
     def note(self, values: Array) -> str:
-        """What is added, where that is not in the model."""
+        """The offset, if it is not in the model."""
         if self._geometry:
             return ""
         return f"Add {values[0]:.4g} {self._joint.angle_unit} to simulated readings of joint {self.part}."

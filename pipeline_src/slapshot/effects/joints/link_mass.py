@@ -1,4 +1,4 @@
-"""A link that weighs something else than the model says."""
+"""Mass error of a link."""
 
 from collections.abc import Iterator
 
@@ -17,7 +17,7 @@ class LinkMass(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["LinkMass"]:
-        """One a moving body with a mass that counts; prior: a quarter of it."""
+        """One for each moving body with a relevant mass; prior: a quarter of it."""
         for body in moving_bodies(rig.model):
             name = rig.model.body(body).name
             yield cls(name, body, Parameter("excess", "1", 0.25, low=-0.95, probe=1e-3))

@@ -1,4 +1,4 @@
-"""Friction in proportion to the torque that a gear transmits."""
+"""Load-dependent friction of a gear."""
 
 from collections.abc import Iterator
 
@@ -18,7 +18,7 @@ class LoadFriction(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["LoadFriction"]:
-        """One a driven joint; prior: a tenth of the transmitted torque."""
+        """One for each driven joint; prior: a tenth of the transmitted torque."""
         for joint in rig.joints:
             if joint.actuators:
                 yield cls(joint, Parameter("share", "1", 0.1, low=0.0, high=1.0, probe=1e-3))

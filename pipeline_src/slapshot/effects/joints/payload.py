@@ -1,4 +1,4 @@
-"""A load that the model does not carry."""
+"""Unmodelled payload."""
 
 from collections.abc import Iterator
 
@@ -19,7 +19,7 @@ class Payload(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["Payload"]:
-        """One a link that carries no other; one that flies or slides freely would only be heavier.
+        """One for each link that carries no other; one that flies or slides freely would only be heavier.
 
         Prior: a fifth of the mass of the arm that carries it, at the link's far end, within its length.
         """

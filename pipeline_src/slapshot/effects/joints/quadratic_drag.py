@@ -17,7 +17,7 @@ class QuadraticDrag(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["QuadraticDrag"]:
-        """One a free body; prior: at the usual speed a third of its weight."""
+        """One for each free body; prior: at the usual speed a third of its weight."""
         for body, v in rig.free_bodies:
             scale = 0.3 * weight(rig.model, body) / max(rig.speed, 1e-6) ** 2
             parameter = Parameter("coefficient", "N s^2/m^2", scale, low=0.0, probe=0.01 * scale)

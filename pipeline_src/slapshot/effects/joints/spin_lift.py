@@ -17,7 +17,7 @@ class SpinLift(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["SpinLift"]:
-        """One a free body; prior: at the usual speed a third of its weight.
+        """One for each free body; prior: at the usual speed a third of its weight.
 
         Its spin, the same in all episodes, is an axis times a strength.
         """

@@ -15,7 +15,7 @@ class Spring(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["Spring"]:
-        """One a joint; prior: a third of the usual torque, over the usual travel and at its middle."""
+        """One for each joint; prior: a third of the usual torque, over the usual travel and at its middle."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque / joint.travel
             unit = f"{joint.unit}/{joint.angle_unit}"

@@ -1,4 +1,4 @@
-"""Dry friction that falls when motion begins."""
+"""Stribeck friction: dry friction that decreases with speed."""
 
 from collections.abc import Iterator
 
@@ -20,7 +20,7 @@ class StribeckFriction(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["StribeckFriction"]:
-        """One a joint; prior: as dry friction, and as much again below a seventh of the usual speed."""
+        """One for each joint; prior: as dry friction, and the same again below a seventh of the rms speed."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque
             nominal = float(rig.model.dof_frictionloss[joint.v])

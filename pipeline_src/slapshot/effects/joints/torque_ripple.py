@@ -1,4 +1,4 @@
-"""Torque that repeats with the angle."""
+"""Periodic torque over the angle (cogging)."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
-MOST = 18  # orders that are looked at, half a period over the travel apart
+MOST = 18  # number of orders, spaced by half a period over the travel
 
 
 class TorqueRipple(JointEffect):
@@ -19,10 +19,10 @@ class TorqueRipple(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["TorqueRipple"]:
-        """One a joint and start of its period; prior: a tenth of the usual torque."""
+        """One for each joint and start of its period; prior: a tenth of the usual torque."""
         for joint in rig.joints:
             scale = 0.1 * joint.torque
-            # Periods closer than the travel can tell apart are one; slower ones than it are springs.
+            # Spacing at which orders are distinguishable over the travel; longer periods are springs.
             apart = np.pi / (2.5 * joint.travel)
             for order in apart * np.arange(1.5, 1.5 + MOST):
                 yield cls(

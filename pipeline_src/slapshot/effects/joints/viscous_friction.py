@@ -1,4 +1,4 @@
-"""Friction that grows with speed."""
+"""Viscous friction."""
 
 from collections.abc import Iterator
 
@@ -18,7 +18,7 @@ class ViscousFriction(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["ViscousFriction"]:
-        """One a joint; prior: at the usual speed it takes a third of the usual torque."""
+        """One for each joint; prior: at the usual speed it takes a third of the usual torque."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque / joint.speed
             damping = float(rig.model.dof_damping[joint.v])

@@ -1,4 +1,4 @@
-"""Air that moves."""
+"""Wind: a constant force on a free body."""
 
 from collections.abc import Iterator, Sequence
 
@@ -17,7 +17,7 @@ class Wind(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["Wind"]:
-        """One a free body; prior: a tenth of its weight, level."""
+        """One for each free body; prior: a tenth of its weight, level."""
         for body, v in rig.free_bodies:
             scale = 0.1 * weight(rig.model, body)
             axes = level(rig.model.opt.gravity)
