@@ -20,9 +20,7 @@ from slapshot.diagnosis.outputs import write_outputs
 from slapshot.diagnosis.report.markdown import markdown
 from slapshot.diagnosis.report.motion import Motion, predicted_motion, recorded_motion
 from slapshot.diagnosis.report.outcome import Outcome, coordinates
-from slapshot.diagnosis.report.residuals import added_force, binned, misfit, variables
-from slapshot.diagnosis.report.terminal import terminal_text
-from slapshot.diagnosis.report.wording import (
+from slapshot.diagnosis.report.presentation import (
     between,
     headline,
     noise_text,
@@ -31,6 +29,8 @@ from slapshot.diagnosis.report.wording import (
     rivals_text,
     scaled,
 )
+from slapshot.diagnosis.report.residuals import added_force, binned, misfit, variables
+from slapshot.diagnosis.report.terminal import terminal_text
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
@@ -203,7 +203,7 @@ def test_the_page_agrees_with_the_verdict(made, name):
     assert text.startswith(starts[expected])
     assert ("**Yes.**" in text) == (expected == "found")
     assert ("**No.**" in text) == (expected == "nothing_found")
-    assert ("could still be there unseen" in text) == bool(verdict.limits)
+    assert ("Upper limits of effects" in text) == bool(verdict.limits)
     assert STAND_IN in text
     assert STAND_IN not in markdown(verdict.model_copy(update={"stand_in": False}))
     for finding in verdict.findings:
@@ -386,7 +386,7 @@ BACKLASH = NamedEffect(
 )
 FOUND = Verdict(
     headline="found",
-    reason="what is named leaves something that no name explains",
+    reason="the named effects leave a mismatch that no effect explains",
     rig="arm | 7",
     stand_in=False,
     episodes=4,
@@ -423,7 +423,11 @@ FOUND = Verdict(
     versions={},
 )
 UNNAMED = FOUND.model_copy(
-    update={"headline": "found_not_named", "effects": [], "reason": "something is missing, and no name holds"}
+    update={
+        "headline": "found_not_named",
+        "effects": [],
+        "reason": "something is missing, and no effect of the catalogue explains it",
+    }
 )
 NOTHING = FOUND.model_copy(
     update={

@@ -129,7 +129,7 @@ def _diagnosis(
     rig = rig.without(derived)
     notes = [*findings, *_undriven_inputs(rig)]
     if derived:
-        notes.append(f"{', '.join(derived)} were computed from recorded positions, and are not used")
+        notes.append(f"{', '.join(derived)} were differentiated from recorded positions and are not used")
     channels = {name: channel for name, channel in recording.channels.items() if name not in derived}
     try:
         segments = segment_recording(recording, rig)
@@ -153,9 +153,7 @@ def _diagnosis(
     report("predicting held-out windows")
     windows = _windows(recording, rig, segments, held)
     if not windows.shape[0]:
-        reason = (
-            "no stretch that is held out is long enough to predict its second half; record longer episodes"
-        )
+        reason = "no held-out part is long enough to predict its second half; record longer episodes"
         return Diagnosis(_undecided(recording, rig, notes, reason, began), rig)
     found, by_model = _predict_models(found, problem, windows, report)
     verdict = _verdict(recording, rig, found, windows, by_model, segments, held, notes, seed, began)
@@ -207,7 +205,7 @@ def free_effects(rig: Rig, problem: Problem) -> tuple[JointEffect, ...]:
 
 def _undriven_inputs(rig: Rig) -> list[str]:
     return [
-        f"input {control.input} has no recorded control: it counts as {control.rest:.4g}"
+        f"input {control.input} has no recorded control; {control.rest:.4g} is used"
         for control in rig.controls
         if control.channel is None
     ]
@@ -217,7 +215,7 @@ def _insufficiency_reason(problem: Problem) -> str | None:
     """Why the motion is insufficient for identification; None if it is sufficient."""
     moving = [j for j in problem.rig_motion.joints if j.travel > 2e-3 * max(1.0, abs(j.middle))]
     if problem.rig_motion.joints and not moving and not problem.rig_motion.free_bodies:
-        return "no joint moves by more than a few thousandths; record motions"
+        return "no joint moves by more than a few thousandths of a rad or m; record larger motions"
     return None
 
 
@@ -334,10 +332,13 @@ def _verdict(
     if named:
         held_up = all(isinstance(e, ExternalPulse) for e in named) or _improves(*by_model[1:])
         if not held_up:
-            notes = [*notes, "what was named does not predict held-out windows better, so no name is given"]
+            notes = [*notes, "the found effects do not improve held-out predictions, so none is named"]
             named = ()
     if named and not distinguishable(by_model[1].predictions, by_model[2].predictions):
-        notes = [*notes, "no held-out window shows what is named: nothing but the fit speaks for it"]
+        notes = [
+            *notes,
+            "the named effects are not observable in held-out windows: only the fit supports them",
+        ]
     left = last.test.p_value
     recurring = _recurring_pushes(last, named)
     flagged = missing and (left < P_VALUE or worse[1] or not named or recurring is not None)
@@ -345,16 +346,16 @@ def _verdict(
     if missing:
         headline = "found" if named else "found_not_named"
         reason = (
-            "what is named explains what was missing"
+            "the named effects explain the mismatch"
             if named and not flagged
-            else "what is named leaves something that no name explains"
+            else "the named effects leave a mismatch that no effect explains"
             if named
-            else "something is missing, and no name holds"
+            else "something is missing, and no effect of the catalogue explains it"
         )
         if named and recurring is not None:
             reason += f": {recurring}"
         elif flagged and worse[1]:
-            reason += ": held-out windows differ from predictions by more than noise and errors of laws make"
+            reason += ": held-out prediction errors exceed noise and law errors"
     kinds = channel_groups(rig)
     units = {kind: recording.channels[rig.observations[c[0]].channel].unit for kind, c in kinds.items()}
     fits = [_errors(prediction.predictions, kinds, units, rng) for prediction in by_model]
@@ -544,14 +545,14 @@ def _recurring_pushes(step: Step, named: Sequence[JointEffect]) -> str | None:
     )
     if episodes < _MIN_EPISODES or pushed <= _MAX_PUSHED_SHARE * episodes:
         return None
-    return f"pushes come in {pushed} of {episodes} episodes, and follow something that no name explains"
+    return f"pushes come in {pushed} of {episodes} episodes, with a cause that no named effect explains"
 
 
 def _unknown(step: Step, p_value: float) -> str:
     scored = step.scored
     found = gains(scored.scores, scored.columns)
     free = [i for i, effect in enumerate(scored.effects) if is_free(effect)]
-    seen = "" if p_value < P_VALUE else "only held-out windows show it; "
+    seen = "" if p_value < P_VALUE else "seen in held-out windows only; "
     if not free:
         return f"{seen}it has no free form"
     best = max(free, key=lambda i: found[i].log_evidence)

@@ -16,7 +16,7 @@ _LINES = ("-", "--", "-.", ":")
 
 
 def draw(inputs: Mapping[str, Path], config: Mapping[str, Any]) -> Drawing:
-    """Error against samples seen, one line for each action optimiser, and the oracle; 95 % intervals over rigs."""
+    """Error against samples seen, one line for each action optimiser; 95 % intervals over rigs."""
     table = pd.concat([read_frame(f / "acting.parquet") for f in inputs.values()], ignore_index=True)
     # Only the method with an inverse model; other methods belong to figure A4.
     believing = table.loc[table["chooser"] == INVERSE, "method"].iloc[0]

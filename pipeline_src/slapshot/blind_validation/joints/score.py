@@ -26,8 +26,8 @@ class LocatedEffect(NamedTuple):
     part: str
 
 
-# Rig and concealed effect -> the one that is the same law there. tests/proof/joints holds both against each
-# other by inverse dynamics.
+# Rig and concealed effect -> the one that is the same law there. tests/blind_validation/joints compares both
+# with each other by inverse dynamics.
 ALIASES: Mapping[tuple[str, LocatedEffect], LocatedEffect] = {
     # All axes of this rig are level and parallel: turning the first link's zero turns all links against
     # gravity alike, as turning gravity about that axis does, and inertia does not depend on the first angle.

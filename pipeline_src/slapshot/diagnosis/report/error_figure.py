@@ -7,8 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.diagnosis.report.outcome import Outcome
-from slapshot.diagnosis.report.style import MODEL_COLOURS, mark_stand_in
-from slapshot.diagnosis.report.wording import error_unit, shown_models
+from slapshot.diagnosis.report.presentation import MODEL_COLOURS, error_unit, mark_stand_in, shown_models
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.plotting import Drawing
 

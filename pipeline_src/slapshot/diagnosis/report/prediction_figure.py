@@ -6,8 +6,16 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.diagnosis.report.outcome import Outcome
-from slapshot.diagnosis.report.style import MODEL_COLOURS, NOISE, RECORDED, Z90, mark_stand_in
-from slapshot.diagnosis.report.wording import MODELS, plain, scaled
+from slapshot.diagnosis.report.presentation import (
+    MODEL_COLOURS,
+    MODELS,
+    NOISE,
+    RECORDED,
+    Z90,
+    mark_stand_in,
+    plain,
+    scaled,
+)
 from slapshot.plotting import Drawing
 
 NAME = "J1-predictions"

@@ -8,9 +8,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.diagnosis.report.outcome import Coordinate, Outcome, coordinates
+from slapshot.diagnosis.report.presentation import (
+    AUGMENTED,
+    MODEL_COLOURS,
+    MODELS,
+    mark_stand_in,
+    quantity,
+    scaled,
+)
 from slapshot.diagnosis.report.residuals import Misfit, added_force, by_variable, misfit, variables
-from slapshot.diagnosis.report.style import AUGMENTED, MODEL_COLOURS, mark_stand_in
-from slapshot.diagnosis.report.wording import MODELS, quantity, scaled
 from slapshot.plotting import Drawing
 
 NAME = "J2-residuals"

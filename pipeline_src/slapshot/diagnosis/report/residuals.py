@@ -17,7 +17,7 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.filter import smooth
 from slapshot.diagnosis.linear import STEP_ERROR
 from slapshot.diagnosis.report.outcome import Coordinate, Outcome, coordinates
-from slapshot.diagnosis.report.style import Z90
+from slapshot.diagnosis.report.presentation import Z90
 
 _FORCE = 0.2  # process force as a share of the torque that moves each joint
 _ROUNDS = 2

@@ -2,7 +2,7 @@
 
 import textwrap
 
-from slapshot.diagnosis.report.wording import (
+from slapshot.diagnosis.report.presentation import (
     between,
     errors_text,
     headline,
@@ -34,8 +34,8 @@ def terminal_text(verdict: Verdict) -> str:
     if verdict.cannot_tell is not None:
         lines += [_line("because", verdict.cannot_tell), *_findings(verdict)]
         if not verdict.findings:
-            lines.append(_line("check", "found nothing odd in the recording"))
-        lines.append(_line("next", "mend what is said above, and diagnose the recording again"))
+            lines.append(_line("check", "no quality warnings"))
+        lines.append(_line("next", "fix the problem above, and diagnose the recording again"))
         return "\n".join(lines)
     mismatch, unknown = verdict.mismatch, verdict.unknown
     assert mismatch is not None
@@ -43,9 +43,7 @@ def terminal_text(verdict: Verdict) -> str:
     yes = "yes" if mismatch.found else "no"
     if mismatch.found and mismatch.p_value >= P_VALUE:
         yes = "yes, by held-out errors"
-    lines.append(
-        _line("mismatch", f"{yes}, p = {mismatch.p_value:.2g}; stands out most: {mismatch.strongest}")
-    )
+    lines.append(_line("mismatch", f"{yes}, p = {mismatch.p_value:.2g}; largest score: {mismatch.strongest}"))
     for effect in verdict.effects:
         values = "; ".join(f"{label(p)} {between(p)}{_state(p.state)}" for p in effect.parameters)
         lines.append(_line("what", f"{named(effect)}: {values}"))
@@ -71,7 +69,7 @@ def terminal_text(verdict: Verdict) -> str:
         seen = f", p = {unknown.p_value:.2g};" if unknown.p_value < P_VALUE else ":"
         lines.append(_line("left", f"something{seen} {unknown.description}"))
     elif verdict.effects:
-        lines.append(_line("left", f"no test says that anything is left, p = {unknown.p_value:.2g}"))
+        lines.append(_line("left", f"no significant mismatch, p = {unknown.p_value:.2g}"))
     channels = [f"{name} {noise_text(noise)}" for name, noise in list(verdict.noise.items())[:2]]
     if len(verdict.noise) > 2:
         channels.append(f"{len(verdict.noise) - 2} more in verdict.md")
@@ -79,7 +77,8 @@ def terminal_text(verdict: Verdict) -> str:
     if verdict.limits:
         lines.append(
             _line(
-                "limits", f"{several(len(verdict.limits), 'line')} in verdict.md: what could be there unseen"
+                "limits",
+                f"{several(len(verdict.limits), 'line')} in verdict.md: upper limits of undetected effects",
             )
         )
     return "\n".join([*lines, *_findings(verdict)])
@@ -93,7 +92,7 @@ def _findings(verdict: Verdict) -> list[str]:
 
 
 def _state(state: str) -> str:
-    return {"at a bound": ", at a bound", "flat": ", hardly told by the data"}.get(state, "")
+    return {"at a bound": ", at a bound", "flat": ", hardly determined by the data"}.get(state, "")
 
 
 def _line(head: str, text: str, most: int = 3) -> str:

@@ -1,13 +1,16 @@
-"""Formatting for reports: phrases of effects, and SI numbers in readable units."""
+"""Phrases, numbers, units and colours that text, figures and the Rerun recording of a report share."""
 
 import html
 import math
 import re
 from collections.abc import Mapping, Sequence
 
+from matplotlib.figure import Figure
+
 from slapshot.diagnosis.verdict import ChannelNoise, Interval, NamedEffect, NamedParameter, Verdict
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.effects.joints.external_pulse import ExternalPulse
+from slapshot.plotting import METHOD_COLOURS, OTHER_COLOURS, STAND_IN
 from slapshot.text import printable
 
 MODELS = {
@@ -217,3 +220,20 @@ def escaped(text: str) -> str:
 
 def _unit(unit: str) -> str:
     return f" {unit}" if unit else ""
+
+
+RECORDED = "#D55E00"
+NOMINAL = "#7A7A7A"
+REFITTED = "#A6761D"
+AUGMENTED = METHOD_COLOURS["kalman"]
+FREE_FORM = OTHER_COLOURS[0]
+NOISE = "#C9DFC3"  # band of what noise alone leaves
+MODEL_COLOURS = {"nominal": NOMINAL, "refitted": REFITTED, "augmented": AUGMENTED, "noise_floor": "black"}
+Z90 = 1.645
+_WARNING = "#A00000"
+
+
+def mark_stand_in(figure: Figure, verdict: Verdict) -> None:
+    """Say at the top where the recording is no robot's."""
+    if verdict.stand_in:
+        figure.suptitle(f"recorded: {STAND_IN}", fontsize=7, color=_WARNING, x=0.995, ha="right")
