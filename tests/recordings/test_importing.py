@@ -301,7 +301,7 @@ def test_what_cannot_be_in_a_named_column_is_refused_with_its_line(
         (b"", ["is empty"]),
         (b"t,x,y\n", ["has no rows"]),
         (b"t,x,z\n0,0,0\n", ["column 'y'", "is missing", "columns: t, x, z"]),
-        (b"t,x,y,x\n0,0,0,0\n", ["column 'x'", "stands there twice"]),
+        (b"t,x,y,x\n0,0,0,0\n", ["column 'x'", "is duplicated"]),
         (b"0,0,0\n1,1,1\n", ["holds numbers", "header: false"]),
         (b"t,x,y\n0,0,0\n1,1\n2,2,2\n", ["line 3 has 2 columns"]),
         (b"P\0A\0R\0", ["binary or UTF-16"]),

@@ -332,7 +332,7 @@ def test_files_that_cannot_be(tmp_path: Path) -> None:
     rows = good_rows()
     write_csv(tmp_path / "csv/a.csv", [*rows[20:], *rows[:20]], HEADER)
     refused(
-        tmp_path, "a.csv: line 32: time goes backwards (0.49 s in line 31, then 0 s)", "tells episodes apart"
+        tmp_path, "a.csv: line 32: time goes backwards (0.49 s in line 31, then 0 s)", "identifies episodes"
     )
     write_csv(tmp_path / "csv/a.csv", [*rows[:5], [0.05, "up", 1], *rows[6:]], HEADER)
     refused(tmp_path, "a.csv: line 7, column 'pos' (q): 'up' is no number")

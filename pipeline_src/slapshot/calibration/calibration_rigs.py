@@ -41,7 +41,7 @@ class Motion:
 
     Attributes:
         start: (episodes, nq + nv) initial states of the nominal model.
-        told: (episodes, samples, nu) commands, zero-order hold.
+        commands: (episodes, samples, nu) commands, zero-order hold.
     """
 
     start: Array

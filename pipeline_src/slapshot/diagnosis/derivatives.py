@@ -159,7 +159,7 @@ def _is_smooth(model: mujoco.MjModel) -> bool:
 
 
 def _explicit(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The model with Euler's method, damping explicit: its velocities tell the accelerations."""
+    """The model with Euler's method, damping explicit: its velocity change gives the acceleration."""
     model = copy.copy(model)
     model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_EULER)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)

@@ -230,7 +230,7 @@ def _fit_failure(found: Search) -> str | None:
     if not fit.settled:
         return (
             "the fit of the nominal model's free parameters does not converge (they still moved by "
-            f"{fit.moved:.2g} standard deviations); free fewer, or record motions that tell them apart"
+            f"{fit.moved:.2g} standard deviations); free fewer, or record motions that distinguish them"
         )
     return None
 
@@ -305,8 +305,8 @@ def predict_windows(
     trajectory = held_out.initial_trajectory(step.problem, nominal, windows)
     noise, _ = held_out.refitted_noise(step.problem, hypothesis, theta, fit.trajectory, step.scored.noise)
     precision = fit.precision if fitted else None
-    told = held_out.predict(step.problem, hypothesis, theta, windows, noise, trajectory, precision)
-    return Prediction(hypothesis, theta, told)
+    predictions = held_out.predict(step.problem, hypothesis, theta, windows, noise, trajectory, precision)
+    return Prediction(hypothesis, theta, predictions)
 
 
 def _verdict(

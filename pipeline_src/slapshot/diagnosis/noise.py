@@ -374,9 +374,11 @@ def fit_process_force(system: Linear, prior: Prior, noise: Noise, interval: floa
             # Prior on law errors: where forces explain the data equally well, law errors stay typical.
             found = likelihood(values)
             share = np.exp(2 * values[:2]) / TYPICAL_LAW_ERROR**2
-            told = {index: found.information.get(index, 0.0) + 2 * share[index] for index in (0, 1)}
+            with_prior = {index: found.information.get(index, 0.0) + 2 * share[index] for index in (0, 1)}
             return replace(
-                found, value=found.value - float(share.sum()) / 2, information={**found.information, **told}
+                found,
+                value=found.value - float(share.sum()) / 2,
+                information={**found.information, **with_prior},
             )
 
         return evaluate

@@ -72,7 +72,7 @@ class Rig:
         free: names of effects (`name` or `name@part`) that belong to the nominal model: refitted with every
             hypothesis.
         reading: (ny, sensor data) what each observation reads: one sensor, or a sum where joints were split.
-        load: addresses of the sensors that tell each dof's actuator force; -1 for free and ball joints.
+        load: addresses of the sensors of each dof's actuator force; -1 for free and ball joints.
     """
 
     name: str
@@ -247,7 +247,7 @@ def _input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Chann
     if channel.quantity not in ("torque", "force"):
         raise InputError(
             f"channel {name}: controls joint {channel.joint} with a {channel.quantity}; name the actuator "
-            "that it is told to, or record the torque"
+            "that receives it, or record the torque"
         )
     motor = f"{OWN}{channel.joint}" + (f":{channel.component}" if channel.component else "")
     if spec.actuator(motor) is None:  # a restructured rig has it
@@ -271,7 +271,7 @@ def _transmission(model: mujoco.MjModel, name: str, channel: Channel) -> tuple[m
         if servos:
             raise InputError(
                 f"channel {name}: a torque at joint {channel.joint}, which {servos[0]} drives by a law of "
-                "its own; remove that actuator from the model, or record what it is told"
+                "its own; remove that actuator from the model, or record its command"
             )
         return mujoco.mjtTrn.mjTRN_JOINT, [1.0, 0, 0, 0, 0, 0]
     if channel.component is None:

@@ -69,7 +69,9 @@ def add_sensor(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: C
             (_OF_JOINT, _OBJECT.mjOBJ_JOINT) if kind == "joint" else (_OF_ACTUATOR, _OBJECT.mjOBJ_ACTUATOR)
         )
         if channel.quantity not in table:
-            raise InputError(f"channel {name}: a {channel.quantity} is told, not observed; make it a control")
+            raise InputError(
+                f"channel {name}: a {channel.quantity} is an input, not an observation; make it a control"
+            )
         if component is not None:
             raise InputError(f"channel {name}: {kind} {part} has one number; remove component {component!r}")
         sensor = table[channel.quantity]

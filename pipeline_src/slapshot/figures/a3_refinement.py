@@ -68,8 +68,8 @@ def _inside(own: pd.DataFrame) -> str:
     """Count of true values inside their range, of those within the training prior."""
     drawable = own[own["drawable"].astype(bool)]
     inside, count = int(drawable["inside"].sum()), len(drawable)
-    told = f"{inside} of {count} ({100 * inside / count:.0f} %)" if count else "none could be drawn"
+    counted = f"{inside} of {count} ({100 * inside / count:.0f} %)" if count else "none could be drawn"
     outside = len(own) - count
     beyond = f"; {outside} left out" if outside and count else ""
     share, conditions = own["simulated_share"].iloc[0], int(own["simulated_n"].iloc[0])
-    return f"truths inside: {told}{beyond}\nin simulation: {100 * share:.0f} % of {conditions} conditions"
+    return f"truths inside: {counted}{beyond}\nin simulation: {100 * share:.0f} % of {conditions} conditions"

@@ -39,7 +39,7 @@ class Channel(Model):
     Attributes:
         clock: which table it stands in, signals-<clock>.parquet: channels of one clock are sampled together.
         role: a control is an input of the simulation, an observation is what it is compared with.
-        quantity: a command is what an actuator is told (its ctrl); the others are physical.
+        quantity: a command is the input of an actuator (its ctrl); the others are physical.
         joint, actuator, sensor, site, body: name in the MuJoCo model of what the channel is of; at most one.
             With none, a rig file defines it.
         component: of what has several: places x, y, z in the world frame and a unit quaternion qw to qz as
@@ -193,7 +193,7 @@ def _check_quaternions(channels: Mapping[str, Channel]) -> None:
         count = Counter(parts.values())
         for name, part in parts.items():
             if count[part] > 1:
-                raise ProblemAtError((name,), f"component {part} stands there twice on its clock; remove one")
+                raise ProblemAtError((name,), f"component {part} is duplicated on its clock; remove one")
         missing = [part for part in QUATERNION if part not in count]
         if missing:
             raise ProblemAtError(

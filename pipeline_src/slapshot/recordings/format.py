@@ -89,7 +89,7 @@ class ObjectInfo(Model):
         if self.mass_sd_kg > self.mass_kg:
             raise ValueError(
                 f"mass_sd_kg is {self.mass_sd_kg:g}, more than mass_kg itself ({self.mass_kg:g}); correct "
-                "it, or write 0 if nobody knows"
+                "it, or write 0 if unknown"
             )
         return self
 

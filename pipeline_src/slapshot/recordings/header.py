@@ -162,7 +162,7 @@ def _read(file: Path) -> Any:
 
 
 def _version_of(values: Any, file: Path, default: int = 1) -> int:
-    """The version that a file says; the default where it says none, which its check then tells."""
+    """The version that a file says; the default where it says none, which its check then reports."""
     version = values.get("format_version", default) if isinstance(values, dict) else default
     if type(version) is not int or version not in _OF_VERSION:
         raise InputError(

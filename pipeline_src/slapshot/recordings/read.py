@@ -1,4 +1,4 @@
-"""Read a recording of hits from its folder and check all of it; tell the version of any recording."""
+"""Read and check a recording of hits; detect the version of any recording."""
 
 from collections.abc import Mapping
 from pathlib import Path

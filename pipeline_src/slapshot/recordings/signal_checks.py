@@ -73,7 +73,7 @@ def check_episodes(episodes: pd.DataFrame, file: Path) -> None:
     if second.any():
         row = int(np.flatnonzero(second)[0])
         raise InputError(
-            f"{file}: row {row} (the first is 0): episode {numbers.iloc[row]} stands there twice: give every "
+            f"{file}: row {row} (the first is 0): episode {numbers.iloc[row]} is duplicated: give every "
             "episode its own number"
         )
     check_dates(episodes, file, "episode")

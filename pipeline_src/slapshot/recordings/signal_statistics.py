@@ -19,7 +19,7 @@ _GAP, _UNEVEN_GAP = (
     4.0,
 )  # intervals and, beyond the usual one, sds of an uneven clock: longer lacks a sample
 MAD_TO_SD = 1.4826  # of a normal distribution
-_MIN_SAMPLES, _BULK = 20, 4.0  # samples that a measure of spread needs; sds within which all but odd ones lie
+_MIN_SAMPLES, _BULK = 20, 4.0  # samples that a measure of spread needs; sds beyond which values are outliers
 # Steps: numbers of one grid are multiples of it, and the numbers of a text file err in their last digit.
 _EQUAL, _ON_GRID, _MIN_ON_GRID, _MIN_STEPS = 1e-9, 0.1, 0.95, 3
 _FAR_STEPS = 20
@@ -50,7 +50,7 @@ class Sampling:
     Attributes:
         interval_s: median interval; NaN where no episode has two samples.
         jitter: standard deviation of intervals that lack no sample, in median intervals.
-        missing: share of samples that are missing, as far as gaps between others tell.
+        missing: share of samples that are missing, as far as gaps show.
         longest_gap_s: longest interval that lacks a sample; 0 without one.
     """
 
@@ -93,9 +93,9 @@ def quantisation_step(x: Array) -> float:
     step = float(near.sum() / np.rint(near / step).sum())
     whole = differences / step
     # Where most values occur only once, small differences are rare, and large ones carry no information.
-    tells = whole < _FAR_STEPS
-    on_grid = np.abs(whole[tells] - np.rint(whole[tells])) < _ON_GRID
-    if tells.mean() < 0.5 or on_grid.mean() < _MIN_ON_GRID:
+    informative = whole < _FAR_STEPS
+    on_grid = np.abs(whole[informative] - np.rint(whole[informative])) < _ON_GRID
+    if informative.mean() < 0.5 or on_grid.mean() < _MIN_ON_GRID:
         return float("nan")
     return step
 

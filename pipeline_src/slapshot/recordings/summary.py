@@ -27,7 +27,7 @@ def describe_hits(recording: Recording) -> str:
     lines.append(f"repeats        {_summarise_repeats(recording.hits)}")
     lines.append(f"camera         {_summarise_camera(recording)}")
     lines.append(f"duration       {_summarise_duration(recording)}")
-    return "\n".join(printable(line) for line in lines)  # names of rigs and objects are anybody's
+    return "\n".join(printable(line) for line in lines)  # names of rigs and objects are arbitrary
 
 
 def rest_point_scatter(hits: pd.DataFrame) -> float:
@@ -102,7 +102,7 @@ def describe_signals(recording: SignalRecording, channels: Mapping[str, ChannelS
     lines.append(f"episodes       {_summarise_episodes(recording)}")
     lines += [f"clock          {clock}: {_summarise_clock(recording, clock)}" for clock in recording.signals]
     lines += _aligned([_HEADINGS, *(_row(recording, measured) for measured in channels.values())])
-    return "\n".join(printable(line) for line in lines)  # names of rigs and channels are anybody's
+    return "\n".join(printable(line) for line in lines)  # names of rigs and channels are arbitrary
 
 
 def _count_roles(recording: SignalRecording) -> str:

@@ -185,7 +185,7 @@ def conform(
 def _check_names_unique(names: Sequence[str], file: Path) -> None:
     for name, count in Counter(names).items():
         if count > 1:
-            raise InputError(f"{file}: column {short(name)} stands there twice: remove one of them")
+            raise InputError(f"{file}: column {short(name)} is duplicated: remove one of them")
 
 
 def _check_column_names(

@@ -17,7 +17,7 @@ NAME = "J4-candidates"
 CAPTION = (
     "Evidence for single effects over the model before, in nats; first of all candidates alone by one linear "
     "screen of the nominal model, then of those that were refitted in each step of the search. Orange: free "
-    "forms, which describe without naming. Dark: what the step added; middling: what cannot be told from it."
+    "forms, which describe without naming. Dark: what the step added; middling: what is equivalent to it."
 )
 _MAX_SHOWN = 12
 _ALIKE, _PALE = "#5AA2CF", "#B9D5E8"

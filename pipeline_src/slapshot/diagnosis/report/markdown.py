@@ -67,8 +67,8 @@ def markdown(
         if verdict.limits:
             parts += ["## Upper limits of effects that were not found", *_limits(verdict)]
     if verdict.findings:
-        odd = "\n".join(f"- {sentence(finding)}" for finding in verdict.findings)
-        parts += ["## Quality warnings", odd]
+        warnings = "\n".join(f"- {sentence(finding)}" for finding in verdict.findings)
+        parts += ["## Quality warnings", warnings]
     if problems:
         parts += [
             "## What could not be written",
@@ -205,7 +205,7 @@ def _errors(verdict: Verdict) -> list[str]:
         rows.append([MODELS[model], *cells, likelihood])
     units = {kind: error_unit(verdict, kind)[0] for kind in kinds}
     heads = [escaped(kind) + (f" ({unit})" if unit else "") for kind, unit in units.items()]
-    told = [f"{kind}: {errors_text(verdict, kind)}" for kind in kinds]
+    errors_by_kind = [f"{kind}: {errors_text(verdict, kind)}" for kind in kinds]
     best: Errors = getattr(fit, models[-2])
     above = any(best.rms[kind].low > _ABOVE * fit.noise_floor.rms[kind].value for kind in kinds)
     unknown = verdict.unknown
@@ -218,7 +218,7 @@ def _errors(verdict: Verdict) -> list[str]:
         why = ""
     return [
         f"Windows of {fit.window_s:.2g} s are predicted from the data before them and the recorded controls. "
-        f"Root mean square errors, {escaped('; '.join(told))}.",
+        f"Root mean square errors, {escaped('; '.join(errors_by_kind))}.",
         table(["model", *heads, "log-likelihood (nats a window)"], rows),
         *([why] if why else []),
     ]

@@ -105,7 +105,7 @@ def scaled(unit: str, size: float) -> tuple[str, float]:
 
 
 def plain(unit: str) -> str:
-    """Unit of a reading: parts of a quaternion are no shares, which would be told in per cent."""
+    """Unit of a reading: components of a quaternion are not shares, which would be given in per cent."""
     return "" if unit == "1" else unit
 
 
@@ -179,13 +179,13 @@ def label(parameter: NamedParameter) -> str:
 
 
 def rivals_text(rivals: Mapping[str, float]) -> str:
-    """Rivals that cannot be told apart, and by how many nats; better ones have more parameters."""
+    """Equivalent rivals and their difference in nats; better ones have more parameters."""
 
-    def told(key: str, nats: float) -> str:
+    def compare(key: str, nats: float) -> str:
         more = f"{nats:.1f} nats worse" if nats >= 0 else f"{-nats:.1f} nats better, by more parameters"
         return f"{phrase_of(key)} ({more})"
 
-    return listed([told(key, nats) for key, nats in rivals.items()], "or")
+    return listed([compare(key, nats) for key, nats in rivals.items()], "or")
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:

@@ -58,8 +58,8 @@ def write_recording(outcome: Outcome, text: str, folder: Path) -> None:
         )
         recording.send_recording_name("Diagnosis")
         recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for name, told in (("verdict", text), ("about", CAPTION)):
-            recording.log(name, rr.TextDocument(told, media_type="text/markdown"), static=True)
+        for name, content in (("verdict", text), ("about", CAPTION)):
+            recording.log(name, rr.TextDocument(content, media_type="text/markdown"), static=True)
         for name, motion in motions.items():
             _log_shapes(recording, name, motion)
             _log_poses(recording, name, motion, moments)

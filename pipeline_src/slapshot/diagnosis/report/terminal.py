@@ -20,7 +20,7 @@ from slapshot.plotting import STAND_IN
 from slapshot.text import printable
 
 _WIDTH = 108
-_MAX_SHOWN = 3  # channels, rivals or quantities that are told one by one
+_MAX_SHOWN = 3  # channels, rivals or quantities that are listed individually
 _INDENT = 13
 
 

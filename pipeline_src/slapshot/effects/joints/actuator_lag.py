@@ -35,11 +35,11 @@ class ActuatorLag(JointEffect):
         # Mean of the response over a step, exact for a held input.
         mean = values[0] / step * (1 - decay)
         out = u.copy()
-        told = u[:, self._actuators]
-        start = told[:1] * 1.0
-        state, _ = lfilter([1 - decay], [1, -decay], told, axis=0, zi=decay * start)
+        commands = u[:, self._actuators]
+        start = commands[:1] * 1.0
+        state, _ = lfilter([1 - decay], [1, -decay], commands, axis=0, zi=decay * start)
         before = np.concatenate([start, state[:-1]])
-        out[:, self._actuators] = told + mean * (before - told)
+        out[:, self._actuators] = commands + mean * (before - commands)
         return out
 
     def note(self, values: Array) -> str:

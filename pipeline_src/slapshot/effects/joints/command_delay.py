@@ -27,13 +27,13 @@ class CommandDelay(JointEffect):
     def control(self, u: Array, step: float, values: Array) -> Array:
         """Shift the means over steps, by interpolating the integral, which allows fractional delays."""
         out = u.copy()
-        told = u[:, self._actuators]
+        commands = u[:, self._actuators]
         ticks = np.arange(len(u) + 1.0)
-        integral = np.concatenate([np.zeros((1, told.shape[1])), np.cumsum(told, axis=0)])
+        integral = np.concatenate([np.zeros((1, commands.shape[1])), np.cumsum(commands, axis=0)])
         late = ticks - values[0] / step
         for i, actuator in enumerate(self._actuators):
             # Before the episode the first command held.
-            moved = np.where(late < 0, late * told[0, i], np.interp(late, ticks, integral[:, i]))
+            moved = np.where(late < 0, late * commands[0, i], np.interp(late, ticks, integral[:, i]))
             out[:, actuator] = np.diff(moved)
         return out
 

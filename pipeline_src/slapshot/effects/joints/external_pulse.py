@@ -49,9 +49,9 @@ class ExternalPulse(JointEffect):
 
     @staticmethod
     def _when(pulses: Sequence[Pulse]) -> str:
-        told = [f"{p.begin:.2f} to {p.end:.2f} s of episode {p.episode}" for p in pulses[:6]]
+        texts = [f"{p.begin:.2f} to {p.end:.2f} s of episode {p.episode}" for p in pulses[:6]]
         more = f" and {len(pulses) - 6} more" if len(pulses) > 6 else ""
-        return ", ".join(told) + more
+        return ", ".join(texts) + more
 
     def force(self, state: State, values: Array) -> Array:
         """A constant force in each interval."""

@@ -1,7 +1,7 @@
 """A session on FetchSlide's robot: the environment's own step, with hidden effects.
 
 A command asks for a velocity of the gripper; the environment puts its mocap body as far ahead of where the
-gripper is, and a weld drags the gripper after it. What is recorded as told is the mocap body's pose. A test
+gripper is, and a weld drags the gripper after it. The recorded command is the mocap body's pose. A test
 compares the lab's steps with those of the environment.
 """
 
@@ -24,10 +24,10 @@ class GripperExecution(Execution):
     def begin(self) -> None:
         """As the environment's reset does; an encoder's zero that is off moves no link."""
         batch, names = self.batch, [self.model.joint(i).name for i in range(self.model.njnt)]
-        believed = mujoco.MjModel.from_xml_string(self.rig.xml)
+        nominal = mujoco.MjModel.from_xml_string(self.rig.xml)
         start = reset_state()
         for i, name in enumerate(names):
-            off = self.model.qpos0[i] - believed.qpos0[believed.joint(name).qposadr[0]]
+            off = self.model.qpos0[i] - nominal.qpos0[nominal.joint(name).qposadr[0]]
             self.qpos[:, i], self.qvel[:, i] = start[name][0] + off, start[name][1]
         self._body = self.model.body(GRIPPER).id
         self._fingers = [self.model.joint(name).qposadr[0] for name in FINGER_JOINTS]

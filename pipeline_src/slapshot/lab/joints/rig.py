@@ -40,8 +40,8 @@ class Rig:
         name: of the rig.
         xml: nominal MJCF, angles in radians, without files of its own and with hinges and slides alone. Each
             joint that moves has the actuator of its name, but for a gripper that is dragged.
-        drive: "torque" for motors that are told a torque, "servo" for servos that are told an angle, "mocap"
-            for a gripper that is dragged by a body that is told a velocity.
+        drive: "torque" for torque motors, "servo" for position servos, "mocap" for a gripper that is dragged
+            by a velocity-controlled body.
         base: body that stands on the ground and carries the rest.
         tip: body of the last link, and where its tip is in the body's frame (m).
         loaded: joints that gravity loads, in most poses.

@@ -75,9 +75,9 @@ def _kuka() -> Rig:
 def _fetchslide_arm() -> Rig:
     """FetchSlide's robot, which the environment drags by its gripper; nothing is there to touch.
 
-    Inertias are the bodies' own, so that meshes can go. Where joints that nobody observes are (base, torso,
-    head) stands in the model's keyframe. The environment sets the weld of gripper and mocap body when it
-    begins, as is done here; its step is Euler's with 2 ms, both here and in the lab.
+    Inertias are the bodies' own, so that meshes can go. The pose of unobserved joints (base, torso,
+    head) is in the model's keyframe. The weld of gripper and mocap body is set as at the environment's start;
+    the integrator is Euler's with 2 ms, here and in the environment.
     """
     from slapshot.domains.fetchslide import build_scene
     from slapshot.domains.fetchslide.model import GRIPPER

@@ -107,7 +107,7 @@ def _raw_hit(
     if start is not None and np.isnan(start).any():
         raise InputError(
             f"{rows.file}: line {lines[0]}: {name}: start_x or start_y is empty; fill it in, or leave both "
-            "out of the mapping: the frames before the hit tell"
+            "out of the mapping: it is estimated from the frames before the hit"
         )
     return RawHit(
         name=name,
@@ -138,7 +138,7 @@ def _check_times(rows: Rows, t: Array, lines: NDArray[np.int64]) -> None:
         problem = "the same time at two places" if t[after] == t[before] else "time goes backwards"
         raise InputError(
             f"{rows.file}: line {lines[after]}: {problem} ({t[before]:.10g} s in line {lines[before]}, then "
-            f"{t[after]:.10g} s); mend the lines, name a hit or new_hit column if other hits follow, or "
+            f"{t[after]:.10g} s); correct the lines, name a hit or new_hit column if other hits follow, or "
             "leave t out of the mapping to count frames"
         )
 

@@ -16,7 +16,7 @@ _ANY_DEPTH = "**"
 
 
 def find_sources(files: Files, source: Path) -> tuple[Path, list[Path]]:
-    """The folder that names are told from, and the files in natural order.
+    """The folder that names are relative to, and the files in natural order.
 
     Args:
         files: says which files in a folder are meant.
@@ -61,7 +61,8 @@ def fields_of_names(pattern: NamePattern | None, files: list[Path]) -> list[dict
     for file, fields, more in zip(files, own, pattern.fields([file.stem for file in files]), strict=True):
         if more is None:
             raise InputError(
-                f"{file}: the name does not match files.name_pattern ({pattern.pattern}); mend the pattern, "
+                f"{file}: the name does not match files.name_pattern ({pattern.pattern}); correct the "
+                "pattern, "
                 "or narrow files.pattern so that it leaves this file out"
             )
         found.append(fields | more)

@@ -193,7 +193,7 @@ def _recorded_at(hit: RawHit, rules: TrackMapping) -> datetime:
     except (ValueError, OverflowError, re.error) as error:  # the last for a directive that stands twice
         raise InputError(
             f"{hit.name}: recorded_at: {short(text)} is no time of the format {short(spec.format)} "
-            f"({str(error)[:200]}); mend {rules.where('recorded_at')}"
+            f"({str(error)[:200]}); correct {rules.where('recorded_at')}"
         ) from None
 
 

@@ -110,13 +110,14 @@ class Columns(Model):
         default=None, description="time of the frame, in s; without it frames are counted at camera_rate_hz"
     )
     start_x: Given[ScaledColumn] = Field(
-        default=None, description="place before the hit, in m; else the frames tell"
+        default=None, description="place before the hit, in m; else estimated from the frames"
     )
     start_y: Given[ScaledColumn] = Field(
-        default=None, description="place before the hit, in m; else the frames tell"
+        default=None, description="place before the hit, in m; else estimated from the frames"
     )
     order: Given[ScaledColumn] = Field(
-        default=None, description="place of the hit in the order of execution; without it file names tell"
+        default=None,
+        description="place of the hit in the order of execution; without it the order of file names",
     )
     hit: Given[ColumnRef] = Field(
         default=None, description=f"which hit of the file a row belongs to: {_PLACE}"

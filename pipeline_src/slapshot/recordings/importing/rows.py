@@ -1,7 +1,7 @@
 """Rows of one CSV file: the named columns as numbers and texts; other columns are ignored.
 
 Read with Python's csv and not pandas: a row knows its line, rows may differ in length, and columns that
-nobody named may hold anything.
+are not named may hold anything.
 """
 
 import csv
@@ -25,7 +25,7 @@ from slapshot.validation import short
 _NOT_SEEN = {"", "nan", "na", "null", "none"}
 _MAX_FILE_BYTES = 200_000_000  # bytes
 _DAMAGED = "\ufffd"
-# One clock may tell the order of hits, too, and a place that changes begins where the hit does.
+# A clock may define the order of hits, and the start position may be the first of the positions.
 _MAY_SHARE = {("t", "order"), ("x", "start_x"), ("y", "start_y")}
 _LARGEST_TIME = 1e11  # s; clocks may count from 1970, in any unit
 
@@ -161,7 +161,7 @@ def _split(text: str, style: CsvStyle, file: Path) -> Iterator[_Row]:
     source = io.StringIO(text, newline="")
     for _ in range(style.skip_rows):
         source.readline()
-    # Strict: a quote that nobody closes would swallow all rows behind it.
+    # Strict: an unclosed quote would swallow all following rows.
     reader = csv.reader(source, delimiter=style.separator, strict=True)
     before = 0
     try:
@@ -171,7 +171,7 @@ def _split(text: str, style: CsvStyle, file: Path) -> Iterator[_Row]:
             before = reader.line_num
     except csv.Error as error:
         line = style.skip_rows + before + 1
-        raise InputError(f"{file}: line {line} is no CSV ({error}); mend that line") from None
+        raise InputError(f"{file}: line {line} is no CSV ({error}); correct that line") from None
 
 
 def _check_apart(numbers: dict[str, int], mapping: NamedColumns) -> None:
@@ -192,7 +192,8 @@ def _check_header_fits(row: _Row, names: list[str] | None, style: CsvStyle, file
     fewer = style.separator is None and len(row.cells) < len(names)
     if more or fewer:
         raise InputError(
-            f"{file}: line {row.line} has {len(row.cells)} columns, but the header names {len(names)}; mend "
+            f"{file}: line {row.line} has {len(row.cells)} columns, but the header names {len(names)}; "
+            "correct "
             "the line, or correct csv.delimiter and csv.decimal"
         )
 
@@ -213,7 +214,7 @@ def _index(place: str | int, names: list[str] | None, role: str, file: Path) -> 
         return place
     names = names or []
     if names.count(place) != 1:
-        problem = "stands there twice; name it by its number" if place in names else "is missing"
+        problem = "is duplicated; name it by its number" if place in names else "is missing"
         raise InputError(
             f"{file}: column {short(place)} ({role.strip('<>')}) {problem}; correct the mapping or the file "
             f"(columns: {', '.join(names[:50])[:200]})"
@@ -240,14 +241,15 @@ def _numbers(
             value = _number(text, style.decimal)
         except ValueError:
             raise InputError(
-                f"{where}: {text[:40]!r} is no number; mend the line, correct csv.decimal, or list the text "
+                f"{where}: {text[:40]!r} is no number; correct the line, correct csv.decimal, or list the "
+                "text "
                 "under csv.missing"
             ) from None
         scaled = column.factor * value + column.offset
         if 0 < abs(value) < least or not abs(scaled) <= limit:
             raise InputError(
                 f"{where}: {text[:40]} cannot be: it looks like uninitialised memory; name another "
-                "column, mend the line, or list the text under csv.missing"
+                "column, correct the line, or list the text under csv.missing"
             )
         values[i] = scaled
     return values

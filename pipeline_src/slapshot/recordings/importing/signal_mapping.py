@@ -18,7 +18,7 @@ from slapshot.yaml_file import Document, read_document
 
 SIGNAL_KEYS = frozenset({"format_version", "channels", "clocks"})  # of which a mapping of tracks has none
 ONLY_CLOCK = "main"
-EPISODE = "<episode>"  # role of the column that tells episodes apart
+EPISODE = "<episode>"  # role of the column that identifies episodes
 _LARGEST = 1e9
 
 
@@ -53,7 +53,8 @@ class ClockFiles(Model):
     csv: CsvStyle = CsvStyle()
     time: Time
     episode: Given[ColumnRef] = Field(
-        default=None, description="column that tells the episodes of a file apart; without it a file is one"
+        default=None,
+        description="column that identifies the episodes of a file; without it a file is one episode",
     )
 
 
@@ -185,7 +186,7 @@ class ClockColumns:
 
     @property
     def texts(self) -> Mapping[str, str | int]:
-        """The column that tells episodes apart, if there is one."""
+        """The column that identifies episodes, if any."""
         return {} if self.rules.episode is None else {EPISODE: self.rules.episode}
 
     @property

@@ -129,8 +129,8 @@ class Armature(HiddenEffect):
         return {"joint": draw_joint(nominal.rig, rng), "sign": draw_sign(rng)}
 
     def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
-        believed = nominal.rig.armature[nominal.rig.joints.index(shape["joint"])]
-        return Bounds(0.1 * believed, 0.0, 0.9 * believed if shape["sign"] < 0 else 20 * believed)
+        modelled = nominal.rig.armature[nominal.rig.joints.index(shape["joint"])]
+        return Bounds(0.1 * modelled, 0.0, 0.9 * modelled if shape["sign"] < 0 else 20 * modelled)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {"difference": (shape["sign"] * amplitude, "kg m^2")}
