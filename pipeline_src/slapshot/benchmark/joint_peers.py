@@ -23,7 +23,6 @@ import pandas as pd
 
 from slapshot.arrays import Array
 from slapshot.benchmark.peers import need_sysid
-from slapshot.calibration.aims import markdown
 from slapshot.diagnosis.diagnose import Diagnosis, diagnose, predict_windows, split
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import Rig, bind
@@ -35,6 +34,7 @@ from slapshot.lab.joints.record_case import make_case
 from slapshot.lab.joints.rigs import nominal_model
 from slapshot.progress import progress
 from slapshot.recordings.signals import SignalRecording
+from slapshot.text import markdown_table
 from slapshot.whole_file import write_whole
 
 RIG, LINKS = "arm", ("upper", "fore")
@@ -208,7 +208,7 @@ def write_comparison(rows: pd.DataFrame, folder: Path) -> None:
         (row["scenario"], row["truth"], row["tool"], _masses(row), row["says"])
         for row in rows.to_dict("records")
     ]
-    text = [INTRODUCTION, *markdown(head, lines), "\n## Each recording\n", *markdown(each, told)]
+    text = [INTRODUCTION, markdown_table(head, lines), "\n## Each recording\n", markdown_table(each, told)]
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         write_whole(folder / f"{NAME}.csv", rows.to_csv(index=False, float_format="%.6g"))

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
 
 from slapshot.effects.catalogue import catalogue
 from slapshot.plotting import OTHER_COLOURS, STAND_IN, Drawing, use_style
+from slapshot.statistics import wilson_interval
 
 NO_NAME, MISMATCH, UNKNOWN = "no name", "mismatch", "unknown"
 SIZES = (0.0, 0.1, 0.2, 0.35, 0.5, 0.75, 1.1, 2.5)  # edges of displacement over scatter
@@ -92,10 +92,10 @@ def _by_size(cases: pd.DataFrame) -> Drawing:
     ):
         for interval, group in known.groupby(bins, observed=True):
             yes, n = int(group[column].astype(bool).sum()), len(group)
-            ci = binomtest(yes, n).proportion_ci(0.95, method="wilson")
+            ci = wilson_interval(yes, n)
             middle = beside * float(np.sqrt(max(interval.left, 0.03) * interval.right))
             rows.append(
-                {"share": column, "size": middle, "value": yes / n, "low": ci.low, "high": ci.high, "n": n}
+                {"share": column, "size": middle, "value": ci.value, "low": ci.low, "high": ci.high, "n": n}
             )
         part = pd.DataFrame([r for r in rows if r["share"] == column])
         if len(part):

@@ -3,7 +3,7 @@
 The page shows the measures beside their aims, and the confusions that remain.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from slapshot.blind_validation.case_table import FIRST, read_cases_table, write_
 from slapshot.blind_validation.figures import draw_all
 from slapshot.blind_validation.measures import measures_of
 from slapshot.plotting import save
+from slapshot.text import markdown_table
 
 # Measure, condition -> aim: text, and bounds of the value (None for none).
 AIMS: dict[tuple[str, str], tuple[str, float | None, float | None]] = {
@@ -64,7 +65,9 @@ def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, config: 
     aimed = [row for row in shown.to_dict("records") if (row["measure"], row["condition"]) in AIMS]
     parts += [
         "## Aims\n",
-        *_table([_aim_row(row) for row in aimed], "measure", "condition", "aim", "measured", "n", "reached"),
+        markdown_table(
+            ("measure", "condition", "aim", "measured", "n", "reached"), [_aim_row(row) for row in aimed]
+        ),
     ]
     parts += [
         "\n## All measures\n",
@@ -76,8 +79,8 @@ def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, config: 
         (r["measure"], r["condition"], hits[r["condition"]], _number(r), str(r["n"]))
         for r in shown.to_dict("records")
     ]
-    parts += _table(rows, "measure", "condition", "hits", "value", "n")
-    parts += ["\n## What was taken for something else\n", *_confusions(cases)]
+    parts.append(markdown_table(("measure", "condition", "hits", "value", "n"), rows))
+    parts += ["\n## What was taken for something else\n", _confusions(cases)]
     parts += ["\n## How hits were made\n", _recording_setup(config)]
     file.write_text("\n".join(parts) + "\n")
 
@@ -106,18 +109,13 @@ def meets_aim(measure: str, condition: str, value: float) -> bool:
     return (low is None or value >= low) and (high is None or value <= high)
 
 
-def _table(rows: Sequence[tuple[str, ...]], *head: str) -> list[str]:
-    lines = [head, ("---",) * len(head), *rows]
-    return ["| " + " | ".join(line) + " |" for line in lines]
-
-
-def _confusions(cases: pd.DataFrame) -> list[str]:
+def _confusions(cases: pd.DataFrame) -> str:
     """Catalogued cases whose first name is not what was concealed, and nulls that were called mismatched."""
     wrong = cases[(cases["conceals"] != "") & ~cases["top1"].fillna(True).astype(bool)]
     alarms = cases[(cases["conceals"] == "") & cases["found"].astype(bool)]
     shown = pd.concat([wrong, alarms]).sort_values(["condition", "conceals"])
     if not len(shown):
-        return ["Nothing."]
+        return "Nothing."
     rows = [
         (
             r["case"],
@@ -130,7 +128,7 @@ def _confusions(cases: pd.DataFrame) -> list[str]:
         )
         for r in shown.to_dict("records")
     ]
-    return _table(rows, "case", "condition", "concealed", "size", "named", "classes", "unknown")
+    return markdown_table(("case", "condition", "concealed", "size", "named", "classes", "unknown"), rows)
 
 
 def _recording_setup(config: Mapping[str, Any]) -> str:

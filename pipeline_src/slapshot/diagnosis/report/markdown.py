@@ -21,11 +21,11 @@ from slapshot.diagnosis.report.presentation import (
     sentence,
     several,
     shown_models,
-    table,
 )
 from slapshot.diagnosis.search import P_VALUE
 from slapshot.diagnosis.verdict import Errors, NamedEffect, Verdict
 from slapshot.plotting import STAND_IN
+from slapshot.text import markdown_table
 
 VERDICT_TEXT = "verdict.md"
 AUGMENTED = "augmented"
@@ -79,7 +79,7 @@ def markdown(
         parts += [f"![{name}]({name}.png)\n\n*{caption}*" for name, caption in figures.items()]
     if verdict.versions:
         rows = [[escaped(name), f"`{version}`"] for name, version in verdict.versions.items()]
-        parts += ["## Versions", table(["of", "version"], rows)]
+        parts += ["## Versions", markdown_table(["of", "version"], rows)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -164,7 +164,7 @@ def _what(verdict: Verdict, augmented: bool) -> list[str]:
 
 def _parameters(effect: NamedEffect) -> str:
     rows = [[escaped(label(p)), escaped(between(p))] for p in effect.parameters]
-    return table(["parameter", "value (90 % interval)"], rows)
+    return markdown_table(["parameter", "value (90 % interval)"], rows)
 
 
 def _state(effect: NamedEffect) -> str:
@@ -219,7 +219,7 @@ def _errors(verdict: Verdict) -> list[str]:
     return [
         f"Windows of {fit.window_s:.2g} s are predicted from the data before them and the recorded controls. "
         f"Root mean square errors, {escaped('; '.join(errors_by_kind))}.",
-        table(["model", *heads, "log-likelihood (nats a window)"], rows),
+        markdown_table(["model", *heads, "log-likelihood (nats a window)"], rows),
         *([why] if why else []),
     ]
 
@@ -241,7 +241,7 @@ def _free(verdict: Verdict) -> list[str]:
     text = "The rig file declares these free; they were refitted with every hypothesis."
     return [
         " ".join([text, *filter(None, states)]),
-        table(["of", "parameter", "change (90 % interval)"], rows),
+        markdown_table(["of", "parameter", "change (90 % interval)"], rows),
     ]
 
 
@@ -249,7 +249,7 @@ def _noise(verdict: Verdict) -> list[str]:
     rows = [[escaped(channel), escaped(noise_text(noise))] for channel, noise in verdict.noise.items()]
     return [
         "Standard deviations under the model that explains most.",
-        table(["channel", "noise"], rows),
+        markdown_table(["channel", "noise"], rows),
     ]
 
 
@@ -264,7 +264,7 @@ def _limits(verdict: Verdict) -> list[str]:
     ]
     return [
         "Each effect by itself could be this large, with either sign, without being detected (95 %).",
-        table(["effect", "parameter", "at most"], rows),
+        markdown_table(["effect", "parameter", "at most"], rows),
     ]
 
 

@@ -206,12 +206,6 @@ def sentence(text: str) -> str:
     return f"{line[:1].upper()}{line[1:]}."
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown, of cells that are Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
 def escaped(text: str) -> str:
     """A text from outside (a name, a note) as Markdown that shows just it, on one line."""
     line = html.escape(printable(" ".join(text.split())), quote=False)
