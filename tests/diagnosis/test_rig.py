@@ -419,7 +419,7 @@ REFUSED = {
     "a command observed": (
         PENDULUM,
         {"a": observation("command", "N m", actuator="drive")},
-        "is control_channel, not observed; make it a control",
+        "is an input, not an observation; make it a control",
     ),
     "a force at a site": (
         PENDULUM,

@@ -67,7 +67,7 @@ def test_a_delay_is_raced_from_both_signs_and_the_best_candidate_comes_first():
     fitter.select = lambda _: fitter
     either = SimpleNamespace(select=lambda _: None)
     scored = SimpleNamespace(
-        left=either, system=either,
+        residual_noise=either, system=either,
         fit=SimpleNamespace(trajectory=np.zeros((1, 20, 4)), hypothesis=Hypothesis(rig), theta=np.zeros(0)),
     )  # fmt: skip
     problem = SimpleNamespace(segments=segments, fitter=fitter)

@@ -231,5 +231,5 @@ def test_a_change_that_a_model_cannot_hold_is_said_in_one_line():
 
     effect = copy.copy(of.effect("armature"))
     effect.__class__ = Lopsided
-    with pytest.raises(InputError, match="cannot hold"):
+    with pytest.raises(InputError, match="cannot represent"):
         augmented_model(of.rig, [effect], np.array([0.1]))
