@@ -15,8 +15,8 @@ from slapshot.effects import modules_of_results
 from slapshot.effects.joints import joint_effect_modules
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.errors import InputError
-from slapshot.lab.joints import case_specs as joint_cases
-from slapshot.lab.joints.case_specs import CaseSpec, MeasurementCondition
+from slapshot.lab.joints import cases as joint_cases
+from slapshot.lab.joints.case_spec import CaseSpec, MeasurementCondition
 from slapshot.store.code_dependencies import code_digest, imported_libraries
 from slapshot.store.recipe import Recipe, file_digest, make_recipe
 from slapshot.yaml_file import read_yaml

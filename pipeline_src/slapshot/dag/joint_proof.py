@@ -8,7 +8,7 @@ from slapshot.dag.diagnosis import SEED
 from slapshot.dag.proof import list_file
 from slapshot.dag.recipes import Plan
 from slapshot.effects import joints
-from slapshot.lab.joints.case_specs import read_cases
+from slapshot.lab.joints.cases import read_cases
 
 
 def add_joint_proof(plan: Plan, config: Mapping[str, Any]) -> None:

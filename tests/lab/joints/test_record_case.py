@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from slapshot.errors import InputError
 from slapshot.lab.joints.__main__ import main, write_case
-from slapshot.lab.joints.case_specs import Case, CaseSpec, MeasurementCondition, read_cases, write_cases
+from slapshot.lab.joints.case_spec import CaseSpec, MeasurementCondition
+from slapshot.lab.joints.cases import Case, read_cases, write_cases
 from slapshot.lab.joints.lists import LISTS, draw_list
 from slapshot.lab.joints.record_case import check_hidden_effects, make, make_case
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS

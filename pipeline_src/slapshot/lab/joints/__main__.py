@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.errors import InputError, check_writable, writing
-from slapshot.lab.joints.case_specs import CaseSpec, MeasurementCondition, read_cases
+from slapshot.lab.joints.case_spec import CaseSpec, MeasurementCondition
+from slapshot.lab.joints.cases import read_cases
 from slapshot.lab.joints.noise import CORRELATION
 from slapshot.lab.joints.record_case import SIZES
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS

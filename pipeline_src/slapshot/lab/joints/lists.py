@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from slapshot.case_list import draw_command, write_new
-from slapshot.lab.joints.case_specs import Case, CaseSpec, Colour, MeasurementCondition, write_cases
+from slapshot.lab.joints.case_spec import CaseSpec, Colour, MeasurementCondition
+from slapshot.lab.joints.cases import Case, write_cases
 from slapshot.lab.joints.noise import CORRELATION
 from slapshot.lab.joints.record_case import INCOMPATIBLE, SIZES
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from slapshot.arrays import Array
-from slapshot.lab.joints.case_specs import Colour, MeasurementCondition
+from slapshot.lab.joints.case_spec import Colour, MeasurementCondition
 from slapshot.lab.joints.execution import SimulatedMotion
 from slapshot.lab.joints.hidden_effect import Concealed
 from slapshot.lab.joints.rig import Rig

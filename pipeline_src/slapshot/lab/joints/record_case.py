@@ -8,7 +8,7 @@ import pandas as pd
 
 from slapshot.arrays import Array
 from slapshot.errors import InputError
-from slapshot.lab.joints.case_specs import CaseSpec, Colour, MeasurementCondition
+from slapshot.lab.joints.case_spec import CaseSpec, Colour, MeasurementCondition
 from slapshot.lab.joints.clutter import LawError
 from slapshot.lab.joints.effect_size_calibration import EffectSizeCalibration, change
 from slapshot.lab.joints.execution import SimulatedMotion

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.command import Run, stage_command
-from slapshot.lab.joints.case_specs import CaseSpec
+from slapshot.lab.joints.case_spec import CaseSpec
 from slapshot.lab.joints.record_case import make
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.signals import write_signals

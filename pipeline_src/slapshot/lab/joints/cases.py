@@ -1,72 +1,20 @@
-"""Cases of joints: hidden effects, measurement conditions and seed.
+"""Lists of cases of joints: hidden effects, measurement conditions and seed of each case.
 
 This module must not need MuJoCo, since planning reads lists of cases.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from slapshot.case_list import JOIN, concealed_of, concealed_text, number, read_list, write_list
 from slapshot.config.values import Name
 from slapshot.errors import InputError
+from slapshot.lab.joints.case_spec import CaseSpec, Colour, MeasurementCondition
 from slapshot.validation import Model, validated
-
-Colour = Literal["white", "ou20", "ou100"]
-
-
-@dataclass(frozen=True)
-class MeasurementCondition:
-    """Measurement conditions of a session.
-
-    Attributes:
-        noise: its colour, at equal standard deviation.
-        cluttered: whether times jitter, noise has outliers and grows or shrinks, and encoders drift (and
-            whether the rig's laws have model errors, see `clutter`).
-        quantised: rad or m, step of the encoders; None for fine ones.
-    """
-
-    noise: Colour = "white"
-    cluttered: bool = False
-    quantised: float | None = None
-
-
-@dataclass(frozen=True)
-class CaseSpec:
-    """Specification of a case.
-
-    Attributes:
-        rig: by name.
-        seed: of everything that is drawn.
-        conceals: kind and size over the noise of each piece of physics; None where the size is drawn.
-        condition: how it is recorded.
-        episodes: of the session.
-        seconds: of an episode.
-    """
-
-    rig: str
-    seed: int
-    conceals: tuple[tuple[str, float | None], ...] = ()
-    condition: MeasurementCondition = field(default_factory=MeasurementCondition)
-    episodes: int = 20
-    seconds: float = 3.0
-
-    def to_config(self) -> dict[str, Any]:
-        """As in a recipe; `of_config` reads it."""
-        return asdict(self) | {"conceals": [list(one) for one in self.conceals]}
-
-    @classmethod
-    def of_config(cls, config: Mapping[str, Any]) -> "CaseSpec":
-        """From a recipe."""
-        values = dict(config)
-        conceals = tuple((kind, size) for kind, size in values.pop("conceals"))
-        return cls(
-            **values | {"conceals": conceals, "condition": MeasurementCondition(**values["condition"])}
-        )
-
 
 _COLUMNS = (
     "case", "condition", "rig", "seed", "conceals", "noise", "cluttered", "quantised", "episodes", "seconds"
