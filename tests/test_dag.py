@@ -17,7 +17,7 @@ from slapshot.effects.joints import joint_effect_modules
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.errors import InputError
 from slapshot.lab.joints import cases as joint_cases
-from slapshot.lab.joints.order import Condition, JointCaseSettings, Order
+from slapshot.lab.joints.case_spec import CaseSpec, JointCaseSettings, MeasurementCondition
 from slapshot.store.code_dependencies import code_digest, imported_libraries
 from slapshot.store.recipe import Recipe, file_digest, make_recipe
 from slapshot.validation import validated
@@ -126,8 +126,10 @@ ALL = FROM_SCENE | figures("T1", "T2", "F2") | REGRESSION | JOINT_PROOF | NULLS 
 LAB = DOMAIN["recordings"]["lab"]["lab"]
 
 JOINT_CASES = [
-    joint_cases.Case("j1", "pair", Order("arm", 2**47, (("spring", 2.5), ("payload", 0.8)), episodes=6)),
-    joint_cases.Case("j2", "null, cluttered", Order("kuka", 5, (), Condition("ou20", True, 1e-3))),
+    joint_cases.Case("j1", "pair", CaseSpec("arm", 2**47, (("spring", 2.5), ("payload", 0.8)), episodes=6)),
+    joint_cases.Case(
+        "j2", "null, cluttered", CaseSpec("kuka", 5, (), MeasurementCondition("ou20", True, 1e-3))
+    ),
 ]
 
 _digest_once = functools.cache(code_digest)
@@ -358,7 +360,7 @@ def test_the_proof_for_joints_has_one_version_a_case_and_is_made_on_demand(confi
             plan.recipes[f"joint_case/{case.case}"],
             plan.recipes[f"joint_verdict/{case.case}"],
         )
-        assert Recipe.from_json(recorded.to_json()).settings(JointCaseSettings).order == case.order
+        assert Recipe.from_json(recorded.to_json()).settings(JointCaseSettings).spec == case.spec
         assert recorded.upstream == {}
         assert verdict.upstream == {"case": (recorded.stage, recorded.id)}
         # What is concealed reaches a diagnosis neither by its settings nor by the name of the condition.

@@ -180,13 +180,13 @@ def _browse(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> int:
-    from slapshot.recordings.commands import run_check  # SciPy, pandas: the other commands start faster
+    from slapshot.recordings.cli import run_check  # SciPy, pandas: the other commands start faster
 
     return run_check(args)
 
 
 def _import(args: argparse.Namespace) -> int:
-    from slapshot.recordings.commands import run_import
+    from slapshot.recordings.cli import run_import
 
     return run_import(args)
 
@@ -202,7 +202,7 @@ def _diagnose(args: argparse.Namespace) -> int:
                 )
             from slapshot.diagnosis.pucks.command import run_diagnose
         case 2:
-            from slapshot.diagnosis.command import run_diagnose
+            from slapshot.diagnosis.cli import run_diagnose
         case version:
             raise InputError(
                 f"{header}: format_version is {short(version)}, and no diagnosis reads that version; "

@@ -1,10 +1,11 @@
-"""Intervals and projections that figures and claims share."""
+"""Intervals and projections that figures, claims and validations share."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import binomtest
 
 Array = NDArray[np.floating]
 
@@ -16,6 +17,14 @@ class Interval:
     value: float
     low: float
     high: float
+
+
+def wilson_interval(successes: int, count: int) -> Interval:
+    """A share with Wilson's 95 % interval; NaN where the count is 0."""
+    if not count:
+        return Interval(np.nan, np.nan, np.nan)
+    interval = binomtest(successes, count).proportion_ci(0.95, method="wilson")
+    return Interval(successes / count, interval.low, interval.high)
 
 
 def bootstrap(

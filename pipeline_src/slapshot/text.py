@@ -1,4 +1,6 @@
-"""Texts from outside on one printable line."""
+"""Texts from outside on one printable line, and tables in Markdown."""
+
+from collections.abc import Sequence
 
 _LONGEST_REASON = 300  # characters
 
@@ -17,3 +19,8 @@ def reason_of(error: BaseException) -> str:
     except Exception:  # its __str__ is anybody's, too
         said = ""
     return printable(said[:_LONGEST_REASON]) or type(error).__name__
+
+
+def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table of cells that are Markdown."""
+    return "\n".join("| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *rows))

@@ -4,27 +4,27 @@ import mujoco
 import numpy as np
 import pandas as pd
 from slapshot.benchmark.joint_peers import LINKS, RIG, SCENARIOS, fit_by_sysid, write_comparison
-from slapshot.calibration.rig_simulator import recorded, rig_simulator_named
-from slapshot.diagnosis.path import recorded_path
+from slapshot.calibration.calibration_rigs import calibration_rig, simulate_recording
+from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.segments import cut
-from slapshot.diagnosis.situation import situation
+from slapshot.diagnosis.rig_motion import rig_motion
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.effects.joints.catalogue import instances
 from slapshot.lab.joints.rigs import nominal_model
 
 
 def test_the_peer_finds_a_mass_that_is_off():
-    bench = rig_simulator_named(RIG)
+    simulated = calibration_rig(RIG)
     rng = np.random.default_rng(1)
-    drive = bench.draw(3, 1.0, rng)
-    plain = recorded(bench, drive, None, np.zeros(0))
-    nominal = bind(mujoco.MjSpec.from_string(nominal_model(RIG)), bench.channels)
-    segments = cut(plain, nominal)
-    known = instances(situation(nominal, segments, recorded_path(nominal, segments)))
+    motion = simulated.draw(3, 1.0, rng)
+    plain = simulate_recording(simulated, motion, None, np.zeros(0))
+    nominal = bind(mujoco.MjSpec.from_string(nominal_model(RIG)), simulated.channels)
+    segments = segment_recording(plain, nominal)
+    known = instances(rig_motion(nominal, segments, recorded_trajectory(nominal, segments)))
     mass = next(e for e in known if e.key == "link_mass@fore")
     noise = 1e-3 * rng.standard_normal((3, 200, 3))
-    recording = recorded(bench, drive, mass, np.array([0.3]), noise)
-    found, widths = fit_by_sysid(recording, nominal, cut(recording, nominal), drive.start)
+    recording = simulate_recording(simulated, motion, mass, np.array([0.3]), noise)
+    found, widths = fit_by_sysid(recording, nominal, segment_recording(recording, nominal), motion.start)
     # Its own half-widths of 90 %, of which three are five standard deviations.
     assert np.all((widths > 0) & (widths < 0.05))
     np.testing.assert_allclose(found - [0.0, 0.3], 0, atol=3 * widths.max())

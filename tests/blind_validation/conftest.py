@@ -15,8 +15,8 @@ ERRORS = {
 
 
 def effect(name, members=None, **parameters):
-    told = [{"name": n, "value": v, "low": low, "high": high} for n, (v, low, high) in parameters.items()]
-    return {"name": name, "members": members or {name: 1.0}, "parameters": told}
+    reported = [{"name": n, "value": v, "low": low, "high": high} for n, (v, low, high) in parameters.items()]
+    return {"name": name, "members": members or {name: 1.0}, "parameters": reported}
 
 
 def verdict(*effects, unknown=False, phase="slide", variable="place"):
@@ -44,9 +44,9 @@ def concealed(kind, displacement=0.8, phase="slide", catalogued=True, like="same
 
 @pytest.fixture
 def scored(tmp_path):
-    def run(condition, truths, said, case="c1"):
+    def run(condition, truths, answer, case="c1"):
         (tmp_path / "truth").mkdir(exist_ok=True)
         (tmp_path / "truth" / "truth.json").write_text(json.dumps({"concealed": truths}))
-        return score(case, condition, tmp_path, said)
+        return score(case, condition, tmp_path, answer)
 
     return run

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from slapshot.blind_validation.cases import Case, read_cases, write_cases
-from slapshot.blind_validation.conditions import LISTS, PLAIN, WEAK, draw_list
+from slapshot.blind_validation.lists import LISTS, TYPICAL_SIZES, WEAK_SIZES, draw_list
 from slapshot.config.files import load_config
 from slapshot.config.lab import Lab
 from slapshot.errors import InputError
@@ -25,7 +25,7 @@ def test_a_list_reads_as_it_was_written(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "reported"),
     [
         ("tracks only", "tracks", ":3: keep: 'tracks' is not allowed; use one of: full"),
         ("tilt:0.7", "tilt", ":3: conceals.0.displacement: '' is not a number; write a number"),
@@ -56,29 +56,29 @@ def test_a_list_reads_as_it_was_written(tmp_path):
         (",0.04", ",0.04\x1b", ":3: noise_time: .* has an unprintable character; remove it"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_in_a_list_of_cases_is_told_with_its_line(tmp_path, old, new, told):
+def test_what_is_wrong_in_a_list_of_cases_is_told_with_its_line(tmp_path, old, new, reported):
     file = tmp_path / "cases.csv"
     write_cases(CASES, file)
     text = file.read_text()
     assert old in text
     file.write_text(text.replace(old, new))
-    with pytest.raises(InputError, match=f"^{file}.*{told}") as error:
+    with pytest.raises(InputError, match=f"^{file}.*{reported}") as error:
         read_cases(file)
     assert str(error.value).isprintable()
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         (b"", ":1: columns are ''; write case, condition"),
         (b"\xff\xfe\x00", ":1: not a text in UTF-8; save it as one"),
         ((ROOT / "config/cases/tiny.csv").read_bytes().splitlines()[0], ": holds no case; add a row"),
     ],
 )
-def test_a_list_of_no_cases_is_told(tmp_path, content, told):
+def test_a_list_of_no_cases_is_told(tmp_path, content, reported):
     file = tmp_path / "cases.csv"
     file.write_bytes(content)
-    with pytest.raises(InputError, match=f"^{file}{told}"):
+    with pytest.raises(InputError, match=f"^{file}{reported}"):
         read_cases(file)
 
 
@@ -142,7 +142,7 @@ def test_a_drawn_list_has_every_condition_in_its_number(full):
 
 def test_drawn_sizes_are_those_of_their_condition(full):
     for case in full:
-        low, high = WEAK if case.condition == "weak" else PLAIN
+        low, high = WEAK_SIZES if case.condition == "weak" else TYPICAL_SIZES
         assert all(low <= size <= high for _, size in case.conceals)
         assert len(case.conceals) == (
             0 if "null" in case.condition else 2 if case.condition == "pairs" else 1

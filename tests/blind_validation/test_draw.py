@@ -65,8 +65,8 @@ def test_the_page_tells_aims_and_confusions(scored, cases, tmp_path, monkeypatch
 
 
 def test_cases_read_as_they_were_written(scored, cases):
-    told = verdict() | {"cannot_tell": "too few hits"}
-    table = cases(scored("null", [], verdict()), scored("plain", [concealed("tilt")], told, "c2"))
+    reported = verdict() | {"cannot_tell": "too few hits"}
+    table = cases(scored("null", [], verdict()), scored("plain", [concealed("tilt")], reported, "c2"))
     assert tuple(table) == COLUMNS
     first, second = table.to_dict("records")
     # A condition is called null, and no name is "".
@@ -123,14 +123,14 @@ def test_measures_are_merged_into_what_is_published(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("share", "told"),
+    ("share", "reported"),
     [
         (0, "0"), (1e-17, "0"), (0.005, "0.5"), (0.00088, "0.1"), (0.01, "1"), (0.0278, "3"), (0.15, "15"),
         (0.9434, "94"), (0.99, "99"), (0.995, "99.5"), (1, "100"),
     ],
 )  # fmt: skip
-def test_percents_are_whole_but_where_that_would_say_nothing_or_all(share, told):
-    assert percent(share) == told
+def test_percents_are_whole_but_where_that_would_say_nothing_or_all(share, reported):
+    assert percent(share) == reported
 
 
 def test_what_is_called_unknown_stands_beside_what_is_named(scored, cases):
@@ -144,8 +144,8 @@ def test_what_is_called_unknown_stands_beside_what_is_named(scored, cases):
         scored("null", [], verdict()),
     )
     drawing = next(draw_all(table))
-    told = drawing.table.set_index(["panel", "concealed", "answer"])[["cases", "of"]].apply(tuple, axis=1)
-    assert told.to_dict() == {
+    reported = drawing.table.set_index(["panel", "concealed", "answer"])[["cases", "of"]].apply(tuple, axis=1)
+    assert reported.to_dict() == {
         ("named first", "tether", "tilt"): (3, 4),
         ("named first", "tether", "no name"): (1, 4),
         ("named first", "curl", "curl"): (1, 1),

@@ -19,12 +19,12 @@ def test_a_right_name_with_an_interval_that_holds(scored):
 
 
 def test_a_law_of_drag_named_for_another_counts_where_they_are_merged(scored):
-    said = verdict(effect("quadratic_drag", {"quadratic_drag": 0.8, "linear_drag": 0.2}))
-    row = scored("plain", [concealed("linear_drag")], said)
+    answer = verdict(effect("quadratic_drag", {"quadratic_drag": 0.8, "linear_drag": 0.2}))
+    row = scored("plain", [concealed("linear_drag")], answer)
     assert not row["top1"]
     assert row["top1_merged"]
     assert row["in_class"]
-    other = scored("plain", [concealed("tilt")], said)
+    other = scored("plain", [concealed("tilt")], answer)
     assert not other["top1_merged"]
     assert not other["in_class"]
 
@@ -39,12 +39,13 @@ def test_pairs_count_both_and_one(scored):
 
 
 def test_what_cannot_be_plain_is_scored_by_its_size(scored):
-    said = verdict()
-    assert scored("plain", [concealed("curl", 0.3)], said)["condition"] == "weak"
+    answer = verdict()
+    assert scored("plain", [concealed("curl", 0.3)], answer)["condition"] == "weak"
     assert (
-        scored("launch", [concealed("blade_friction", 0.06, "contact")], said)["condition"] == "launch, faint"
+        scored("launch", [concealed("blade_friction", 0.06, "contact")], answer)["condition"]
+        == "launch, faint"
     )
-    assert scored("weak", [concealed("tilt", 0.3)], said)["condition"] == "weak"
+    assert scored("weak", [concealed("tilt", 0.3)], answer)["condition"] == "weak"
 
 
 def test_uncatalogued_physics_is_scored_by_place_and_not_by_name(scored):

@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 from slapshot.calibration import stage_coverage_table, stage_law_intervals
-from slapshot.calibration.coverage import BENCHES, Law, drawn, intervals, laws
-from slapshot.calibration.coverage_table import coverage_aims, coverage_table
-from slapshot.calibration.rig_simulator import INTERVAL, Drive, recorded, rig_simulator_named
+from slapshot.calibration.calibration_rigs import INTERVAL, Motion, calibration_rig, simulate_recording
+from slapshot.calibration.coverage import RIGS, TestedEffect, draw_from_prior, intervals, tested_effects
+from slapshot.calibration.stage_coverage_table import coverage_aims, coverage_table
 from slapshot.command import Run
 from slapshot.diagnosis.problem import Problem
-from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.effects.joints.effect import JointEffect, Parameter
 from slapshot.effects.joints.linear_drag import LinearDrag
 
@@ -59,42 +59,42 @@ def test_a_fit_that_failed_altogether_misses():
 def test_values_are_drawn_from_priors_within_what_is_possible():
     parameters = [Parameter("free", "1", 2.0, 5.0), Parameter("size", "1", 3.0, low=0.0)]
     effect, rng = JointEffect("part", parameters), np.random.default_rng(0)
-    values = np.array([drawn(effect, rng) for _ in range(4000)])
+    values = np.array([draw_from_prior(effect, rng) for _ in range(4000)])
     assert values.mean(0) == pytest.approx([5.0, 3.0 * np.sqrt(2 / np.pi)], abs=0.15)
     assert values[:, 0].std() == pytest.approx(2.0, rel=0.05)
     assert values[:, 1].min() >= 0
 
 
 def test_every_variant_has_the_simplest_rig_that_it_shows_on():
-    assert laws("viscous_friction") == [Law("viscous_friction", "", "pendulum")]
-    assert [law.bench for law in laws("wind")] == ["ball"]
-    assert [law.bench for law in laws("external_pulse")] == ["pendulum"]
-    assert {law.variant: law.bench for law in laws("encoder_scale")} == {
+    assert tested_effects("viscous_friction") == [TestedEffect("viscous_friction", "", "pendulum")]
+    assert [tested.rig for tested in tested_effects("wind")] == ["ball"]
+    assert [tested.rig for tested in tested_effects("external_pulse")] == ["pendulum"]
+    assert {tested.variant: tested.rig for tested in tested_effects("encoder_scale")} == {
         "of the recorded encoder alone": "pendulum",
         "that the servo reads too": "arm",
     }
 
 
-@pytest.mark.parametrize("name", BENCHES)
+@pytest.mark.parametrize("name", RIGS)
 def test_motions_of_the_rigs_are_finite_and_differ(name):
-    bench = rig_simulator_named(name)
-    drive = bench.draw(5, 0.2, np.random.default_rng(0))
-    recording = recorded(bench, drive, None, np.zeros(0))
-    table = recording.signals[next(iter(bench.channels.values())).clock]
-    seen = table[[o.channel for o in bench.rig.observations]].to_numpy()
+    simulated = calibration_rig(name)
+    motion = simulated.draw(5, 0.2, np.random.default_rng(0))
+    recording = simulate_recording(simulated, motion, None, np.zeros(0))
+    table = recording.signals[next(iter(simulated.channels.values())).clock]
+    seen = table[[o.channel for o in simulated.rig.observations]].to_numpy()
     assert len(seen) == 5 * round(0.2 / INTERVAL)
     assert np.isfinite(seen).all()
     assert (seen[39::40].std(axis=0) > 1e-3).all()
 
 
 def test_a_thrown_ball_with_drag_flies_as_its_equation_says():
-    bench = rig_simulator_named("ball")
+    simulated = calibration_rig("ball")
     start = np.zeros((1, 13))
     start[0, [2, 3, 7, 9]] = 1.0, 1.0, 3.0, 2.0
-    drive = Drive(start, np.zeros((1, 100, 0)))
-    nominal = cut(recorded(bench, drive, None, np.zeros(0)), bench.rig)
-    (effect,) = LinearDrag.instances(Problem.of(bench.rig, bench.channels, nominal).situation)
-    recording = recorded(bench, drive, effect, np.array([0.02]))
+    motion = Motion(start, np.zeros((1, 100, 0)))
+    nominal = segment_recording(simulate_recording(simulated, motion, None, np.zeros(0)), simulated.rig)
+    (effect,) = LinearDrag.instances(Problem.of(simulated.rig, simulated.channels, nominal).rig_motion)
+    recording = simulate_recording(simulated, motion, effect, np.array([0.02]))
     mass, t = 0.05, np.arange(100) * INTERVAL
     way = solve_ivp(
         lambda _, s: [s[2], s[3], -0.02 / mass * s[2], -9.81 - 0.02 / mass * s[3]],
@@ -114,7 +114,7 @@ def test_a_fit_for_real(tmp_path):
         Run({"blocks": ["viscous_friction/1"]}, {"viscous_friction/1": tmp_path / "block"},
             tmp_path / "table", 1)
     )  # fmt: skip
-    (row,) = intervals(laws("viscous_friction")[0], 4, 5, 0.5)
+    (row,) = intervals(tested_effects("viscous_friction")[0], 4, 5, 0.5)
     assert row["converged"]
     # Five standard deviations, not the interval: a test must not fail by chance.
     assert abs(row["value"] - row["truth"]) < 5 * (row["high"] - row["low"]) / 3.29

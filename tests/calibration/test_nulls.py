@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.calibration import stage_null_p_values, stage_null_table
-from slapshot.calibration.null_table import draw_nulls, null_aims, null_table
-from slapshot.calibration.nulls import noise_of, null_p_value
+from slapshot.calibration.stage_null_p_values import noise_colour, null_p_value
+from slapshot.calibration.stage_null_table import draw_nulls, null_aims, null_table
 from slapshot.command import Run
 
 
@@ -61,7 +61,7 @@ def test_the_figure_shows_every_p_value():
 
 
 def test_colours_take_turns():
-    assert [noise_of(k, ["ou20", "ou100"]) for k in range(4)] == ["ou20", "ou100"] * 2
+    assert [noise_colour(k, ["ou20", "ou100"]) for k in range(4)] == ["ou20", "ou100"] * 2
 
 
 def test_a_null_for_real(tmp_path):

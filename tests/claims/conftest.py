@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from slapshot.claims import c1, c4, c5, c7, lead
+from slapshot.claims import c1, c4, c5, c7, comparison
 from slapshot.statistics import bootstrap
 
 MODELS = 3
@@ -40,7 +40,7 @@ def error_rows(
 @pytest.fixture(autouse=True)
 def few_draws(monkeypatch):
     """Fabricated differences are clear, or nothing: 200 draws tell as well as 2000."""
-    for module in (c1, c4, c5, c7, lead):
+    for module in (c1, c4, c5, c7, comparison):
         monkeypatch.setattr(module, "bootstrap", partial(bootstrap, draws=200))
 
 

@@ -32,20 +32,20 @@ def contraction(drift: float = DRIFT, narrowing: float = 1.0, seed: int = 0) -> 
     return pd.DataFrame(rows, columns=columns)
 
 
-def judge(write, table: pd.DataFrame) -> dict[str, str]:
-    statements = c1.judge(write({"regression": table}, "contraction"))
+def evaluate(write, table: pd.DataFrame) -> dict[str, str]:
+    statements = c1.evaluate(write({"regression": table}, "contraction"))
     assert len({s.text for s in statements}) == len(statements)
     return {s.text: s.verdict for s in statements}
 
 
 def test_a_filter_with_drift_narrows_and_stops(write):
-    verdicts = judge(write, contraction())
+    verdicts = evaluate(write, contraction())
     assert len(verdicts) == 6
     assert set(verdicts.values()) == {"holds"}
 
 
 def test_numbers_are_those_of_the_filter(write):
-    statements = c1.judge(write({"regression": contraction()}, "contraction"))
+    statements = c1.evaluate(write({"regression": contraction()}, "contraction"))
     by_text = {s.text: s.interval for s in statements}
     for n in (2, 10):
         p = variance(n, DRIFT, 1.0)
@@ -61,7 +61,7 @@ def test_numbers_are_those_of_the_filter(write):
 
 
 def test_a_belief_that_widens_does_not_narrow(write):
-    verdicts = judge(write, contraction(narrowing=-0.1))
+    verdicts = evaluate(write, contraction(narrowing=-0.1))
     narrows = {text: verdict for text, verdict in verdicts.items() if " narrows by " in text}
     assert len(narrows) == 4
     assert set(narrows.values()) == {"does not hold"}
@@ -70,7 +70,7 @@ def test_a_belief_that_widens_does_not_narrow(write):
 def test_drift_that_stops_nothing_and_none_that_stops_do_not_hold(write):
     table = contraction()
     swapped = table.assign(drift=DRIFT - table["drift"])
-    verdicts = judge(write, swapped)
+    verdicts = evaluate(write, swapped)
     assert verdicts["With Q = 0.001 I the belief over phi stops narrowing above zero"] == "does not hold"
     assert verdicts["With Q = 0 it goes on narrowing, towards zero"] == "does not hold"
 
@@ -79,11 +79,11 @@ def test_a_ratio_at_the_limit_is_undecided(write):
     table = contraction()
     last = (table["samples"] == 1000) & (table["drift"] == DRIFT)
     table.loc[last, "smallest_eigenvalue"] *= c1.LEVEL
-    verdicts = judge(write, table)
+    verdicts = evaluate(write, table)
     assert verdicts["With Q = 0.001 I the belief over phi stops narrowing above zero"] == "undecided"
 
 
 def test_a_model_without_drift_is_judged_by_what_it_has(write):
-    verdicts = judge(write, contraction(drift=0.0))
+    verdicts = evaluate(write, contraction(drift=0.0))
     assert len(verdicts) == 5
     assert set(verdicts.values()) == {"holds"}

@@ -44,19 +44,19 @@ def hash_of(name: str) -> int:
 
 
 @pytest.fixture
-def judge(write):
+def evaluate(write):
     def run(curves: dict[str, Curve], costs: dict[str, float] | None = None, **named) -> dict[str, str]:
         costs = costs or {"lstm": 1.15, "maml_1": 1.6, "maml_8": 1.2}
         tables = {m: table(c, i, costs.get(m, 1.1), **named) for i, (m, c) in enumerate(curves.items())}
-        statements = c4.judge(write(tables))
+        statements = c4.evaluate(write(tables))
         assert len({s.text for s in statements}) == len(statements)
         return {s.text: s.verdict for s in statements}
 
     return run
 
 
-def test_what_is_as_claimed_holds(judge):
-    verdicts = judge(AS_CLAIMED)
+def test_what_is_as_claimed_holds(evaluate):
+    verdicts = evaluate(AS_CLAIMED)
     assert len(verdicts) == 1 + 1 + 4 + 4 + 1 + 2
     assert set(verdicts.values()) == {"holds"}
 
@@ -84,11 +84,11 @@ def test_what_is_as_claimed_holds(judge):
         ),
     ],
 )
-def test_what_is_otherwise_does_not_hold(judge, changed, text):
-    assert judge({**AS_CLAIMED, **changed})[text] == "does not hold"
+def test_what_is_otherwise_does_not_hold(evaluate, changed, text):
+    assert evaluate({**AS_CLAIMED, **changed})[text] == "does not hold"
 
 
-def test_a_difference_that_single_conditions_hide_is_undecided(judge):
+def test_a_difference_that_single_conditions_hide_is_undecided(evaluate):
     kalman = AS_CLAIMED["kalman"]
 
     def uneven(n: np.ndarray) -> np.ndarray:
@@ -97,7 +97,7 @@ def test_a_difference_that_single_conditions_hide_is_undecided(judge):
         shared = np.random.default_rng(9).lognormal(0, 0.3, tasks)
         return 1.1 * kalman(n) * np.repeat(shared, SAMPLES + 1)
 
-    assert judge({"kalman": kalman, "lstm": uneven})["Kalman and LSTM perform alike"] == "undecided"
+    assert evaluate({"kalman": kalman, "lstm": uneven})["Kalman and LSTM perform alike"] == "undecided"
 
 
 @pytest.mark.parametrize(
@@ -108,47 +108,48 @@ def test_a_difference_that_single_conditions_hide_is_undecided(judge):
         ({"maml_1": 1.4, "maml_8": 1.4}, "undecided"),
     ],
 )
-def test_noise_must_cost_more_where_batches_are_small(judge, costs, expected):
-    assert judge(AS_CLAIMED, costs)["Noise costs MAML more when its batches are small"] == expected
+def test_noise_must_cost_more_where_batches_are_small(evaluate, costs, expected):
+    assert evaluate(AS_CLAIMED, costs)["Noise costs MAML more when its batches are small"] == expected
 
 
 @pytest.mark.parametrize(("lstm", "expected"), [(1.2, "holds"), (1.0, "does not hold"), (1.1, "undecided")])
-def test_the_lead_over_the_lstm_is_held_against_noise(judge, lstm, expected):
+def test_the_lead_over_the_lstm_is_held_against_noise(evaluate, lstm, expected):
     """Noise costs Kalman 1.1 times its error."""
     curves = {"kalman": AS_CLAIMED["kalman"], "lstm": AS_CLAIMED["kalman"]}
     assert (
-        judge(curves, {"lstm": lstm})["With few samples Kalman's lead over LSTM grows with noise"] == expected
+        evaluate(curves, {"lstm": lstm})["With few samples Kalman's lead over LSTM grows with noise"]
+        == expected
     )
 
 
 @pytest.mark.parametrize(
     ("low", "expected"), [(1.5, "holds"), (0.6, "does not hold"), (0.95, "does not hold"), (1.0, "undecided")]
 )
-def test_low_friction_is_held_against_the_larger_of_the_others(judge, low, expected):
+def test_low_friction_is_held_against_the_larger_of_the_others(evaluate, low, expected):
     """Medium is 1.0 and high 0.9: 0.95 lies between, which is not the largest."""
-    verdicts = judge(AS_CLAIMED, named=NAMED | {"low friction": low})
+    verdicts = evaluate(AS_CLAIMED, named=NAMED | {"low friction": low})
     assert verdicts["Kalman's error is largest where friction is low"] == expected
 
 
-def test_named_conditions_have_no_part_in_the_comparison(judge):
-    verdicts = judge(AS_CLAIMED, named=dict.fromkeys(NAMED, 1e3))
+def test_named_conditions_have_no_part_in_the_comparison(evaluate):
+    verdicts = evaluate(AS_CLAIMED, named=dict.fromkeys(NAMED, 1e3))
     assert verdicts["MAML with 1 sample an update stays above 20 cm"] == "holds"
     assert verdicts["Kalman and LSTM perform alike"] == "holds"
-    better = judge(AS_CLAIMED | {"maml_1": decay(0.5, 0.1)}, named=dict.fromkeys(NAMED, 1e3))
+    better = evaluate(AS_CLAIMED | {"maml_1": decay(0.5, 0.1)}, named=dict.fromkeys(NAMED, 1e3))
     assert better["MAML with 1 sample an update stays above 20 cm"] == "does not hold"
 
 
-def test_methods_and_conditions_that_are_not_there_are_not_judged(judge):
-    assert list(judge({"kalman": AS_CLAIMED["kalman"]})) == [
+def test_methods_and_conditions_that_are_not_there_are_not_judged(evaluate):
+    assert list(evaluate({"kalman": AS_CLAIMED["kalman"]})) == [
         "Kalman's error is largest where friction is low"
     ]
-    assert judge({"kalman": AS_CLAIMED["kalman"]}, named={}) == {}
+    assert evaluate({"kalman": AS_CLAIMED["kalman"]}, named={}) == {}
     # What is no number of samples is no batch.
     curves = {"kalman": AS_CLAIMED["kalman"], "maml": AS_CLAIMED["maml_1"], "maml_wide": AS_CLAIMED["maml_1"]}
-    assert judge(curves, named={}) == {}
+    assert evaluate(curves, named={}) == {}
 
 
-def test_batches_are_in_the_order_of_their_numbers(judge):
+def test_batches_are_in_the_order_of_their_numbers(evaluate):
     curves = {"kalman": AS_CLAIMED["kalman"], "maml_16": AS_CLAIMED["maml_8"], "maml_4": AS_CLAIMED["maml_1"]}
-    verdicts = judge(curves, {"maml_4": 1.6, "maml_16": 1.2})
+    verdicts = evaluate(curves, {"maml_4": 1.6, "maml_16": 1.2})
     assert verdicts["MAML with 4 samples an update ends at a larger error than with 16 samples"] == "holds"

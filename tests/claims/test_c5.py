@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.claims import c5
-from slapshot.claims.samples import samples_needed, samples_to_reach
+from slapshot.claims.comparison import samples_needed, samples_to_reach
 
 from .conftest import Curve, decay, error_rows, times
 
@@ -33,9 +33,9 @@ def table(
 
 
 @pytest.fixture
-def judge(write):
+def evaluate(write):
     def run(tables: dict[str, pd.DataFrame]) -> dict[str, str]:
-        statements = c5.judge(write(tables))
+        statements = c5.evaluate(write(tables))
         assert len({s.text for s in statements}) == len(statements)
         return {s.text: s.verdict for s in statements}
 
@@ -75,15 +75,15 @@ def test_samples_needed_with_gaps_between_numbers_that_were_tried():
     assert samples_needed(curves, np.array([0.5]), samples) == 12
 
 
-def test_what_is_as_claimed_holds(judge):
-    verdicts = judge(tables_of(AS_CLAIMED))
+def test_what_is_as_claimed_holds(evaluate):
+    verdicts = evaluate(tables_of(AS_CLAIMED))
     assert len(verdicts) == 2 + 2 + 6 + 1 + 2
     assert set(verdicts.values()) == {"holds"}
 
 
 def test_lstm_half_as_fast_needs_twice_the_samples(write):
     """FAST after 8 is SLOW after 16, exactly; the curves are averaged over 3 models, 20 tasks and 2 pucks."""
-    found = c5.judge(write(tables_of({"kalman": FAST, "lstm": SLOW})))[0]
+    found = c5.evaluate(write(tables_of({"kalman": FAST, "lstm": SLOW})))[0]
     assert found.interval.value == pytest.approx(2, abs=0.05)
     assert found.interval.low < 2 < found.interval.high
 
@@ -104,7 +104,7 @@ def test_the_lead_on_rigs_is_held_against_that_in_simulation(write, on_rigs, in_
         curve = times(factor, decay(0.2, 0.04))  # everything is nearer in simulation
         tables[("kalman", "lstm")[i]] = simulated(curve, i)
     text = "With few samples Kalman's lead over LSTM is larger on recorded rigs than in simulation"
-    (found,) = (s for s in c5.judge(write(tables)) if s.text == text)
+    (found,) = (s for s in c5.evaluate(write(tables)) if s.text == text)
     assert found.verdict == verdict
     assert found.interval.value == pytest.approx(on_rigs / in_simulation, rel=0.01)
     assert f"over {RIGS} rigs, a stand-in each, and " in found.note
@@ -112,7 +112,7 @@ def test_the_lead_on_rigs_is_held_against_that_in_simulation(write, on_rigs, in_
 
 
 def test_a_method_that_never_gets_there_counts_as_needing_all_samples(write):
-    found = c5.judge(write(tables_of({"kalman": FAST, "lstm": decay(0.5, 0.4)})))[0]
+    found = c5.evaluate(write(tables_of({"kalman": FAST, "lstm": decay(0.5, 0.4)})))[0]
     assert (found.interval.value, found.interval.low) == (SAMPLES / 8, SAMPLES / 8)
 
 
@@ -131,20 +131,20 @@ def test_a_method_that_never_gets_there_counts_as_needing_all_samples(write):
         ({"maml_1": decay(0.5, 0.1)}, "MAML with 1 an update converges to the larger error"),
     ],
 )
-def test_what_is_otherwise_does_not_hold(judge, changed, text):
-    assert judge(tables_of({**AS_CLAIMED, **changed}))[text] == "does not hold"
+def test_what_is_otherwise_does_not_hold(evaluate, changed, text):
+    assert evaluate(tables_of({**AS_CLAIMED, **changed}))[text] == "does not hold"
 
 
-def test_one_puck_alone_can_be_the_exception(judge):
+def test_one_puck_alone_can_be_the_exception(evaluate):
     tables = tables_of({"kalman": FAST, "lstm": SLOW})
     tables["kalman/lab"] = table(FAST, 0, red=3.0)
-    verdicts = judge(tables)
+    verdicts = evaluate(tables)
     assert verdicts["Kalman is ahead of LSTM with few samples on the red puck"] == "does not hold"
     assert verdicts["Kalman is ahead of LSTM with few samples on the blue puck"] == "holds"
 
 
-def test_equal_methods_are_undecided(judge):
-    verdicts = judge(tables_of({"kalman": FAST, "lstm": FAST}, noise=0.3))
+def test_equal_methods_are_undecided(evaluate):
+    verdicts = evaluate(tables_of({"kalman": FAST, "lstm": FAST}, noise=0.3))
     assert verdicts[AHEAD] == "undecided"
 
 
@@ -152,7 +152,7 @@ def test_rigs_of_two_recordings_count_apart_and_to_the_shorter_end(write):
     tables = tables_of(AS_CLAIMED)
     for i, (method, curve) in enumerate(AS_CLAIMED.items()):
         tables[f"{method}/mine"] = table(curve, 50 + i, samples=24, rigs=1).assign(stand_in=False)
-    statements = c5.judge(write(tables))
+    statements = c5.evaluate(write(tables))
     assert all(np.isfinite(s.interval.low) for s in statements)
     assert {s.verdict for s in statements} == {"holds"}
     assert all(f"over {RIGS + 1} rigs, of which some are real" in s.note for s in statements)
@@ -160,7 +160,7 @@ def test_rigs_of_two_recordings_count_apart_and_to_the_shorter_end(write):
 
 
 def test_few_recorded_samples_are_judged_as_far_as_they_go(write):
-    statements = c5.judge(
+    statements = c5.evaluate(
         write(tables_of({"kalman": FAST, "lstm": SLOW, "maml_4": AS_CLAIMED["maml_4"]}, samples=5))
     )
     assert "after 5" in statements[0].text
@@ -169,8 +169,8 @@ def test_few_recorded_samples_are_judged_as_far_as_they_go(write):
     assert all(np.isfinite(s.interval.value) for s in statements)
 
 
-def test_methods_that_are_not_there_are_not_judged(judge):
-    assert judge(tables_of({"kalman": FAST})) == {}
-    assert set(judge(tables_of({"lstm": SLOW, "maml_1": AS_CLAIMED["maml_1"]}))) == {
+def test_methods_that_are_not_there_are_not_judged(evaluate):
+    assert evaluate(tables_of({"kalman": FAST})) == {}
+    assert set(evaluate(tables_of({"lstm": SLOW, "maml_1": AS_CLAIMED["maml_1"]}))) == {
         "With few samples LSTM is ahead of MAML with 1 an update"
     }

@@ -56,27 +56,27 @@ def latents(scales=(3.0, 1.0, 0.0), recorded: float | None = 0.35, named: bool =
 
 
 @pytest.fixture
-def judge(write):
+def evaluate(write):
     def run(table: pd.DataFrame) -> dict[str, str]:
-        statements = c7.judge(write({"beliefs": table}, "latents"))
+        statements = c7.evaluate(write({"beliefs": table}, "latents"))
         return {s.text: s.verdict for s in statements}
 
     return run
 
 
-def test_what_is_as_claimed_holds(judge):
-    assert judge(latents()) == {FIRST: "holds", SECOND: "holds", BETWEEN: "holds"}
+def test_what_is_as_claimed_holds(evaluate):
+    assert evaluate(latents()) == {FIRST: "holds", SECOND: "holds", BETWEEN: "holds"}
 
 
-def test_components_in_the_other_order_do_not_hold(judge):
-    verdicts = judge(latents(scales=(0.5, 4.0, 0.0)))
+def test_components_in_the_other_order_do_not_hold(evaluate):
+    verdicts = evaluate(latents(scales=(0.5, 4.0, 0.0)))
     assert verdicts[FIRST] == "does not hold"
     assert verdicts[SECOND] == "does not hold"
 
 
-def test_components_that_follow_neither_are_undecided(judge):
+def test_components_that_follow_neither_are_undecided(evaluate):
     """Most of the variance lies along something that is neither."""
-    verdicts = judge(latents(scales=(0.2, 0.2, 5.0)))
+    verdicts = evaluate(latents(scales=(0.2, 0.2, 5.0)))
     assert verdicts[FIRST] == "undecided"
 
 
@@ -84,25 +84,25 @@ def test_components_that_follow_neither_are_undecided(judge):
     ("friction", "verdict"),
     [(0.1, "does not hold"), (0.9, "does not hold"), (0.2, "undecided"), (0.3, "holds")],
 )
-def test_recorded_pucks_are_placed_by_their_hidden_state(judge, friction, verdict):
-    assert judge(latents(recorded=friction))[BETWEEN] == verdict
+def test_recorded_pucks_are_placed_by_their_hidden_state(evaluate, friction, verdict):
+    assert evaluate(latents(recorded=friction))[BETWEEN] == verdict
 
 
 def test_place_is_that_of_the_logarithm_of_friction(write):
     """ln(0.3162 / 0.2) over ln(0.5 / 0.2) is 0.5; eight rigs scatter by 10 %."""
-    found = c7.judge(write({"beliefs": latents(recorded=0.3162)}, "latents"))[2].interval
+    found = c7.evaluate(write({"beliefs": latents(recorded=0.3162)}, "latents"))[2].interval
     assert found.value == pytest.approx(0.5, abs=5 * 0.1 / np.log(2.5) / np.sqrt(8))
 
 
 @pytest.mark.parametrize("missing", [{"recorded": None}, {"named": False}])
-def test_without_recordings_or_named_conditions_there_is_no_place(judge, missing):
-    assert judge(latents(**missing)) == {FIRST: "holds", SECOND: "holds"}
+def test_without_recordings_or_named_conditions_there_is_no_place(evaluate, missing):
+    assert evaluate(latents(**missing)) == {FIRST: "holds", SECOND: "holds"}
 
 
-def test_states_after_twenty_samples_are_judged(judge):
+def test_states_after_twenty_samples_are_judged(evaluate):
     """At other numbers of samples they may belong to anything."""
     table = latents(samples=(8, 20, 32))
     for seed, (_, rows) in enumerate(table[table["samples"] != 20].groupby(["model", "samples"])):
         order = np.random.default_rng(seed).permutation(len(rows))
         table.loc[rows.index, "hidden"] = rows["hidden"].to_numpy()[order]
-    assert judge(table) == {FIRST: "holds", SECOND: "holds", BETWEEN: "holds"}
+    assert evaluate(table) == {FIRST: "holds", SECOND: "holds", BETWEEN: "holds"}

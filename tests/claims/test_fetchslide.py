@@ -57,7 +57,7 @@ def written(tmp_path):
     ],
 )
 def test_leads_are_found_where_they_are(written, lead_few, lead_loud, verdicts):
-    statements = c2.judge(written(errors(lead_few, lead_loud)))
+    statements = c2.evaluate(written(errors(lead_few, lead_loud)))
     assert [s.verdict for s in statements] == verdicts
     few, loud, by_samples, by_noise, few_by_noise = (s.interval.value for s in statements)
     mean = (2 + lead_loud) / 3  # over the levels of noise
@@ -70,27 +70,27 @@ def test_leads_are_found_where_they_are(written, lead_few, lead_loud, verdicts):
 
 def test_a_lead_that_shrinks_with_noise_is_said_to(written):
     """1.2 times Kalman's error over few samples without noise, 0.9 times that with the most: 1.08."""
-    found = c2.judge(written(errors(1.2, 0.9)))[-1]
+    found = c2.evaluate(written(errors(1.2, 0.9)))[-1]
     assert found.text == "With few samples Kalman's lead over LSTM grows with noise"
     assert found.verdict == "does not hold"
     told = (
         r"the lead shrinks with noise: the ratio is 1\.(19|20)\d, 1\.(19|20)\d, 1\.0[78]\d at noise variance "
     )
     assert re.fullmatch(told + r"0, 0\.1, 0\.5", found.note)
-    grows = c2.judge(written(errors(1.2, 1.1)))[-1]
+    grows = c2.evaluate(written(errors(1.2, 1.1)))[-1]
     assert grows.verdict == "holds"
     assert grows.note.startswith("the ratio is ")
 
 
 def test_one_level_of_noise_says_nothing_of_noise(written):
     table = errors(1.5, 1.3)
-    statements = c2.judge(written(table[table["noise_variance"] == 0]))
+    statements = c2.evaluate(written(table[table["noise_variance"] == 0]))
     assert not any("grows with noise" in s.text for s in statements)
 
 
 def test_one_method_alone_is_no_comparison(written):
     folders = written(errors(1.5, 1.3))
-    assert c2.judge({"kalman": folders["kalman"]}) == []
+    assert c2.evaluate({"kalman": folders["kalman"]}) == []
 
 
 def test_errors_are_drawn_by_friction_and_by_noise(written):
@@ -144,7 +144,7 @@ def beliefs(tmp_path_factory):
 
 
 def test_states_that_follow_friction_are_told_from_those_that_count(beliefs):
-    statements = c3.judge(beliefs)
+    statements = c3.evaluate(beliefs)
     assert [s.verdict for s in statements] == ["holds"] * 4
     assert "after 19 samples" in statements[1].text
     assert "after 80 samples" in statements[2].text
@@ -153,7 +153,7 @@ def test_states_that_follow_friction_are_told_from_those_that_count(beliefs):
 
 
 def test_swapped_states_are_judged_the_other_way(beliefs):
-    statements = c3.judge({"kalman": beliefs["lstm"], "lstm": beliefs["kalman"]})
+    statements = c3.evaluate({"kalman": beliefs["lstm"], "lstm": beliefs["kalman"]})
     assert "does not hold" in {s.verdict for s in statements}
     assert statements[3].verdict == "does not hold"
     assert statements[2].verdict == "does not hold"  # states that follow friction do part the two

@@ -32,7 +32,7 @@ def published(tmp_path, monkeypatch):
     for name, statements in STATEMENTS.items():
         out = tmp_path / name
         out.mkdir()
-        module = SimpleNamespace(TITLE=f"title of {name} <i>", judge=lambda inputs, own=statements: own)
+        module = SimpleNamespace(TITLE=f"title of {name} <i>", evaluate=lambda inputs, own=statements: own)
         monkeypatch.setattr(claim, "import_module", lambda _, module=module: module)
         claim.produce(Run({"module": "any", "domain": "hockey"}, {}, out, 1))
         inputs[f"hockey/{name}"] = out
@@ -108,7 +108,7 @@ def test_html_escapes_what_it_shows(published):
 def test_a_claim_without_statements_alone_is_an_empty_report(tmp_path, monkeypatch):
     out = tmp_path / "C5"
     out.mkdir()
-    monkeypatch.setattr(claim, "import_module", lambda _: SimpleNamespace(TITLE="t", judge=lambda _: []))
+    monkeypatch.setattr(claim, "import_module", lambda _: SimpleNamespace(TITLE="t", evaluate=lambda _: []))
     claim.produce(Run({"module": "any", "domain": "hockey"}, {}, out, 1))
     report.produce(Run({}, {"hockey/C5": out}, tmp_path, 1))
     assert len(pd.read_csv(tmp_path / "claims.csv")) == 0

@@ -99,7 +99,7 @@ def place(kind: str, name: str, component: str, quantity: str = "position") -> C
     )
 
 
-def told(unit: str = "N m", hold: str = "previous", **of: str) -> Channel:
+def control_channel(unit: str = "N m", hold: str = "previous", **of: str) -> Channel:
     """A control: of an actuator a command, of a joint a torque."""
     quantity = "command" if "actuator" in of else "torque"
     return Channel(clock="encoder", role="control", quantity=quantity, unit=unit, hold=hold, **of)

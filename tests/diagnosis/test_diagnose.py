@@ -9,7 +9,7 @@ from slapshot.diagnosis import diagnose, held_out
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.search import Search, Step
-from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.payload import Payload
@@ -37,20 +37,20 @@ def test_effects_that_do_not_make_held_out_windows_more_likely_are_dropped(monke
     effects: list[JointEffect] = [
         next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload, Spring)
     ]
-    said: list[str] = []
+    notes: list[str] = []
     found = searched(rig, effects)
     predictions(monkeypatch, likelihoods)
-    cut, arms = diagnose._arms(found, None, None, said.append)
+    cut, by_model = diagnose._predict_models(found, None, None, notes.append)
     assert list(cut.named) == effects[:kept]
-    assert arms[2].hypothesis.effects == tuple(effects[:kept])
-    assert len(said) == 3 - kept
+    assert by_model[2].hypothesis.effects == tuple(effects[:kept])
+    assert len(notes) == 3 - kept
 
 
 def test_an_effect_that_makes_errors_larger_is_dropped_though_windows_are_more_likely(monkeypatch):
     rig, _, of, _ = arm_situation(20)
     effects = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
     predictions(monkeypatch, [0.0, 50.0, 60.0], clumsy=2)
-    cut, _ = diagnose._arms(searched(rig, effects), None, None, lambda text: None)
+    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, lambda text: None)
     assert list(cut.named) == effects[:1]
 
 
@@ -60,7 +60,7 @@ def test_an_effect_that_no_held_out_window_shows_stays(monkeypatch, apart, kept)
     rig, _, of, _ = arm_situation(20)
     effects = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
     predictions(monkeypatch, [0.0, 50.0, 49.0], apart=apart)
-    cut, _ = diagnose._arms(searched(rig, effects), None, None, lambda text: None)
+    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, lambda text: None)
     assert list(cut.named) == effects[:kept]
 
 
@@ -69,7 +69,7 @@ def test_a_push_needs_no_held_out_window_to_show_it(monkeypatch):
     push = ExternalPulse(of.joints[0], [Pulse(0, 0.0, 0.1, 0.2)])
     effects = [next(iter(ViscousFriction.instances(of))), push]
     predictions(monkeypatch, [0.0, 50.0, 49.0])
-    cut, _ = diagnose._arms(searched(rig, effects), None, None, lambda text: None)
+    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, lambda text: None)
     assert list(cut.named) == effects
 
 
@@ -77,13 +77,13 @@ def test_a_push_after_a_law_that_does_not_hold_saves_it_not(monkeypatch):
     rig, _, of, _ = arm_situation(20)
     push = ExternalPulse(of.joints[0], [Pulse(0, 0.0, 0.1, 0.2)])
     laws = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
-    said: list[str] = []
+    notes: list[str] = []
     predictions(monkeypatch, [0.0, 50.0, 40.0, 60.0])
-    cut, _ = diagnose._arms(searched(rig, [*laws, push]), None, None, said.append)
+    cut, _ = diagnose._predict_models(searched(rig, [*laws, push]), None, None, notes.append)
     assert list(cut.named) == laws[:1]
-    assert said == [f"dropped {laws[1].key}, {push.key}: it does not predict held-out windows better"]
+    assert notes == [f"dropped {laws[1].key}, {push.key}: it does not predict held-out windows better"]
     predictions(monkeypatch, [0.0, 50.0])
-    cut, _ = diagnose._arms(searched(rig, [push]), None, None, said.append)
+    cut, _ = diagnose._predict_models(searched(rig, [push]), None, None, notes.append)
     assert list(cut.named) == [push]
 
 
@@ -93,7 +93,7 @@ def test_held_out_windows_of_short_and_of_long_episodes(seconds, window_s):
     t = np.arange(round(seconds / 0.01)) * 0.01
     made = recording([t] * 10, {"p": (joint("rail", unit="m"), [0.3 * t] * 10)})
     rig = bind(MjSpec.from_string(CART), made.channels)
-    segments = cut(made, rig)
+    segments = segment_recording(made, rig)
     _, held = diagnose.split(segments)
     windows = diagnose._windows(made, rig, segments, held)
     assert sorted(set(windows.episode)) == [2, 7]
@@ -106,7 +106,7 @@ def test_held_out_blocks_of_a_long_episode_are_windows():
     t = np.arange(2000) * 0.01
     made = recording(t, {"p": (joint("rail", unit="m"), 0.3 * t)})
     rig = bind(MjSpec.from_string(CART), made.channels)
-    segments = cut(made, rig)
+    segments = segment_recording(made, rig)
     _, held = diagnose.split(segments)
     windows = diagnose._windows(made, rig, segments, held)
     blocks = set(segments.first[held])
@@ -118,9 +118,9 @@ def searched(rig, effects: list[JointEffect]) -> Search:
     steps = []
     for k in range(len(effects) + 1):
         hypothesis = Hypothesis(rig, tuple(effects[:k]))
-        fit = SimpleNamespace(hypothesis=hypothesis, theta=hypothesis.start, path=None, precision=None)
-        examination = SimpleNamespace(fit=fit, noise=None)
-        steps.append(Step(None, examination, None, effects[k - 1] if k else None))
+        fit = SimpleNamespace(hypothesis=hypothesis, theta=hypothesis.start, trajectory=None, precision=None)
+        scored = SimpleNamespace(fit=fit, noise=None)
+        steps.append(Step(None, scored, None, effects[k - 1] if k else None))
     return Search(tuple(steps), ())
 
 
@@ -129,8 +129,8 @@ def predictions(monkeypatch, likelihoods: list[float], clumsy: int | None = None
 
     Predictions of so many effects and of one more differ by `apart` standard deviations of a reading.
     """
-    monkeypatch.setattr(held_out, "first_path", lambda *a: None)
-    monkeypatch.setattr(held_out, "own_noise", lambda *a: (None, None))
+    monkeypatch.setattr(held_out, "initial_trajectory", lambda *a: None)
+    monkeypatch.setattr(held_out, "refitted_noise", lambda *a: (None, None))
 
     def predict(problem, hypothesis, *a):
         value = np.array([likelihoods[len(hypothesis.effects)]])
@@ -143,13 +143,13 @@ def predictions(monkeypatch, likelihoods: list[float], clumsy: int | None = None
 
 
 @pytest.mark.parametrize(
-    ("episodes", "pushed", "again"),
+    ("episodes", "pushed", "recurring"),
     [(8, [0, 1, 2, 3, 4], True), (8, [0, 1, 2, 3], False), (8, [0] * 5, False), (3, [0, 1, 2], False)],
 )
-def test_pushes_in_most_episodes_are_no_events(episodes, pushed, again):
+def test_pushes_in_most_episodes_are_no_events(episodes, pushed, recurring):
     of = arm_situation()[2]
     order = np.linspace(-0.5, 0.5, episodes)
     push = ExternalPulse(of.joints[0], [Pulse(e, float(order[e]), 0.1, 0.2) for e in pushed])
     step = SimpleNamespace(problem=SimpleNamespace(segments=SimpleNamespace(episode=np.arange(episodes))))
-    told = diagnose._pushed_again(step, [push, *Spring.instances(of)])
-    assert (told is not None) == again
+    told = diagnose._recurring_pushes(step, [push, *Spring.instances(of)])
+    assert (told is not None) == recurring

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from slapshot.diagnosis.filter import Covariances, Linear, innovations, left_out, smooth
+from slapshot.diagnosis.filter import Covariances, Linear, innovations, leave_one_out, smooth
 
 S, L, N, NV, NY, P = 3, 7, 4, 2, 3, 2  # segments, nodes, states, forces, channels, columns
 
@@ -75,15 +75,15 @@ def dense(system: Linear, noise: Covariances, k: int) -> Dense:
         force, rest = rest[:forces].reshape(L, NV), rest[forces:]
         coloured, rest = rest[:NY], rest[NY:]
         drive, white = rest[:drives].reshape(L, NY), rest[drives:].reshape(L, NY)
-        y, path, colours = [], [], []
+        y, trajectory, colours = [], [], []
         for t in range(L):
-            path.append(delta)
+            trajectory.append(delta)
             colours.append(coloured)
             y.append(system.C[k, t] @ delta + system.psi[k, t] @ theta + coloured + white[t])
             delta = system.A[k, t] @ delta + known * system.d[k, t] + system.W[k, t] @ theta
             delta = delta + system.B[k, t] @ force[t]
             coloured = noise.decay * coloured + drive[t]
-        return np.ravel(y), np.ravel(path), np.ravel(colours)
+        return np.ravel(y), np.ravel(trajectory), np.ravel(colours)
 
     none = np.zeros(len(variance))
     mean, delta, _ = run(none, np.zeros(P), 1.0)
@@ -144,7 +144,7 @@ def test_smoothed_states_and_forces_are_the_conditional_means(case):
 
 def test_what_is_left_out_is_predicted_from_all_others(case):
     system, noise = case
-    residual, variance = left_out(system, noise)
+    residual, variance = leave_one_out(system, noise)
     for k in range(S):
         of = dense(system, noise, k)
         precision = np.linalg.inv(of.covariance)

@@ -1,4 +1,4 @@
-"""Fits from end to end: recorded, cut, fitted; on every kind of joint, with activations and closed loops."""
+"""Fits end to end: recorded, segmented, fitted; on every kind of joint, with activations and closed loops."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,14 +10,14 @@ import pytest
 from mujoco import MjSpec
 from scipy import optimize, stats
 from slapshot.diagnosis.filter import innovations
-from slapshot.diagnosis.fit import Fit, Fitter, possible, prior_of
+from slapshot.diagnosis.fit import Fit, Fitter, prior_of, project_to_bounds
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.linear import STEP_ERROR, Look
+from slapshot.diagnosis.linear import STEP_ERROR, Perturbation
 from slapshot.diagnosis.noise import Noise, marginal_likelihood
-from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.segments import Segments, cut
-from slapshot.diagnosis.situation import situation, torque_scale
+from slapshot.diagnosis.rig_motion import rig_motion, torque_scale
+from slapshot.diagnosis.segments import Segments, segment_recording
 from slapshot.effects.joints.actuator_gain import ActuatorGain
 from slapshot.effects.joints.armature import Armature
 from slapshot.effects.joints.effect import JointEffect, Parameter
@@ -27,7 +27,7 @@ from slapshot.effects.joints.link_mass import LinkMass
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 from slapshot.recordings.channels import QUATERNION, Channel
 
-from .mechanisms import BRICK, HANGER, PENDULUM, joint, place, recording, simulate, told
+from .mechanisms import BRICK, HANGER, PENDULUM, control_channel, joint, place, recording, simulate
 
 Observed = dict[str, tuple[Channel, np.ndarray]]
 
@@ -37,19 +37,19 @@ class RigSimulator(NamedTuple):
 
     rig: Rig
     segments: Segments
-    path: np.ndarray
+    trajectory: np.ndarray
     noise: Noise
     fitter: Fitter
 
     def effects(self, *kinds: type[JointEffect]) -> tuple[JointEffect, ...]:
         """The first instance of each kind."""
-        of = situation(self.rig, self.segments, self.path)
+        of = rig_motion(self.rig, self.segments, self.trajectory)
         return tuple(next(iter(kind.instances(of))) for kind in kinds)
 
     def fit(self, *effects: JointEffect, rounds: int = 8, theta: Sequence[float] | None = None) -> Fit:
         hypothesis = Hypothesis(self.rig, effects)
         begin = hypothesis.start if theta is None else np.array(theta)
-        return self.fitter.fit(hypothesis, begin, self.path, self.noise, rounds)
+        return self.fitter.fit(hypothesis, begin, self.trajectory, self.noise, rounds)
 
 
 def bench(
@@ -59,21 +59,21 @@ def bench(
     white: Sequence[float],
     *,
     force: float = 1e-6,
-    nuisance: tuple[Look, ...] = (),
+    nuisance: tuple[Perturbation, ...] = (),
 ) -> RigSimulator:
     """What a diagnosis makes of a recording, the noise of its observations being known."""
     made = recording(t, data)
     rig = bind(MjSpec.from_string(text), made.channels)
-    segments = cut(made, rig)
-    path = recorded_path(rig, segments)
-    model, torque = rig.model, torque_scale(rig, segments, path)
+    segments = segment_recording(made, rig)
+    trajectory = recorded_trajectory(rig, segments)
+    model, torque = rig.model, torque_scale(rig, segments, trajectory)
     initial = np.concatenate([np.full(model.nv, 0.1**2), np.full(model.nv, 3.0**2), np.ones(model.na)])
     ny = len(white)
     noise = Noise(
         white=np.array(white), coloured=np.zeros(ny), correlation_s=np.ones(ny), force=force, torque=torque,
         initial=initial, weight=np.ones_like(segments.y),
     )  # fmt: skip
-    return RigSimulator(rig, segments, path, noise, Fitter(Simulator(rig), segments, torque, nuisance))
+    return RigSimulator(rig, segments, trajectory, noise, Fitter(Simulator(rig), segments, torque, nuisance))
 
 
 def swinging(
@@ -85,14 +85,14 @@ def swinging(
     seconds: float = 2.0,
     finer: int = 1,
     force: float = 1e-6,
-    nuisance: tuple[Look, ...] = (),
+    nuisance: tuple[Perturbation, ...] = (),
 ) -> RigSimulator:
     """A driven rod, simulated by the true model, as another has it."""
     rng, t = np.random.default_rng(seed), np.arange(round(seconds * 100)) * 0.01
     u = 1.5 * np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t)[:, None] + rng.normal(size=(len(t), 1))
     qpos, *_ = simulate(true, t, u, [rng.uniform(-1, 1)], [rng.uniform(-2, 2)], finer=finer)
     angle = qpos[:, 0] + white * rng.standard_normal(len(t))
-    data = {"angle": (joint("swing"), angle), "drive": (told(actuator="drive"), u[:, 0])}
+    data = {"angle": (joint("swing"), angle), "drive": (control_channel(actuator="drive"), u[:, 0])}
     return bench(model, t, data, [white], force=force, nuisance=nuisance)
 
 
@@ -104,12 +104,14 @@ def test_a_parameter_of_a_pendulum_is_recovered():
     (friction,) = of.effects(ViscousFriction)
     found = of.fit(friction)
     assert found.converged
-    # Values and path together converge as Newton's method does: 27, 0.4 and 0.0002 standard deviations.
+    # Values and trajectory together converge as Newton's method does: 27, 0.4 and 0.0002 standard deviations.
     assert of.fit(friction, rounds=3).moved < 1e-3
     assert found.theta[0] == pytest.approx(0.1, abs=3 * found.sd[0])
     assert found.sd[0] < 0.01
-    # The path is where the true rod was, far closer than its encoder says.
-    assert np.sqrt(np.mean((found.path[..., 0] - of.segments.y[..., 0]) ** 2)) == pytest.approx(2e-3, rel=0.2)
+    # The trajectory is where the true rod was, far closer than its encoder says.
+    assert np.sqrt(np.mean((found.trajectory[..., 0] - of.segments.y[..., 0]) ** 2)) == pytest.approx(
+        2e-3, rel=0.2
+    )
 
 
 def test_intervals_cover_as_often_as_they_say():
@@ -140,7 +142,7 @@ def test_with_process_force_the_intervals_are_wider_and_hold():
         pushed = 0.1 * plain.noise.torque[0] * rng.standard_normal((200, 1))
         qpos, *_ = simulate(DAMPED, t, u + pushed, [0.5], [0.0], finer=1)
         angle = qpos[:, 0] + 1e-3 * rng.standard_normal(200)
-        data = {"angle": (joint("swing"), angle), "drive": (told(actuator="drive"), u[:, 0])}
+        data = {"angle": (joint("swing"), angle), "drive": (control_channel(actuator="drive"), u[:, 0])}
         of = bench(PENDULUM, t, data, [1e-3])
         held = 0.1 * plain.noise.torque[0] / of.noise.torque[0]
         of = of._replace(noise=replace(of.noise, force=held))
@@ -163,7 +165,7 @@ def test_several_parameters_of_different_kinds():
     late = qpos[:, 0] - 0.004 * qvel[:, 0]
     data = {
         "angle": (joint("swing"), late + 1e-3 * rng.standard_normal(400)),
-        "drive": (told(actuator="drive"), u[:, 0]),
+        "drive": (control_channel(actuator="drive"), u[:, 0]),
     }
     of = bench(PENDULUM, t, data, [1e-3])
     found = of.fit(*of.effects(LinkMass, ActuatorGain, EncoderDelay))
@@ -211,7 +213,7 @@ def test_a_step_beyond_what_is_possible_is_the_best_possible_one(seed):
     best = optimize.lsq_linear(
         np.vstack([columns, np.eye(4)]), np.append(wanted, np.zeros(4)), limits, tol=1e-14
     )
-    found = possible(hypothesis, theta, np.linalg.solve(scaled, gradient), sd, scaled)
+    found = project_to_bounds(hypothesis, theta, np.linalg.solve(scaled, gradient), sd, scaled)
     np.testing.assert_allclose(found, best.x, atol=1e-8)
 
 
@@ -243,7 +245,7 @@ def with_scale(friction: ViscousFriction, scale: float) -> ViscousFriction:
 
 @pytest.mark.parametrize("scale", [0.002, 0.3])
 def test_the_evidence_is_the_integral_of_likelihood_times_prior(scale):
-    """Over a grid of values, with paths on which the model is as good as linear."""
+    """Over a grid of values, with trajectories on which the model is as good as linear."""
     of = swinging(8, true=DAMPED)
     friction = with_scale(of.effects(ViscousFriction)[0], scale)
     right = of.fit(friction)
@@ -252,7 +254,7 @@ def test_the_evidence_is_the_integral_of_likelihood_times_prior(scale):
     height = []
     for value in grid:
         hypothesis = Hypothesis(of.rig, (friction,))
-        system = of.fitter.linearise(hypothesis, np.array([value]), right.path).system
+        system = of.fitter.linearise(hypothesis, np.array([value]), right.trajectory).system
         seen = innovations(system, of.noise.covariances(of.segments.interval))
         prior = stats.norm.logpdf(value, 0, scale)
         height.append(-0.5 * (np.sum(seen.e**2) + seen.logdet.sum()) + prior)
@@ -266,8 +268,8 @@ def test_a_hypothesis_without_parameters_is_a_smoother():
     found = of.fit()
     assert found.converged
     assert found.theta.shape == found.sd.shape == (0,)
-    fresh = of.fitter.linearise(Hypothesis(of.rig), np.zeros(0), found.path).system
-    # Without process force the smoothed path is one that the model goes.
+    fresh = of.fitter.linearise(Hypothesis(of.rig), np.zeros(0), found.trajectory).system
+    # Without process force the smoothed trajectory is one that the model goes.
     np.testing.assert_allclose(fresh.d[:, :-1][of.segments.inside[:, 1:]], 0, atol=1e-9)
 
 
@@ -282,7 +284,7 @@ def test_nuisance_takes_the_error_of_the_step():
     assert abs(mended.theta[0]) < 3.5 * mended.sd[0]
     # What is eliminated leaves less to tell the rest by: as the inverse of the whole precision has it.
     hypothesis = Hypothesis(with_it.rig, (friction,))
-    system = with_it.fitter.linearise(hypothesis, mended.theta, mended.path, (STEP_ERROR,)).system
+    system = with_it.fitter.linearise(hypothesis, mended.theta, mended.trajectory, (STEP_ERROR,)).system
     seen = innovations(system, with_it.noise.covariances(0.01))
     Z, prior = seen.Z.reshape(-1, 2), np.array([friction.parameters[0].scale, STEP_ERROR.scale])
     covariance = np.linalg.inv(np.diag(prior**-2.0) + Z.T @ Z)
@@ -337,7 +339,7 @@ def test_a_ball_joint():
     assert found.converged
     assert found.theta[0] == pytest.approx(0.02, abs=3.5 * found.sd[0])
     assert found.sd[0] < 5e-3
-    np.testing.assert_allclose(np.linalg.norm(found.path[..., :4], axis=-1), 1, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(found.trajectory[..., :4], axis=-1), 1, atol=1e-12)
 
 
 LAGGED = PENDULUM.replace(
@@ -353,7 +355,7 @@ def test_an_actuator_with_a_state_of_its_own():
     qpos, _, act, _ = simulate(true, t, u, [0.2], [0.0], finer=1)
     data = {
         "angle": (joint("swing"), qpos[:, 0] + 1e-3 * rng.standard_normal(300)),
-        "drive": (told(actuator="drive"), u[:, 0]),
+        "drive": (control_channel(actuator="drive"), u[:, 0]),
     }
     of = bench(LAGGED, t, data, [1e-3])
     assert of.rig.model.na == 1
@@ -362,7 +364,7 @@ def test_an_actuator_with_a_state_of_its_own():
     assert found.theta[0] == pytest.approx(0.15, abs=3.5 * found.sd[0])
     assert found.sd[0] < 0.02
     # The state of the actuator, which nobody observed, is found too; of a segment of 0.5 s better at its end.
-    ends = found.path[:, -1, 2]
+    ends = found.trajectory[:, -1, 2]
     np.testing.assert_allclose(ends, act[49::50, 0][: len(ends)], atol=0.1)
 
 
@@ -397,14 +399,14 @@ def test_a_closed_loop():
     qpos, *_ = simulate(true, t, u, [0.5, -0.35], [0.0, 0.0], finer=2)
     data = {
         "angle": (joint("a"), qpos[:, 0] + 1e-3 * rng.standard_normal(300)),
-        "drive": (told(actuator="drive"), u[:, 0]),
+        "drive": (control_channel(actuator="drive"), u[:, 0]),
     }
     of = bench(CLOSED, t, data, [1e-3])
-    _, friction = ViscousFriction.instances(situation(of.rig, of.segments, of.path))
+    _, friction = ViscousFriction.instances(rig_motion(of.rig, of.segments, of.trajectory))
     assert friction.part == "b"
     found = of.fit(friction)
     assert found.converged
     assert found.theta[0] == pytest.approx(0.3, abs=3.5 * found.sd[0])
     assert found.sd[0] < 1e-3
     # The joint that nobody observed follows the other.
-    np.testing.assert_allclose(found.path[..., 1], -0.7 * found.path[..., 0], atol=0.02)
+    np.testing.assert_allclose(found.trajectory[..., 1], -0.7 * found.trajectory[..., 0], atol=0.02)

@@ -6,7 +6,7 @@ import pytest
 from slapshot.diagnosis.free_forms import BUMPS, FREE, FreeForce, FreeReading, free_forms, is_free
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.catalogue import instances
-from slapshot.effects.joints.effect import Joint, JointEffect, Observed, Sensed, Situation, State
+from slapshot.effects.joints.effect import Joint, JointEffect, Observed, RigMotion, SensedChannel, State
 
 SPAN = np.linspace(-2.0, 3.0, 400)
 
@@ -26,10 +26,10 @@ def segments() -> Segments:
     return Segments(0.1, 1, y, y, y[..., 0] == 0, time, whole, 0 * whole, whole - 0.5, (), whole)
 
 
-def rig(of: Joint, episodes: int) -> Situation:
+def rig(of: Joint, episodes: int) -> RigMotion:
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    sensed = (Sensed(0, "angle", "position", of.name), Sensed(1, "rate", "velocity", of.name))
-    return Situation(model, (of,), (), sensed, 0.1, episodes)
+    sensed = (SensedChannel(0, "angle", "position", of.name), SensedChannel(1, "rate", "velocity", of.name))
+    return RigMotion(model, (of,), (), sensed, 0.1, episodes)
 
 
 def state(at: np.ndarray) -> State:
@@ -74,18 +74,18 @@ def test_names_and_units(unit: str, angle: str):
     for form in forms:
         assert form.name.startswith(FREE)
         assert is_free(form)
-        assert len(form.initial_values) == BUMPS
+        assert len(form.probe_values) == BUMPS
         assert {p.unit for p in form.parameters} == {unit if isinstance(form, FreeForce) else angle}
         assert all(p.start == 0 and p.scale > p.probe > 0 for p in form.parameters)
     assert not any(map(is_free, _named(rig(joint(unit), 4))))
 
 
-def _named(of: Situation) -> list[JointEffect]:
+def _named(of: RigMotion) -> list[JointEffect]:
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body><joint name="swing"/><geom size="0.1"/></body></worldbody>'
         '<actuator><motor joint="swing"/></actuator></mujoco>'
     )
-    return list(instances(Situation(model, of.joints, (), of.sensed, of.interval, of.episodes)))
+    return list(instances(RigMotion(model, of.joints, (), of.sensed, of.interval, of.episodes)))
 
 
 def test_what_cannot_be_told_is_left_out():

@@ -7,15 +7,15 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis import held_out
 from slapshot.diagnosis.diagnose import split
-from slapshot.diagnosis.held_out import Predictions, first_path, predict
+from slapshot.diagnosis.held_out import Predictions, initial_trajectory, predict
 from slapshot.diagnosis.noise import Noise
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.segments import Segments, cut
+from slapshot.diagnosis.segments import Segments, segment_recording
 from slapshot.errors import InputError
 from slapshot.recordings.signals import SignalRecording
 
-from .mechanisms import PENDULUM, joint, recording, simulate, told
+from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 
 WHITE = 2e-3
 BOTH = np.array([0])
@@ -27,31 +27,34 @@ def taken(seed: int, episodes: int = 6, seconds: float = 2.0) -> SignalRecording
     u = [1.5 * np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t)[:, None] for _ in range(episodes)]
     angles = [simulate(PENDULUM, t, p, [rng.uniform(-1, 1)], [0.0], finer=1)[0][:, 0] for p in u]
     noisy = [angle + WHITE * rng.standard_normal(len(t)) for angle in angles]
-    channels = {"angle": (joint("swing"), noisy), "drive": (told(actuator="drive"), [p[:, 0] for p in u])}
+    channels = {
+        "angle": (joint("swing"), noisy),
+        "drive": (control_channel(actuator="drive"), [p[:, 0] for p in u]),
+    }
     return recording([t] * episodes, channels)
 
 
 def made(seed: int, model: str = PENDULUM) -> tuple[Rig, Problem, Segments, Noise]:
     of = taken(seed)
     rig = bind(MjSpec.from_string(model), of.channels)
-    problem = Problem.of(rig, of.channels, cut(of, rig))
-    noise = replace(problem.first_noise, white=np.array([WHITE]), force=1e-6)
-    return rig, problem, cut(of, rig, segment_s=1.0), noise
+    problem = Problem.of(rig, of.channels, segment_recording(of, rig))
+    noise = replace(problem.initial_noise, white=np.array([WHITE]), force=1e-6)
+    return rig, problem, segment_recording(of, rig, segment_s=1.0), noise
 
 
-def predicted(of: tuple[Rig, Problem, Segments, Noise], path: np.ndarray | None = None) -> Predictions:
+def predicted(of: tuple[Rig, Problem, Segments, Noise], trajectory: np.ndarray | None = None) -> Predictions:
     _, problem, windows, noise = of
-    path = first_path(problem, problem, windows) if path is None else path
-    return predict(problem, problem.base(()), np.zeros(0), windows, noise, path)
+    trajectory = initial_trajectory(problem, problem, windows) if trajectory is None else trajectory
+    return predict(problem, problem.base(()), np.zeros(0), windows, noise, trajectory)
 
 
 def test_nothing_that_was_recorded_within_a_window_is_used():
     rig, problem, windows, noise = made(1)
-    path = first_path(problem, problem, windows)
-    before = predicted((rig, problem, windows, noise), path)
+    trajectory = initial_trajectory(problem, problem, windows)
+    before = predicted((rig, problem, windows, noise), trajectory)
     y = windows.y.copy()
     y[:, 50:] += np.random.default_rng(2).normal(size=y[:, 50:].shape)
-    after = predicted((rig, problem, replace(windows, y=y), noise), path)
+    after = predicted((rig, problem, replace(windows, y=y), noise), trajectory)
     np.testing.assert_array_equal(after.predicted, before.predicted)
     np.testing.assert_array_equal(after.floor, before.floor)
     np.testing.assert_allclose(after.error - before.error, (y - windows.y)[:, 50:], atol=1e-12)
@@ -68,14 +71,14 @@ def test_what_is_recorded_before_is_used():
 
 
 def test_predictions_do_not_depend_on_where_first_states_are_looked_for():
-    """The path is only where linearising begins: five rounds take it to one and the same place."""
+    """The trajectory is only where linearising begins: five rounds take it to one and the same place."""
     rig, problem, windows, noise = made(1)
     before = predicted((rig, problem, windows, noise))
     y = windows.y.copy()
     y[:, 50:] += 0.3
-    path = first_path(problem, problem, replace(windows, y=y))
+    trajectory = initial_trajectory(problem, problem, replace(windows, y=y))
     np.testing.assert_allclose(
-        predicted((rig, problem, windows, noise), path).predicted, before.predicted, atol=1e-3 * WHITE
+        predicted((rig, problem, windows, noise), trajectory).predicted, before.predicted, atol=1e-3 * WHITE
     )
 
 
@@ -103,7 +106,7 @@ def test_a_wrong_model_predicts_worse_than_its_floor():
 @pytest.mark.parametrize("episodes", [5, 6, 11])
 def test_whole_episodes_are_held_out(episodes: int):
     of = taken(6, episodes)
-    segments = cut(of, bind(MjSpec.from_string(PENDULUM), of.channels))
+    segments = segment_recording(of, bind(MjSpec.from_string(PENDULUM), of.channels))
     used, held = split(segments)
     out = set(segments.episode[held])
     assert out == {e for e in range(episodes) if e % 5 == 2}
@@ -114,7 +117,7 @@ def test_whole_episodes_are_held_out(episodes: int):
 def test_of_few_episodes_blocks_are_held_out():
     """Two segments side by side: one window to begin from, and one to predict."""
     of = taken(6, 1, 10.0)
-    segments = cut(of, bind(MjSpec.from_string(PENDULUM), of.channels))
+    segments = segment_recording(of, bind(MjSpec.from_string(PENDULUM), of.channels))
     used, held = split(segments)
     assert list(held) == [4, 5, 14, 15]
     assert used.shape[0] == segments.shape[0] - 4
@@ -123,7 +126,7 @@ def test_of_few_episodes_blocks_are_held_out():
 def test_too_little_to_hold_any_out_is_refused():
     of = taken(6, 1, 1.5)
     with pytest.raises(InputError, match="record longer") as caught:
-        split(cut(of, bind(MjSpec.from_string(PENDULUM), of.channels)))
+        split(segment_recording(of, bind(MjSpec.from_string(PENDULUM), of.channels)))
     assert "\n" not in str(caught.value)
 
 
@@ -143,7 +146,7 @@ def test_errors_as_large_as_expected_are_no_excess():
 
 
 def test_a_step_that_cannot_be_is_not_taken(monkeypatch):
-    """Of one window the first step leads nowhere: others do not see it, and its path stays what it was."""
+    """If the first step of one window diverges, others are unaffected, and its trajectory is kept."""
     of = made(1)
     before, calls = predicted(of), []
 
@@ -158,6 +161,6 @@ def test_a_step_that_cannot_be_is_not_taken(monkeypatch):
     monkeypatch.setattr(held_out, "smooth", smooth)
     after = predicted(of)
     np.testing.assert_allclose(after.predicted[1:], before.predicted[1:], atol=1e-3 * WHITE)
-    # Velocities of the recorded path are as noisy as its readings are, over two intervals.
+    # Velocities of the recorded trajectory are as noisy as its readings are, over two intervals.
     speed = WHITE / np.sqrt(2) / 0.01
     assert np.abs(after.predicted[0] - before.predicted[0]).max() < 4 * (WHITE + 0.5 * speed)

@@ -11,11 +11,11 @@ from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.diagnosis.structure import same_effects
 from slapshot.effects.joints.catalogue import instances
 
-from .mechanisms import PENDULUM, joint, recording, simulate, told
+from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 
 COMPLIANCE = 2e-3  # rad/(N m)
 ROTOR = PENDULUM.replace('damping="0.05"', 'damping="0.05" armature="0.05"')
@@ -42,7 +42,9 @@ def taken():
         q, *_ = simulate(model, t, u[:, None], [0.0, 0.0], [0.0, 0.0])
         readings.append(q[:, 1] + 1e-3 * rng.normal(size=len(t)))
         commands.append(u)
-    return recording([t] * 10, {"q": (joint("swing"), readings), "u": (told(actuator="drive"), commands)})
+    return recording(
+        [t] * 10, {"q": (joint("swing"), readings), "u": (control_channel(actuator="drive"), commands)}
+    )
 
 
 def test_a_soft_base_is_named_and_measured(taken):
@@ -60,28 +62,28 @@ def test_on_which_side_of_its_play_a_gear_is_told_by_the_data_before_a_window(mo
     """A rod whose motor has play, its values given: errors of a held-out window are those of the readings."""
     rng, t, white = np.random.default_rng(4), np.arange(0, 2, 0.01), 1e-3
     u = [rng.uniform(0.5, 1.0) * np.sin(rng.uniform(5, 9) * t + rng.uniform(0, 6)) for _ in range(4)]
-    blank = {"q": (joint("swing"), [np.sin(5 * t)] * 4), "u": (told(actuator="drive"), u)}
+    blank = {"q": (joint("swing"), [np.sin(5 * t)] * 4), "u": (control_channel(actuator="drive"), u)}
     nominal = recording([t] * 4, blank)
     rig = bind(MjSpec.from_string(ROTOR), nominal.channels)
-    problem = Problem.of(rig, nominal.channels, cut(nominal, rig))
+    problem = Problem.of(rig, nominal.channels, segment_recording(nominal, rig))
     effect = next(e for e in problem.catalogue if e.key == "backlash@swing (read at the link)")
     values = np.array([0.05, 0.05])
-    moved = problem.restructured(effect, problem.path)
-    hypothesis = Hypothesis(moved.rig, same_effects((effect,), instances(moved.situation)))
+    moved = problem.restructured(effect, problem.trajectory)
+    hypothesis = Hypothesis(moved.rig, same_effects((effect,), instances(moved.rig_motion)))
     model = hypothesis.compiled(values, 1e-3)
     readings = []
     for part in u:
         q, *_ = simulate(model, t, part[:, None], [rng.uniform(-1, 1), 0.0], [0.0, 0.0])
         readings.append(q.sum(axis=1) + white * rng.normal(size=len(t)))
     taken = recording([t] * 4, blank | {"q": (joint("swing"), readings)})
-    windows = cut(taken, rig, segment_s=1.0)
-    noise = replace(moved.first_noise, white=np.array([white]), coloured=np.zeros(1), force=1e-6)
+    windows = segment_recording(taken, rig, segment_s=1.0)
+    noise = replace(moved.initial_noise, white=np.array([white]), coloured=np.zeros(1), force=1e-6)
 
     def errors() -> float:
-        path = held_out.first_path(moved, problem, windows)
-        return held_out.predict(moved, hypothesis, values, windows, noise, path).rms(np.array([0]))
+        trajectory = held_out.initial_trajectory(moved, problem, windows)
+        return held_out.predict(moved, hypothesis, values, windows, noise, trajectory).rms(np.array([0]))
 
     found = errors()
-    monkeypatch.setattr(held_out, "_rough", lambda hypothesis: False)
+    monkeypatch.setattr(held_out, "_has_hidden_state", lambda hypothesis: False)
     assert found < 2 * white
     assert errors() > 2 * found

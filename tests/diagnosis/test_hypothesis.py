@@ -6,8 +6,8 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
 from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.segments import cut
-from slapshot.diagnosis.situation import situation
+from slapshot.diagnosis.rig_motion import rig_motion
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.effects.joints.command_delay import CommandDelay
 from slapshot.effects.joints.effect import JointEffect, Parameter, State
 from slapshot.effects.joints.joint_offset import JointOffset
@@ -15,7 +15,7 @@ from slapshot.effects.joints.link_mass import LinkMass
 from slapshot.effects.joints.spring import Spring
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 
-from .mechanisms import ARM, PENDULUM, joint, recording, simulate, told
+from .mechanisms import ARM, PENDULUM, control_channel, joint, recording, simulate
 
 # One of each law that is affine, on two joints that carry each other.
 ACTUATED = """
@@ -99,11 +99,13 @@ def swinging() -> tuple[Rig, object, object]:
     t = np.arange(101) * 0.01
     u = np.sin(9 * t)[:, None]
     qpos, qvel, _, _ = simulate(PENDULUM, t, u, [0.3], [0.0])
-    made = recording(t, {"angle": (joint("swing"), qpos[:, 0]), "drive": (told(actuator="drive"), u[:, 0])})
+    made = recording(
+        t, {"angle": (joint("swing"), qpos[:, 0]), "drive": (control_channel(actuator="drive"), u[:, 0])}
+    )
     rig = bind(MjSpec.from_string(PENDULUM), made.channels)
-    segments = cut(made, rig)
-    path = np.concatenate([qpos, qvel], axis=1)[:100].reshape(*segments.shape, 2)
-    return rig, segments, situation(rig, segments, path)
+    segments = segment_recording(made, rig)
+    trajectory = np.concatenate([qpos, qvel], axis=1)[:100].reshape(*segments.shape, 2)
+    return rig, segments, rig_motion(rig, segments, trajectory)
 
 
 def test_force_laws_act_anew_in_every_step():
@@ -176,6 +178,6 @@ def test_values_stay_within_what_is_possible():
     rig, _, of = swinging()
     (friction,), (delay,) = ViscousFriction.instances(of), CommandDelay.instances(of)
     hypothesis = Hypothesis(rig, (friction, delay))
-    np.testing.assert_allclose(hypothesis.within(np.array([-1.0, -0.1])), [-0.05, 0.0])
-    np.testing.assert_allclose(hypothesis.within(np.array([7.0, 2.0])), [7.0, 1.0])
-    assert Hypothesis(rig).within(np.zeros(0)).shape == (0,)
+    np.testing.assert_allclose(hypothesis.clipped(np.array([-1.0, -0.1])), [-0.05, 0.0])
+    np.testing.assert_allclose(hypothesis.clipped(np.array([7.0, 2.0])), [7.0, 1.0])
+    assert Hypothesis(rig).clipped(np.zeros(0)).shape == (0,)

@@ -6,39 +6,39 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.law_error import Friction, Law, law_errors
-from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.segments import cut
-from slapshot.diagnosis.situation import situation
-from slapshot.effects.joints.effect import Joint, Situation, State
+from slapshot.diagnosis.rig_motion import rig_motion
+from slapshot.diagnosis.segments import segment_recording
+from slapshot.effects.joints.effect import Joint, RigMotion, State
 
-from .mechanisms import PENDULUM, joint, recording, told
+from .mechanisms import PENDULUM, control_channel, joint, recording
 
 HINGE = Joint("swing", 0, 0, "N m", (), 1.0, (), 1.0, 1.0, 0.0, 1.0)
 WHOLE = 0.2  # size of a change of the whole law
 
 
-def moving(text: str, torque: float | None = None) -> tuple[Situation, State]:
+def moving(text: str, torque: float | None = None) -> tuple[RigMotion, State]:
     """The rod on a sine, its motor at a constant torque or at one that follows nothing."""
     t, rng = np.arange(300) * 0.01, np.random.default_rng(1)
     u = rng.normal(size=300) if torque is None else np.full(300, torque)
-    made = recording(t, {"a": (joint("swing"), np.sin(5 * t)), "u": (told(actuator="drive"), u)})
+    made = recording(t, {"a": (joint("swing"), np.sin(5 * t)), "u": (control_channel(actuator="drive"), u)})
     rig = bind(MjSpec.from_string(text), made.channels)
-    segments = cut(made, rig)
-    x = recorded_path(rig, segments)
+    segments = segment_recording(made, rig)
+    x = recorded_trajectory(rig, segments)
     acting = u[: segments.inside.sum()][:, None]
     flat = x[segments.inside]
     time = segments.time[segments.inside]
-    return situation(rig, segments, x), State(flat[:, :1], flat[:, 1:], acting, time, 0 * time)
+    return rig_motion(rig, segments, x), State(flat[:, :1], flat[:, 1:], acting, time, 0 * time)
 
 
-def laws_of(of: Situation, state: State) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def laws_of(of: RigMotion, state: State) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Each law, (n,), what errors of it do at a share of 1, (looks, n), and their sizes; the law is last."""
     found, errors, sizes = [], [], []
-    for look in (look for law in law_errors(of, state) for look in law):
-        errors.append(look.effect.force(state, np.ones(1))[:, 0])
-        sizes.append(look.scale)
-        if look.scale == WHOLE:
+    for perturbation in (perturbation for law in law_errors(of, state) for perturbation in law):
+        errors.append(perturbation.effect.force(state, np.ones(1))[:, 0])
+        sizes.append(perturbation.scale)
+        if perturbation.scale == WHOLE:
             found.append(
                 (errors[-1], np.array(errors[:-1]).reshape(-1, len(errors[-1])), np.array(sizes[:-1]))
             )
@@ -71,15 +71,15 @@ def test_smooth_functions_of_speed_and_load_are_sums_of_the_shapes():
     load = state.torque[:, 0] / np.sqrt(np.mean(state.torque[:, 0] ** 2))
     wave = state.torque[:, 0] * np.cos(1.2 * state.v[:, 0] / rod.speed + load)
     columns = law.errors(state)
-    left = wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]
-    assert np.sqrt(np.mean(left**2) / np.mean(wave**2)) < 0.1
+    remaining = wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]
+    assert np.sqrt(np.mean(remaining**2) / np.mean(wave**2)) < 0.1
 
 
 def test_looks_at_law_errors_are_small_steps():
     of, state = moving(PENDULUM)
-    for look in (look for law in law_errors(of, state) for look in law):
-        assert look.effect.name == "law_error"
-        assert look.values == (look.probe,)
+    for perturbation in (perturbation for law in law_errors(of, state) for perturbation in law):
+        assert perturbation.effect.name == "law_error"
+        assert perturbation.values == (perturbation.probe,)
 
 
 @pytest.mark.parametrize(
@@ -110,25 +110,25 @@ def test_what_does_not_vary_is_no_error_of_its_own():
         np.testing.assert_allclose(errors @ law / (law @ law), 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("bend", [2e-3, 1e-2])
+@pytest.mark.parametrize("distance", [2e-3, 1e-2])
 @pytest.mark.parametrize(("forwards", "backwards"), [(1.0, 1.0), (0.7, 0.1)])
-def test_after_a_reversal_friction_lacks_the_bend_of_sliding(bend, forwards, backwards):
+def test_after_a_reversal_friction_lacks_the_bend_of_sliding(distance, forwards, backwards):
     """Of bristles dz/dx = F - z, in bends: from -B, the distance that they lack is the integral of F - z."""
     interval, speed = 0.005, np.concatenate([np.full(40, -0.5), np.linspace(-0.5, 0.5, 21), np.full(80, 0.5)])
     level = [np.array([[size]]) for size in (forwards, backwards)]
-    lacks, share = (one[0] for one in Friction(HINGE, speed[None], *level).before_slip(interval, bend))
+    deficit, share = (one[0] for one in Friction(HINGE, speed[None], *level).before_slip(interval, distance))
     following = np.append(speed[1:], speed[-1])
-    lacking = np.sum(lacks * np.abs(speed + following) / 2) * interval
+    deficit_now = np.sum(deficit * np.abs(speed + following) / 2) * interval
     # Half a bend's share of one of the parts, of which eight make an interval, is the error of the midpoint.
-    rel = max(0.5 * 0.5 * interval / 8 / bend, 0.02)
-    assert lacking == pytest.approx((forwards + backwards) * bend, rel=rel)
+    rel = max(0.5 * 0.5 * interval / 8 / distance, 0.02)
+    assert deficit_now == pytest.approx((forwards + backwards) * distance, rel=rel)
     # In steady sliding it decays with the distance.
-    assert lacks[70] / lacks[69] == pytest.approx(np.exp(-0.5 * interval / bend), rel=1e-7)
-    assert lacks[:39] == pytest.approx(0)
+    assert deficit[70] / deficit[69] == pytest.approx(np.exp(-0.5 * interval / distance), rel=1e-7)
+    assert deficit[:39] == pytest.approx(0)
     # What nobody knows of the beginning is forgotten over one bend: in parts, a geometric series.
-    part = 0.5 * interval / 8 / bend
+    part = 0.5 * interval / 8 / distance
     forgotten = np.sum(share * np.abs(speed + following) / 2) * interval
-    assert forgotten == pytest.approx(bend * part / (1 - np.exp(-part)), rel=1e-6)
+    assert forgotten == pytest.approx(distance * part / (1 - np.exp(-part)), rel=1e-6)
 
 
 def test_a_friction_is_as_large_before_it_slips_as_in_sliding_either_way_in_each_episode():

@@ -9,15 +9,15 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.free_forms import FreeForce, free_forms
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.linear import STEP_ERROR, Linearised, linearise, looks_at
+from slapshot.diagnosis.linear import STEP_ERROR, Linearised, linearise, perturbations_of
 from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.segments import Segments, cut
-from slapshot.diagnosis.situation import situation
+from slapshot.diagnosis.rig_motion import rig_motion
+from slapshot.diagnosis.segments import Segments, segment_recording
 from slapshot.effects.joints.actuator_gain import ActuatorGain
 from slapshot.effects.joints.actuator_lag import ActuatorLag
 from slapshot.effects.joints.armature import Armature
 from slapshot.effects.joints.command_delay import CommandDelay
-from slapshot.effects.joints.effect import JointEffect, Situation, State
+from slapshot.effects.joints.effect import JointEffect, RigMotion, State
 from slapshot.effects.joints.encoder_delay import EncoderDelay
 from slapshot.effects.joints.joint_offset import JointOffset
 from slapshot.effects.joints.link_mass import LinkMass
@@ -25,7 +25,7 @@ from slapshot.effects.joints.spring import Spring
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 from slapshot.recordings.channels import QUATERNION, Channel
 
-from .mechanisms import ARM, BRICK, CART, HANGER, PENDULUM, joint, place, recording, told
+from .mechanisms import ARM, BRICK, CART, HANGER, PENDULUM, control_channel, joint, place, recording
 
 NONE = np.zeros(0)
 INERTIA = 1 / 12 + 0.25
@@ -51,7 +51,7 @@ def made(
     }
     taken = recording(t, data)
     rig = bind(MjSpec.from_string(text), taken.channels)
-    segments = cut(taken, rig, segment_s=nodes * interval)
+    segments = segment_recording(taken, rig, segment_s=nodes * interval)
     # Jitter moves the median a little; nothing here shall depend on that.
     return rig, replace(segments, interval=interval) if not jitter else segments
 
@@ -67,22 +67,22 @@ def random_path(rig: Rig, segments: Segments, seed: int, size: float = 0.5) -> n
 def own_path(
     rig: Rig, hypothesis: Hypothesis, segments: Segments, theta: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """The path that a hypothesis goes itself, by MuJoCo's plain step."""
+    """The trajectory that a hypothesis goes itself, by MuJoCo's plain step."""
     model = hypothesis.compiled(theta, segments.step)
     data = mujoco.MjData(model)
     nq, nv = model.nq, model.nv
     data.qpos[:], data.qvel[:], data.act[:] = start[:nq], start[nq : nq + nv], start[nq + nv :]
     control = hypothesis.control(segments, theta)[0]
-    path = []
+    trajectory = []
     for t in range(segments.shape[1]):
-        path.append(np.concatenate([data.qpos, data.qvel, data.act]))
+        trajectory.append(np.concatenate([data.qpos, data.qvel, data.act]))
         for u in control[t]:
             data.ctrl[:] = u
             if hypothesis.has_force:
                 mujoco.mj_forward(model, data)
                 data.qfrc_applied[:] = hypothesis.force(_state(data, segments, t), theta)[0]
             mujoco.mj_step(model, data)
-    return np.array(path)[None]
+    return np.array(trajectory)[None]
 
 
 def _state(data: mujoco.MjData, segments: Segments, t: int) -> State:
@@ -91,7 +91,7 @@ def _state(data: mujoco.MjData, segments: Segments, t: int) -> State:
 
 
 def accumulated(found: Linearised, column: int) -> np.ndarray:
-    """(L, ny) change of the observations by a parameter, along a path that starts where it starts."""
+    """(L, ny) change of the observations by a parameter, along a trajectory that starts where it starts."""
     system = found.system
     X, out = np.zeros(system.d.shape[2]), []
     for t in range(system.d.shape[1]):
@@ -104,32 +104,34 @@ def accumulated(found: Linearised, column: int) -> np.ndarray:
 def test_the_double_integrator_in_closed_form(interval, substeps):
     """MuJoCo's Euler step moves the position by the new velocity."""
     channels = {"place": joint("rail", unit="m"), "rate": joint("rail", "velocity", "m/s")}
-    rig, segments = made(CART, channels | {"push": told("N", actuator="push")}, 30, interval)
+    rig, segments = made(CART, channels | {"push": control_channel("N", actuator="push")}, 30, interval)
     assert segments.substeps == substeps
-    path = random_path(rig, segments, 1)
-    system = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, path).system
+    trajectory = random_path(rig, segments, 1)
+    system = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory).system
     h, k, mass = 0.01, substeps, 2.0
     np.testing.assert_allclose(system.A, np.broadcast_to([[1, interval], [0, 1]], system.A.shape), atol=1e-7)
     B = np.array([[h**2 * k * (k + 1) / 2 / mass], [interval / mass]])
     np.testing.assert_allclose(system.B, np.broadcast_to(B, system.B.shape), rtol=1e-6)
     np.testing.assert_allclose(system.C, np.broadcast_to(np.eye(2), system.C.shape), atol=1e-7)
-    # The defect is where the model goes, less the next state of the path.
+    # The defect is where the model goes, less the next state of the trajectory.
     u = segments.control()[..., 0]
-    place_, speed = path[..., 0].copy(), path[..., 1].copy()
+    place_, speed = trajectory[..., 0].copy(), trajectory[..., 1].copy()
     for step in range(k):
         speed += h * u[..., step] / mass
         place_ += h * speed
-    np.testing.assert_allclose(system.d[:, :-1, 0], place_[:, :-1] - path[:, 1:, 0], atol=1e-12)
-    np.testing.assert_allclose(system.d[:, :-1, 1], speed[:, :-1] - path[:, 1:, 1], atol=1e-12)
-    np.testing.assert_allclose(system.r, segments.y - path, atol=1e-12)
+    np.testing.assert_allclose(system.d[:, :-1, 0], place_[:, :-1] - trajectory[:, 1:, 0], atol=1e-12)
+    np.testing.assert_allclose(system.d[:, :-1, 1], speed[:, :-1] - trajectory[:, 1:, 1], atol=1e-12)
+    np.testing.assert_allclose(system.r, segments.y - trajectory, atol=1e-12)
 
 
 def test_the_pendulum_in_closed_form():
     """With damping taken implicitly, (I + h d) v' = I v + h (u - m g l sin q)."""
-    rig, segments = made(PENDULUM, {"angle": joint("swing"), "drive": told(actuator="drive")}, 40, 0.01)
-    path = random_path(rig, segments, 2)
-    found = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, path)
-    q = path[..., 0]
+    rig, segments = made(
+        PENDULUM, {"angle": joint("swing"), "drive": control_channel(actuator="drive")}, 40, 0.01
+    )
+    trajectory = random_path(rig, segments, 2)
+    found = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory)
+    q = trajectory[..., 0]
     h, d, mgl = 0.01, 0.05, 9.81 * 0.5
     to_v = np.stack([-h * mgl * np.cos(q), np.full_like(q, INERTIA)], -1) / (INERTIA + h * d)
     to_q = np.array([1.0, 0.0]) + h * to_v
@@ -162,14 +164,14 @@ def test_derivatives_of_one_step_are_mujocos(name):
     text, channels = MODELS[name]
     timestep = MjSpec.from_string(text).compile().opt.timestep
     rig, segments = made(text, channels, 20, timestep, seed=3)
-    path = random_path(rig, segments, 4)
-    system = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, path).system
+    trajectory = random_path(rig, segments, 4)
+    system = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory).system
     model, dim = rig.model, Simulator(rig).tangent.dim
     data = mujoco.MjData(model)
     A, C = np.zeros((dim, dim)), np.zeros((model.nsensordata, dim))
     rows = [o.address for o in rig.observations]
     for t in range(20):
-        x = path[0, t]
+        x = trajectory[0, t]
         data.qpos[:], data.qvel[:] = x[: model.nq], x[model.nq : model.nq + model.nv]
         data.act[:] = x[model.nq + model.nv :]
         data.ctrl[:] = segments.control()[0, t, 0]
@@ -189,10 +191,10 @@ def test_derivatives_of_several_steps_are_those_of_the_whole_interval(integrator
         rig, segments = made(text, {"e": joint("elbow")}, 10, interval, seed=11)
         segments = segments.finer(4)
         simulator, hypothesis = Simulator(rig), Hypothesis(rig)
-        path = random_path(rig, segments, 12)
-        system = linearise(simulator, hypothesis, NONE, segments, path).system
+        trajectory = random_path(rig, segments, 12)
+        system = linearise(simulator, hypothesis, NONE, segments, trajectory).system
         n, nv = 10, rig.model.nv
-        x, u = path.reshape(n, -1), segments.control().reshape(n, segments.substeps, -1)
+        x, u = trajectory.reshape(n, -1), segments.control().reshape(n, segments.substeps, -1)
         model = hypothesis.compiled(NONE, segments.step)
         A = np.empty((n, 2 * nv, 2 * nv))
         for i, delta in enumerate(1e-6 * np.eye(2 * nv)):
@@ -213,34 +215,34 @@ def test_a_path_that_the_model_goes_has_no_defect():
     for name, (text, channels) in MODELS.items():
         rig, segments = made(text, channels, 20, 0.02, seed=5)
         start = random_path(rig, segments, 6)[0, 0]
-        path = own_path(rig, Hypothesis(rig), segments, NONE, start)
-        system = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, path).system
+        trajectory = own_path(rig, Hypothesis(rig), segments, NONE, start)
+        system = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory).system
         np.testing.assert_allclose(system.d[:, :-1], 0, atol=1e-10, err_msg=name)
 
 
 def arm_situation(
     nodes: int = 60, interval: float = 0.01, finer: int = 1
-) -> tuple[Rig, Segments, Situation, np.ndarray]:
-    """The arm along a path of its own, its servo told a slow sine."""
+) -> tuple[Rig, Segments, RigMotion, np.ndarray]:
+    """The arm along a trajectory of its own, its servo told a slow sine."""
     t = np.arange(nodes) * interval
     channels = {
         "s": (joint("shoulder"), np.sin(t)),
         "e": (joint("elbow"), np.sin(t)),
-        "servo": (told("rad", actuator="servo"), 0.6 * np.sin(5 * t)),
+        "servo": (control_channel("rad", actuator="servo"), 0.6 * np.sin(5 * t)),
     }
     taken = recording(t, channels)
     rig = bind(MjSpec.from_string(ARM), taken.channels)
-    segments = cut(taken, rig, segment_s=nodes * interval, finer=finer)
+    segments = segment_recording(taken, rig, segment_s=nodes * interval, finer=finer)
     start = np.array([0.4, -0.7, 0.5, 1.0])
-    path = own_path(rig, Hypothesis(rig), segments, NONE, start)
-    return rig, segments, situation(rig, segments, path), start
+    trajectory = own_path(rig, Hypothesis(rig), segments, NONE, start)
+    return rig, segments, rig_motion(rig, segments, trajectory), start
 
 
-def first(kind: type[JointEffect], part: str = "") -> Callable[[Situation], JointEffect]:
+def first(kind: type[JointEffect], part: str = "") -> Callable[[RigMotion], JointEffect]:
     return lambda of: next(effect for effect in kind.instances(of) if effect.part == part or not part)
 
 
-def force_over_load(of: Situation) -> JointEffect:
+def force_over_load(of: RigMotion) -> JointEffect:
     """On the servo's joint, whose load changes within each interval, as its command is held."""
     return next(
         form
@@ -249,7 +251,7 @@ def force_over_load(of: Situation) -> JointEffect:
     )
 
 
-EFFECTS: dict[str, tuple[Callable[[Situation], JointEffect], list[float]]] = {
+EFFECTS: dict[str, tuple[Callable[[RigMotion], JointEffect], list[float]]] = {
     "viscous friction": (first(ViscousFriction, "elbow"), [0.05]),
     "armature": (first(Armature, "shoulder"), [0.01]),
     "mass": (first(LinkMass, "lower"), [0.1]),
@@ -270,8 +272,8 @@ def test_columns_of_present_effects_are_differences_of_simulations(name):
     rig, segments, of, start = arm_situation()
     effect, theta = build(of), np.array(at)
     hypothesis, simulator = Hypothesis(rig, (effect,)), Simulator(rig)
-    path = own_path(rig, hypothesis, segments, theta, start)
-    found = linearise(simulator, hypothesis, theta, segments, path)
+    trajectory = own_path(rig, hypothesis, segments, theta, start)
+    found = linearise(simulator, hypothesis, theta, segments, trajectory)
     for k, parameter in enumerate(effect.parameters):
         step = 1e-4 * parameter.scale
         ends = []
@@ -295,15 +297,15 @@ def test_first_looks_are_differences_of_simulations(name):
         rig, segments, of, start = arm_situation(round(0.6 / interval), interval, finer=16)
         effect, simulator = build(of), Simulator(rig)
         plain, present = Hypothesis(rig), Hypothesis(rig, (effect,))
-        path = own_path(rig, plain, segments, NONE, start)
-        looks = looks_at([effect])
-        found = linearise(simulator, plain, NONE, segments, path, looks)
+        trajectory = own_path(rig, plain, segments, NONE, start)
+        perturbations = perturbations_of([effect])
+        found = linearise(simulator, plain, NONE, segments, trajectory, perturbations)
         worst = 0.0
-        for k, look in enumerate(looks):
-            values = np.array(look.values)
+        for k, perturbation in enumerate(perturbations):
+            values = np.array(perturbation.values)
             gone = own_path(rig, present, segments, values, start)
             there = linearise(simulator, present, values, segments, gone).predicted[0]
-            expected = (there - found.predicted[0]) / look.probe
+            expected = (there - found.predicted[0]) / perturbation.probe
             worst = max(worst, np.abs(accumulated(found, k) - expected).max() / np.abs(expected).max())
         errors.append(worst)
     # A force law is taken as its mean over the interval: of second order in it. Others are exact but for the
@@ -314,13 +316,16 @@ def test_first_looks_are_differences_of_simulations(name):
 
 def test_two_looks_have_the_columns_of_each():
     rig, segments, of, start = arm_situation(30)
-    path = own_path(rig, Hypothesis(rig), segments, NONE, start)
+    trajectory = own_path(rig, Hypothesis(rig), segments, NONE, start)
     effects = [EFFECTS[name][0](of) for name in ("spring", "gain", "encoder")]
-    looks = looks_at(effects)
-    assert [look.effect.key for look in looks] == [effects[0].key] * 2 + [effects[1].key, effects[2].key]
-    together = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, path, looks).system
-    for k, look in enumerate(looks):
-        alone = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, path, [look]).system
+    perturbations = perturbations_of(effects)
+    assert [perturbation.effect.key for perturbation in perturbations] == [effects[0].key] * 2 + [
+        effects[1].key,
+        effects[2].key,
+    ]
+    together = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory, perturbations).system
+    for k, perturbation in enumerate(perturbations):
+        alone = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory, [perturbation]).system
         np.testing.assert_array_equal(alone.W[..., 0], together.W[..., k])
         np.testing.assert_array_equal(alone.psi[..., 0], together.psi[..., k])
 
@@ -328,10 +333,10 @@ def test_two_looks_have_the_columns_of_each():
 def test_a_force_of_nothing_changes_nothing():
     """With a force law an interval is simulated step by step; at value 0 that is the same interval."""
     rig, segments, of, start = arm_situation(30)
-    path = own_path(rig, Hypothesis(rig), segments, NONE, start)
+    trajectory = own_path(rig, Hypothesis(rig), segments, NONE, start)
     spring = EFFECTS["spring"][0](of)
-    plain = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, path)
-    none = linearise(Simulator(rig), Hypothesis(rig, (spring,)), np.zeros(2), segments, path)
+    plain = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory)
+    none = linearise(Simulator(rig), Hypothesis(rig, (spring,)), np.zeros(2), segments, trajectory)
     for name in ("A", "B", "C", "d", "r"):
         np.testing.assert_allclose(getattr(none.system, name), getattr(plain.system, name), atol=1e-7)
     np.testing.assert_allclose(none.torque, plain.torque, atol=1e-12)
@@ -339,7 +344,7 @@ def test_a_force_of_nothing_changes_nothing():
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 def test_twice_the_step_error_removes_the_error_of_integration(integrator):
-    """Along a true path the model errs by O(h²) a step; less twice the difference of half steps, by O(h³)."""
+    """Along the true trajectory a step errs by O(h²); less twice the difference of half steps, by O(h³)."""
     text = PENDULUM.replace("implicitfast", integrator).replace('damping="0.05"', 'damping="0.5"')
     left = []
     for h in (0.02, 0.01):
@@ -360,24 +365,24 @@ def test_twice_the_step_error_removes_the_error_of_integration(integrator):
 
 def test_samples_between_nodes_are_predicted_where_they_were_taken():
     """A constant push: position is a parabola in time also for Euler steps, and second order is exact."""
-    channels = {"place": joint("rail", unit="m"), "push": told("N", actuator="push")}
+    channels = {"place": joint("rail", unit="m"), "push": control_channel("N", actuator="push")}
     rig, segments = made(CART, channels, 80, 0.01, jitter=0.003, seed=7)
     segments = replace(segments, controls=(np.full_like(segments.controls[0], 3.0),))
-    path = own_path(rig, Hypothesis(rig), segments, NONE, np.array([0.2, -0.4]))
-    found = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, path)
+    trajectory = own_path(rig, Hypothesis(rig), segments, NONE, np.array([0.2, -0.4]))
+    found = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory)
     taken, h = segments.time + segments.shift[..., 0], segments.step
     parabola = 0.2 - 0.4 * taken + 3.0 / 2.0 * taken * (taken + h) / 2
     np.testing.assert_allclose(found.predicted[..., 0], parabola, atol=1e-10)
-    assert np.abs(found.predicted[..., 0] - path[..., 0]).max() > 1e-3
+    assert np.abs(found.predicted[..., 0] - trajectory[..., 0]).max() > 1e-3
 
 
 def test_beyond_the_end_of_an_episode_nothing_grows():
     rig, segments, of, start = arm_situation(45)
     segments = cut_short(segments, 30)
-    path = own_path(rig, Hypothesis(rig), segments, NONE, start)
-    path[:, 30:] = path[:, 29:30]
-    looks = [*looks_at([EFFECTS[n][0](of) for n in ("spring", "mass", "lag")]), STEP_ERROR]
-    system = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, path, looks).system
+    trajectory = own_path(rig, Hypothesis(rig), segments, NONE, start)
+    trajectory[:, 30:] = trajectory[:, 29:30]
+    perturbations = [*perturbations_of([EFFECTS[n][0](of) for n in ("spring", "mass", "lag")]), STEP_ERROR]
+    system = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory, perturbations).system
     assert np.all(system.d[0, 29:-1] == 0)
     assert np.all(system.W[0, 29:-1] == 0)
     assert np.abs(system.W[0, :29]).max() > 0

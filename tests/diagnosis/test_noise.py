@@ -8,13 +8,13 @@ from scipy.stats import multivariate_normal
 from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.noise import (
     DRIFT,
-    HELD_S,
+    FORCE_HOLD_S,
     NOMINAL,
     Noise,
     Prior,
-    first_noise,
     fit_noise,
     fit_process_force,
+    initial_noise,
     log_likelihood,
     marginal_likelihood,
     posterior_means,
@@ -28,7 +28,7 @@ KINDS = ("position", "velocity")
 
 @dataclass(frozen=True)
 class Made:
-    """Data of an oscillator about a path at rest, and the noise that is in them."""
+    """Data of an oscillator about a trajectory at rest, and the noise that is in them."""
 
     system: Linear
     segments: Segments
@@ -53,7 +53,7 @@ def made(
     rotate = np.array([[0.0, 1.0], [-(omega**2), -damping]])
     A = np.eye(2) + INTERVAL * rotate + INTERVAL**2 / 2 * rotate @ rotate
     B = np.array([[INTERVAL**2 / 2], [INTERVAL]]) / INERTIA
-    held = force * TORQUE * np.sqrt(HELD_S / INTERVAL)
+    held = force * TORQUE * np.sqrt(FORCE_HOLD_S / INTERVAL)
     decay = np.exp(-INTERVAL / correlation_s)
     # Laws that would push with the torque's size: smooth random functions of time.
     t = np.arange(S * L) * INTERVAL
@@ -90,8 +90,8 @@ def made(
 
 
 def fitted(of: Made, prior: Prior | None = None) -> Noise:
-    begin = first_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))
-    return fit_noise(of.system, prior or no_columns(), begin, of.segments, KINDS)
+    initial_point = initial_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))
+    return fit_noise(of.system, prior or no_columns(), initial_point, of.segments, KINDS)
 
 
 def no_columns() -> Prior:
@@ -153,15 +153,15 @@ def test_process_force_is_recovered(force):
     assert errors[0] < 0.2
 
 
-@pytest.mark.parametrize("begin", [1e-5, 20.0])
-def test_what_a_model_lacks_is_process_force_and_leaves_readings_as_they_were(begin):
+@pytest.mark.parametrize("initial_point", [1e-5, 20.0])
+def test_what_a_model_lacks_is_process_force_and_leaves_readings_as_they_were(initial_point):
     """From far below and far above; noise of the readings is not fitted, be it wrong."""
     of = made(5, force=0.3)
-    known = replace(of.noise, force=begin, white=1.1 * of.noise.white, coloured=0.1 * of.noise.white)
+    known = replace(of.noise, force=initial_point, white=1.1 * of.noise.white, coloured=0.1 * of.noise.white)
     found = fit_process_force(of.system, no_columns(), known, INTERVAL)
     np.testing.assert_allclose(found.white, known.white, rtol=1e-12)
     np.testing.assert_allclose(found.coloured, known.coloured, rtol=1e-12)
-    right = fit_process_force(of.system, no_columns(), replace(of.noise, force=begin), INTERVAL)
+    right = fit_process_force(of.system, no_columns(), replace(of.noise, force=initial_point), INTERVAL)
     (error,) = standard_errors(of, ("force",))
     assert abs(np.log(right.force / 0.3)) < 4 * error
     # Shares of laws that no column tells of stay what they were.
@@ -179,8 +179,8 @@ def test_jitter_of_the_sample_times_is_recovered():
     of = Made(
         replace(of.system, r=y), replace(of.segments, y=y), replace(of.noise, jitter_s=jitter, rate=rate)
     )
-    begin = first_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))
-    found = fit_noise(of.system, no_columns(), begin.elsewhere(rate), of.segments, KINDS)
+    initial_point = initial_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))
+    found = fit_noise(of.system, no_columns(), initial_point.elsewhere(rate), of.segments, KINDS)
     errors = standard_errors(of, ("jitter_s", "white0", "white1"))
     assert np.all(off([found.jitter_s, *found.white], [jitter, *of.noise.white], errors) < 4)
     assert errors[0] < 0.1
@@ -202,8 +202,8 @@ def test_coloured_noise_is_recovered():
 
 def test_channels_of_one_kind_share_the_colour():
     of = made(4, S=24, coloured=(4e-3, 8e-2))
-    begin = first_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))
-    found = fit_noise(of.system, no_columns(), begin, of.segments, ("position", "position"))
+    initial_point = initial_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))
+    found = fit_noise(of.system, no_columns(), initial_point, of.segments, ("position", "position"))
     assert found.correlation_s[0] == found.correlation_s[1]
     ratio = found.coloured / found.white
     assert ratio[0] == pytest.approx(ratio[1], rel=1e-12)
@@ -213,10 +213,10 @@ def test_channels_of_one_kind_share_the_colour():
 def test_force_is_told_for_one_length_of_time():
     """A white force over 1/100 s is one over 1/400 s of twice the standard deviation."""
     of = made(5, force=0.1)
-    fast, slow = of.noise.covariances(HELD_S / 4), of.noise.covariances(HELD_S)
+    fast, slow = of.noise.covariances(FORCE_HOLD_S / 4), of.noise.covariances(FORCE_HOLD_S)
     np.testing.assert_allclose(slow.force, (0.1 * TORQUE) ** 2)
     np.testing.assert_allclose(fast.force, 4 * slow.force)
-    np.testing.assert_allclose(slow.decay, np.exp(-HELD_S / 0.08))
+    np.testing.assert_allclose(slow.decay, np.exp(-FORCE_HOLD_S / 0.08))
     some = np.array([1, 3])
     assert of.noise.select(some).covariances(INTERVAL).white.shape == (2, 60, 2)
 
@@ -360,7 +360,7 @@ def test_a_fit_begins_at_the_noise_of_third_differences():
     y = slow[:, None] + rng.normal(size=(16, 60, 2)) * [1e-3, 3e-2]
     y[3, 20:] += 5.0  # a jump, as an encoder that wraps round
     y[5, 7, 0] = np.nan
-    found = first_noise(replace(of.segments, y=y), np.array([TORQUE]), 5, np.array([1.0]), np.array([5.0]))
+    found = initial_noise(replace(of.segments, y=y), np.array([TORQUE]), 5, np.array([1.0]), np.array([5.0]))
     # The median of 900 third differences, which neighbours share: 6 % a standard deviation.
     np.testing.assert_allclose(found.white, [1e-3, 3e-2], rtol=0.24)
     assert np.all(found.coloured == 0)

@@ -9,7 +9,7 @@ from mujoco import MjSpec
 from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.rig import bind
 
-from .mechanisms import joint, recording, told
+from .mechanisms import control_channel, joint, recording
 
 AXIS = """<mujoco><option timestep="0.005" integrator="implicitfast"/><worldbody><body>
 <joint name="slide" type="slide" axis="1 0 0"/><geom type="box" size=".1 .1 .05" mass="95.1" contype="0"
@@ -18,7 +18,7 @@ MASS, VISCOUS, COULOMB = 95.1, 203.5, 20.4  # of EMPS (Janot, Gautier, Brunot 20
 STEP, FINER, NOISE = 0.005, 100, 2e-5
 
 
-def driven(seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def driven_pendulum(seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times in s, positions as read in m, and forces in N that a controller holds from sample to sample."""
     rng, t = np.random.default_rng(seed), np.arange(round(seconds / STEP)) * STEP
     wanted = 0.1 * np.sin(1.1 * t) * np.sin(0.31 * t) + 0.05 * np.sin(2.9 * t)
@@ -37,8 +37,8 @@ def driven(seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def test_friction_of_a_precise_axis_is_named():
-    t, read, force = driven(16.0, 3)
-    channels = {"q": (joint("slide", unit="m"), read), "u": (told("N", actuator="motor"), force)}
+    t, read, force = driven_pendulum(16.0, 3)
+    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
     made = recording(t, channels)
     verdict = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1).verdict
     assert verdict.headline == "found"

@@ -1,4 +1,4 @@
-"""Where a diagnosis begins: the first path, and noise about it."""
+"""Where a diagnosis begins: the first trajectory, and noise about it."""
 
 from dataclasses import replace
 
@@ -8,12 +8,12 @@ import pytest
 from mujoco import MjSpec
 from scipy.signal import lfilter
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.problem import Problem, examine, first_look
+from slapshot.diagnosis.problem import Problem, fit_and_score, initial_fit
 from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.effects.joints.catalogue import instances
 
-from .mechanisms import ARM, PENDULUM, joint, recording, simulate, told
+from .mechanisms import ARM, PENDULUM, control_channel, joint, recording, simulate
 
 SERVO = """
 <mujoco>
@@ -30,7 +30,7 @@ SERVO = """
 
 
 def test_coloured_noise_is_not_taken_for_errors_of_a_stiff_servo():
-    """Its force along a path that follows the readings has their noise in it, 0.8 N m where it does 3."""
+    """Its force along a trajectory that follows the readings contains their noise: 0.8 N m of 3."""
     rng, sd, correlation, interval = np.random.default_rng(5), 1e-3, 0.02, 0.005
     t, model = np.arange(0, 2, interval), mujoco.MjModel.from_xml_string(SERVO)
     decay = np.exp(-interval / correlation)
@@ -44,11 +44,13 @@ def test_coloured_noise_is_not_taken_for_errors_of_a_stiff_servo():
         times.append(t)
         readings.append(q[:, 0] + sd * noise)
         commands.append(u[:, 0])
-    channels = {"q": (joint("shoulder"), readings), "u": (told("rad", actuator="servo"), commands)}
+    channels = {"q": (joint("shoulder"), readings), "u": (control_channel("rad", actuator="servo"), commands)}
     made = recording(times, channels)
     rig = bind(mujoco.MjSpec.from_string(SERVO), made.channels)
-    problem, fit, noise = first_look(Problem.of(rig, made.channels, cut(made, rig)), Hypothesis(rig))
-    found = examine(problem, fit.hypothesis, fit.theta, fit.path, noise, near=False).noise
+    problem, fit, noise = initial_fit(
+        Problem.of(rig, made.channels, segment_recording(made, rig)), Hypothesis(rig)
+    )
+    found = fit_and_score(problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=False).noise
     # 3,200 readings that are alike for four: a standard deviation to 2.5 %, its time to 7 %; three of these.
     assert float(found.single[0]) == pytest.approx(sd, rel=0.08)
     assert float(found.correlation_s[0]) == pytest.approx(correlation, rel=0.25)
@@ -59,8 +61,8 @@ def test_what_nobody_observed_may_begin_with_any_velocity():
     t = np.arange(0, 2, 0.01)
     made = recording(t, {"e": (joint("elbow"), np.sin(5 * t))})
     rig = bind(MjSpec.from_string(ARM), made.channels)
-    problem = Problem.of(rig, made.channels, cut(made, rig))
-    shoulder, elbow = np.sqrt(problem.first_noise.initial[2:4])
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    shoulder, elbow = np.sqrt(problem.initial_noise.initial[2:4])
     assert elbow == pytest.approx(3 * 5 / np.sqrt(2), rel=0.05)  # three rms speeds
     assert shoulder == elbow
 
@@ -77,12 +79,12 @@ def test_a_limit_is_found_whatever_its_knee():
         times.append(t)
         readings.append(q[:, 0] + sd * rng.normal(size=len(t)))
         commands.append(u)
-    channels = {"q": (joint("swing"), readings), "u": (told(actuator="drive"), commands)}
+    channels = {"q": (joint("swing"), readings), "u": (control_channel(actuator="drive"), commands)}
     made = recording(times, channels)
     rig = bind(MjSpec.from_string(PENDULUM), made.channels)
-    problem = Problem.of(rig, made.channels, cut(made, rig))
-    noise = replace(problem.first_noise, white=np.array([sd]), force=1e-3)
-    (effect,) = (e for e in instances(problem.situation) if e.name == "saturation")
-    fit = problem.fitter.fit(Hypothesis(rig, (effect,)), np.array([0.3]), problem.path, noise)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    noise = replace(problem.initial_noise, white=np.array([sd]), force=1e-3)
+    (effect,) = (e for e in instances(problem.rig_motion) if e.name == "saturation")
+    fit = problem.fitter.fit(Hypothesis(rig, (effect,)), np.array([0.3]), problem.trajectory, noise)
     largest = max(np.abs(u).max() for u in commands)
     assert abs(largest * (1 - fit.theta[0]) - limit) < 3 * largest * fit.sd[0]

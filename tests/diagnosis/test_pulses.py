@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 from scipy import stats
 from slapshot.diagnosis.filter import Linear
-from slapshot.diagnosis.noise import HELD_S, Noise
+from slapshot.diagnosis.noise import FORCE_HOLD_S, Noise
 from slapshot.diagnosis.pulses import Scan, pushes, scan
 from slapshot.diagnosis.segments import Segments
-from slapshot.effects.joints.effect import Joint, Situation, State
+from slapshot.effects.joints.effect import Joint, RigMotion, State
 
 JOINTS, SEGMENTS, WHITE, FORCE = 2, 6, 1e-4, 0.1
 NONE = np.zeros(0)
 
 
-def rig(interval: float) -> Situation:
+def rig(interval: float) -> RigMotion:
     joints = tuple(
         Joint(
             name=f"rail {k}", q=k, v=k, unit="N", actuators=(), torque=1.0, largest=(), speed=1.0, travel=1.0,
@@ -23,7 +23,7 @@ def rig(interval: float) -> Situation:
         for k in range(JOINTS)
     )  # fmt: skip
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    return Situation(model, joints, (), (), interval, 2)
+    return RigMotion(model, joints, (), (), interval, 2)
 
 
 def segments(interval: float = 0.01) -> Segments:
@@ -66,7 +66,7 @@ def masses(
         x = np.repeat([0.05, 1.0], JOINTS) * rng.standard_normal(n)
         for t in range(L):
             r[s, t] = C @ x + WHITE * rng.standard_normal(JOINTS)
-            f = FORCE * np.sqrt(HELD_S / h) * rng.standard_normal(JOINTS)
+            f = FORCE * np.sqrt(FORCE_HOLD_S / h) * rng.standard_normal(JOINTS)
             if push is not None and of.episode[s] == push[0]:
                 f[push[1]] += push[4] * (push[2] - 1e-9 <= of.time[s, t] < push[3] - 1e-9)
             x = A @ x + B @ f
@@ -103,11 +103,11 @@ def test_ratios_without_pushes_are_standard_normal():
 
 def test_without_pushes_none_is_told():
     """A level of 1 % a recording: 3 or more of 40 have a chance of 0.7 %."""
-    told = 0
+    observable = 0
     for seed in range(40):
         found, of = scanned(1000 + seed)
-        told += bool(pushes(found, of, rig(0.01)))
-    assert told < 3
+        observable += bool(pushes(found, of, rig(0.01)))
+    assert observable < 3
 
 
 @pytest.mark.parametrize(("joint", "begin", "force"), [(0, 0.2, 1.5), (1, 0.67, -1.5), (1, 1.13, 1.5)])

@@ -20,9 +20,7 @@ from slapshot.diagnosis.outputs import write_outputs
 from slapshot.diagnosis.report.markdown import markdown
 from slapshot.diagnosis.report.motion import Motion, predicted_motion, recorded_motion
 from slapshot.diagnosis.report.outcome import Outcome, coordinates
-from slapshot.diagnosis.report.residuals import binned, made_up, missing, variables
-from slapshot.diagnosis.report.terminal import terminal_text
-from slapshot.diagnosis.report.wording import (
+from slapshot.diagnosis.report.presentation import (
     between,
     headline,
     noise_text,
@@ -31,6 +29,8 @@ from slapshot.diagnosis.report.wording import (
     rivals_text,
     scaled,
 )
+from slapshot.diagnosis.report.residuals import added_force, binned, misfit, variables
+from slapshot.diagnosis.report.terminal import terminal_text
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
@@ -49,12 +49,12 @@ from slapshot.diagnosis.verdict import (
 )
 from slapshot.plotting import STAND_IN
 from slapshot.progress import Steps
-from slapshot.recordings.signal_measures import measure_all
-from slapshot.recordings.signal_quality import odd_signals, warnings_of
+from slapshot.recordings.signal_quality import quality_warning_lines, signal_warnings
+from slapshot.recordings.signal_statistics import all_channel_statistics
 from slapshot.recordings.signals import SignalRecording
 from waiting import HANG_S
 
-from .mechanisms import BRICK, PENDULUM, joint, place, recording, simulate, told
+from .mechanisms import BRICK, PENDULUM, control_channel, joint, place, recording, simulate
 
 FRICTION = 0.25  # N m
 NOISE = 5e-4  # rad
@@ -98,7 +98,8 @@ def swings(friction: float, seed: int) -> SignalRecording:
         angles.append(qpos[:, 0] + rng.normal(0, NOISE, len(t)))
         torques.append(torque)
     return recording(
-        [t] * EPISODES, {"angle": (joint("swing"), angles), "torque": (told(actuator="drive"), torques)}
+        [t] * EPISODES,
+        {"angle": (joint("swing"), angles), "torque": (control_channel(actuator="drive"), torques)},
     )
 
 
@@ -111,7 +112,7 @@ def made(tmp_path_factory):
         [still] * EPISODES,
         {
             "angle": (joint("swing"), [0 * still] * EPISODES),
-            "torque": (told(actuator="drive"), [0 * still] * EPISODES),
+            "torque": (control_channel(actuator="drive"), [0 * still] * EPISODES),
         },
     )
     with pytest.MonkeyPatch.context() as patch:
@@ -202,7 +203,7 @@ def test_the_page_agrees_with_the_verdict(made, name):
     assert text.startswith(starts[expected])
     assert ("**Yes.**" in text) == (expected == "found")
     assert ("**No.**" in text) == (expected == "nothing_found")
-    assert ("could still be there unseen" in text) == bool(verdict.limits)
+    assert ("Upper limits of effects" in text) == bool(verdict.limits)
     assert STAND_IN in text
     assert STAND_IN not in markdown(verdict.model_copy(update={"stand_in": False}))
     for finding in verdict.findings:
@@ -277,9 +278,9 @@ def test_missing_torque_is_the_friction(made):
     outcome = made["friction"].outcome
     (swing,) = coordinates(outcome.rig.model)
     speed = variables(outcome, swing)["velocity"]
-    found = missing(outcome, "nominal")
-    left = missing(outcome, "augmented")
-    added = made_up(outcome)
+    found = misfit(outcome, "nominal")
+    left = misfit(outcome, "augmented")
+    added = added_force(outcome)
     (effect,) = outcome.verdict.effects
     value = effect.parameters[0].value
     for way in (-1, 1):
@@ -297,7 +298,7 @@ def test_missing_torque_is_the_friction(made):
 
 
 def test_nothing_is_made_up_where_nothing_was_found(made):
-    assert made_up(made["nothing"].outcome) is None
+    assert added_force(made["nothing"].outcome) is None
 
 
 def test_binned_means_and_their_intervals():
@@ -317,10 +318,10 @@ def test_binned_means_and_their_intervals():
 def test_motion_that_is_drawn_is_that_which_was_predicted_and_recorded(made):
     outcome = made["friction"].outcome
     every = np.arange(outcome.windows.shape[0])
-    for arm in outcome.arms:
-        motion = predicted_motion(outcome, arm, every)
+    for model_name in outcome.by_model:
+        motion = predicted_motion(outcome, model_name, every)
         # To a tenth of what can be seen at all, the noise.
-        np.testing.assert_allclose(motion.seen, outcome.predictions(arm).predicted, atol=0.1 * NOISE)
+        np.testing.assert_allclose(motion.seen, outcome.predictions(model_name).predicted, atol=0.1 * NOISE)
         np.testing.assert_allclose(motion.qpos, motion.seen, atol=1e-9)
         recorded = recorded_motion(motion, outcome.recorded)
         np.testing.assert_allclose(recorded.qpos, outcome.recorded, atol=1e-9)
@@ -385,7 +386,7 @@ BACKLASH = NamedEffect(
 )
 FOUND = Verdict(
     headline="found",
-    reason="what is named leaves something that no name explains",
+    reason="the named effects leave a mismatch that no effect explains",
     rig="arm | 7",
     stand_in=False,
     episodes=4,
@@ -422,7 +423,11 @@ FOUND = Verdict(
     versions={},
 )
 UNNAMED = FOUND.model_copy(
-    update={"headline": "found_not_named", "effects": [], "reason": "something is missing, and no name holds"}
+    update={
+        "headline": "found_not_named",
+        "effects": [],
+        "reason": "something is missing, and no effect of the catalogue explains it",
+    }
 )
 NOTHING = FOUND.model_copy(
     update={
@@ -596,8 +601,8 @@ def test_findings_are_those_of_the_check():
     table = good.signals["encoder"]
     gap = table[(table["t"] < 0.5) | (table["t"] > 1.2)]
     bad = SignalRecording(**{**vars(good), "signals": {"encoder": gap}})
-    found = warnings_of(bad)
-    assert found == [str(finding) for finding in odd_signals(bad, measure_all(bad))]
+    found = quality_warning_lines(bad)
+    assert found == [str(finding) for finding in signal_warnings(bad, all_channel_statistics(bad))]
     assert any("gaps" in line for line in found)
     assert all("\n" not in line for line in found)
 

@@ -9,7 +9,7 @@ from slapshot.diagnosis.rig import bind, load_spec
 from slapshot.errors import InputError
 from slapshot.recordings.channels import QUATERNION, Channel
 
-from .mechanisms import ARM, BRICK, HANGER, PENDULUM, joint, place, told
+from .mechanisms import ARM, BRICK, HANGER, PENDULUM, control_channel, joint, place
 
 URDF = """<?xml version="1.0"?>
 <!-- exported -- not by hand -->
@@ -80,7 +80,7 @@ def test_channels_find_their_parts():
     channels = {
         "angle": joint("elbow"),
         "rate": joint("shoulder", "velocity", "rad/s"),
-        "servo": told("rad", actuator="servo"),
+        "servo": control_channel("rad", actuator="servo"),
         "hand_z": place("site", "hand", "z"),
         "effort": joint("shoulder", "torque", "N m"),
     }
@@ -103,7 +103,7 @@ def test_channels_find_their_parts():
 
 def test_the_users_model_is_left_as_it_is():
     own = spec(ARM)
-    channels = {"angle": joint("elbow"), "torque": told(joint="elbow")}
+    channels = {"angle": joint("elbow"), "torque": control_channel(joint="elbow")}
     rig = bind(own, channels)
     assert [a.name for a in own.actuators] == ["servo"]
     assert not own.sensors
@@ -113,7 +113,7 @@ def test_the_users_model_is_left_as_it_is():
 
 
 def test_a_torque_on_a_joint_without_actuator_gets_a_motor():
-    rig = bind(spec(ARM), {"angle": joint("elbow"), "torque": told(joint="elbow")})
+    rig = bind(spec(ARM), {"angle": joint("elbow"), "torque": control_channel(joint="elbow")})
     assert [(c.input, c.channel) for c in rig.controls] == [("servo", None), ("slapshot:elbow", "torque")]
     x, u = np.array([[0.1, 0.2, 0.3, 0.4]]), np.array([[[0.0, 0.7]]])
     _, _, torque = Simulator(rig).run(rig.model, x, u)
@@ -127,15 +127,15 @@ def test_a_torque_on_a_joint_without_actuator_gets_a_motor():
 
 def test_a_rig_can_be_bound_again():
     """As a rig is that an effect restructures: its motors are there already."""
-    channels = {"angle": joint("elbow"), "torque": told(joint="elbow")}
+    channels = {"angle": joint("elbow"), "torque": control_channel(joint="elbow")}
     again = bind(bind(spec(ARM), channels).spec, channels)
     assert [c.input for c in again.controls] == ["servo", "slapshot:elbow"]
 
 
 def test_torques_on_ball_and_free_joints_act_about_the_axis_that_is_told():
     turned = [np.cos(0.4), 0, np.sin(0.4), 0]  # 0.8 rad about y
-    ball = bind(spec(HANGER), {"qw": place("body", "hanger", "x"), "ty": told(joint="hook", component="y"),
-                               "tz": told(joint="hook", component="z")})  # fmt: skip
+    torques = {f"t{axis}": control_channel(joint="hook", component=axis) for axis in "yz"}
+    ball = bind(spec(HANGER), {"qw": place("body", "hanger", "x"), **torques})
     assert [c.channel for c in ball.controls] == ["ty", "tz"]
     model = mujoco.MjModel.from_xml_string(HANGER)
     data = mujoco.MjData(model)
@@ -150,7 +150,8 @@ def test_torques_on_ball_and_free_joints_act_about_the_axis_that_is_told():
 
     fx = control("force", "N", joint="flight", component="x")
     free = bind(
-        spec(BRICK), {"x": place("body", "brick", "x"), "fx": fx, "ty": told(joint="flight", component="y")}
+        spec(BRICK),
+        {"x": place("body", "brick", "x"), "fx": fx, "ty": control_channel(joint="flight", component="y")},
     )
     model = mujoco.MjModel.from_xml_string(BRICK)
     data = mujoco.MjData(model)
@@ -250,7 +251,7 @@ def test_a_urdf_is_read_without_its_meshes(tmp_path):
     data.qpos[0] = 0.5
     mujoco.mj_forward(model, data)
     assert data.qfrc_bias[0] == pytest.approx(9.81 * (0.64 * 0.2 + 0.1 * 0.4) * np.sin(0.5), rel=1e-9)
-    rig = bind(load_spec(file), {"angle": joint("Joint1"), "torque": told(joint="Joint1")})
+    rig = bind(load_spec(file), {"angle": joint("Joint1"), "torque": control_channel(joint="Joint1")})
     assert rig.controls[0].input == "slapshot:Joint1"
 
 
@@ -374,11 +375,11 @@ REFUSED = {
     ),
     "no such actuator": (
         ARM,
-        ANGLE | {"u": told("rad", actuator="motor")},
+        ANGLE | {"u": control_channel("rad", actuator="motor")},
         "no actuator 'motor'; it has: servo",
     ),
     "no actuator by the channel's name": (ARM, ANGLE | {"u": control("command", "rad")}, "no actuator 'u'"),
-    "no such driven joint": (ARM, ANGLE | {"u": told(joint="wrist")}, "no joint 'wrist'"),
+    "no such driven joint": (ARM, ANGLE | {"u": control_channel(joint="wrist")}, "no joint 'wrist'"),
     "angles are no torques": (
         ARM,
         {"a": joint("elbow"), "u": control("position", "rad", joint="elbow")},
@@ -386,15 +387,15 @@ REFUSED = {
     ),
     "driven twice": (
         PENDULUM,
-        ANGLE | {"u": told(actuator="drive"), "drive": control("command", "N m")},
+        ANGLE | {"u": control_channel(actuator="drive"), "drive": control("command", "N m")},
         "channels: u and drive both drive drive; keep one",
     ),
     "torque at a servo": (
         ARM,
-        {"a": joint("elbow"), "u": told(joint="shoulder")},
+        {"a": joint("elbow"), "u": control_channel(joint="shoulder")},
         "which servo drives by a law of its own",
     ),
-    "nothing observed": (PENDULUM, {"u": told(actuator="drive")}, "channels: nothing is observed"),
+    "nothing observed": (PENDULUM, {"u": control_channel(actuator="drive")}, "channels: nothing is observed"),
     "one number of many": (
         SENSED,
         {"a": observation("velocity", "rad/s", sensor="imu")},
@@ -418,7 +419,7 @@ REFUSED = {
     "a command observed": (
         PENDULUM,
         {"a": observation("command", "N m", actuator="drive")},
-        "is told, not observed; make it a control",
+        "is an input, not an observation; make it a control",
     ),
     "a force at a site": (
         PENDULUM,
@@ -438,7 +439,7 @@ REFUSED = {
     ),
     "torque of a ball without axis": (
         HANGER,
-        {"a": place("body", "hanger", "x"), "u": told(joint="hook")},
+        {"a": place("body", "hanger", "x"), "u": control_channel(joint="hook")},
         "hook has several axes; say which",
     ),
     "delays inside the model": (DELAYED, ANGLE, "has delays or plugins"),

@@ -8,11 +8,11 @@ from slapshot.diagnosis.diagnose import free_effects
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.rig_file import bound_rig, read_rig_file, rig_of_model
-from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.errors import InputError
 from slapshot.recordings.signals import SignalRecording
 
-from .mechanisms import PENDULUM, joint, recording, simulate, told
+from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 
 
 @pytest.fixture(name="folder")
@@ -31,7 +31,7 @@ def taken(*, angle: str = "swing", drive: str = "drive") -> SignalRecording:
         {
             "angle": (joint(angle), qpos[:, 0]),
             "rate": (joint("swing", "velocity", "rad/s"), qvel[:, 0]),
-            "motor": (told(actuator=drive), u[:, 0]),
+            "motor": (control_channel(actuator=drive), u[:, 0]),
         },
     )
 
@@ -52,7 +52,7 @@ def refusal(folder: Path, text: str, of: SignalRecording | None = None) -> str:
 
 
 def problem(rig: Rig, of: SignalRecording) -> Problem:
-    return Problem.of(rig, of.channels, cut(of, rig))
+    return Problem.of(rig, of.channels, segment_recording(of, rig))
 
 
 def test_a_rig_file_says_all_that_it_may(folder: Path):

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy import stats
 from slapshot.diagnosis.filter import Covariances, Linear, innovations
-from slapshot.diagnosis.inference.null import mismatch_test
 from slapshot.diagnosis.inference.scores import (
     Draws,
     Eliminated,
     Elimination,
     Scores,
     group_statistics,
+    mismatch_test,
+    overdispersion,
     scores,
-    spread_over_information,
 )
 
 GROUPS = (np.array([0]), np.array([1, 2]), np.array([3, 4, 5]))
@@ -245,7 +245,7 @@ def test_the_number_of_draws_is_what_was_asked_for():
 def test_scores_that_spread_more_than_the_noise_says_are_told(scale):
     """Noise that is larger than thought by a factor: the mean over draws, with its own standard error."""
     rng, of = np.random.default_rng(5), columns(6, segments=40)
-    found = [spread_over_information(of.scores(null_data(of, rng, scale))) for _ in range(200)]
+    found = [overdispersion(of.scores(null_data(of, rng, scale))) for _ in range(200)]
     assert np.mean(found) == pytest.approx(scale**2, abs=4 * np.std(found) / np.sqrt(len(found)))
     # 40 segments of 6 candidates: some 39 x 6 degrees of freedom.
     assert np.std(found) == pytest.approx(scale**2 * np.sqrt(2 / (39 * CANDIDATES)), rel=0.3)
@@ -253,4 +253,4 @@ def test_scores_that_spread_more_than_the_noise_says_are_told(scale):
 
 def test_one_segment_cannot_disagree():
     of = columns(7, segments=1)
-    assert spread_over_information(of.scores(3 * null_data(of, np.random.default_rng(8)))) == 1.0
+    assert overdispersion(of.scores(3 * null_data(of, np.random.default_rng(8)))) == 1.0

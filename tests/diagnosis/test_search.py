@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 from slapshot.diagnosis.fit import Fit
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.search import Rival, Search, Step, _raced
+from slapshot.diagnosis.search import Rival, Search, Step, _preselect
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.encoder_delay import EncoderDelay
 from slapshot.effects.joints.payload import Payload
@@ -17,19 +17,19 @@ from .test_linear import arm_situation
 def test_an_effect_of_no_size_does_nothing_wherever_it_sits():
     rig, _, of, _ = arm_situation(20)
 
-    def idle(effect: JointEffect, *values: float) -> bool:
+    def has_no_effect(effect: JointEffect, *values: float) -> bool:
         hypothesis = Hypothesis(rig, (next(iter(ViscousFriction.instances(of))), effect))
         theta = np.array([0.3, *values])
         fit = Fit(hypothesis, theta, np.zeros((1, 1, 4)), 0.0, np.eye(len(theta)), True, 0.0)
-        return Rival(effect, 70.0, fit).idle
+        return Rival(effect, 70.0, fit).has_no_effect
 
     payload = next(iter(Payload.instances(of)))
-    assert idle(payload, 0.0, 0.0, 0.0, -0.6)
-    assert not idle(payload, 0.01, 0.0, 0.0, -0.6)
+    assert has_no_effect(payload, 0.0, 0.0, 0.0, -0.6)
+    assert not has_no_effect(payload, 0.01, 0.0, 0.0, -0.6)
     # Friction that a joint has too much of is less of it: 0 is one of its values.
     friction = next(iter(ViscousFriction.instances(of)))
-    assert idle(friction, 0.0) == (friction.parameters[0].low == 0)
-    assert not idle(friction, 0.1)
+    assert has_no_effect(friction, 0.0) == (friction.parameters[0].low == 0)
+    assert not has_no_effect(friction, 0.1)
 
 
 def test_a_search_before_an_effect_ends_where_that_was_not_yet_there():
@@ -37,8 +37,8 @@ def test_a_search_before_an_effect_ends_where_that_was_not_yet_there():
     friction, payload = next(iter(ViscousFriction.instances(of))), next(iter(Payload.instances(of)))
 
     def step(*effects: JointEffect, added: JointEffect | None = None) -> Step:
-        examination = SimpleNamespace(fit=SimpleNamespace(hypothesis=Hypothesis(rig, effects)))
-        return Step(None, examination, None, added)
+        scored = SimpleNamespace(fit=SimpleNamespace(hypothesis=Hypothesis(rig, effects)))
+        return Step(None, scored, None, added)
 
     nominal, first = step(), step(friction, added=friction)
     # The last step was taken, and then an effect of before was removed from it.
@@ -66,13 +66,15 @@ def test_a_delay_is_raced_from_both_signs_and_the_best_candidate_comes_first():
     fitter = SimpleNamespace(fit=fit)
     fitter.select = lambda _: fitter
     either = SimpleNamespace(select=lambda _: None)
-    examined = SimpleNamespace(
-        left=either, system=either,
-        fit=SimpleNamespace(path=np.zeros((1, 20, 4)), hypothesis=Hypothesis(rig), theta=np.zeros(0)),
+    scored = SimpleNamespace(
+        residual_noise=either, system=either,
+        fit=SimpleNamespace(trajectory=np.zeros((1, 20, 4)), hypothesis=Hypothesis(rig), theta=np.zeros(0)),
     )  # fmt: skip
     problem = SimpleNamespace(segments=segments, fitter=fitter)
-    raced = _raced(Step(problem, examined, None), [(friction, np.array([0.1])), (delay, np.array([0.004]))])
-    assert [effect.key for effect, *_ in raced] == [delay.key, friction.key]
-    assert raced[0][1] == np.array([-0.004])
-    assert raced[0][2] == 40.0
+    ranked = _preselect(
+        Step(problem, scored, None), [(friction, np.array([0.1])), (delay, np.array([0.004]))]
+    )
+    assert [effect.key for effect, *_ in ranked] == [delay.key, friction.key]
+    assert ranked[0][1] == np.array([-0.004])
+    assert ranked[0][2] == 40.0
     assert sorted(begun) == sorted([(), (friction.key, "0.1"), (delay.key, "0.004"), (delay.key, "-0.004")])

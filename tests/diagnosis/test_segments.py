@@ -10,12 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mujoco import MjSpec
 from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.segments import SHORTEST_INTERVAL_S, ControlSignal, Segments, cut, median_interval
+from slapshot.diagnosis.segments import (
+    SHORTEST_INTERVAL_S,
+    ControlSignal,
+    Segments,
+    median_interval,
+    segment_recording,
+)
 from slapshot.errors import InputError
 from slapshot.recordings.channels import Channel
 from slapshot.recordings.signals import SignalRecording
 
-from .mechanisms import CART, PENDULUM, joint, recording, told
+from .mechanisms import CART, PENDULUM, control_channel, joint, recording
 
 times = st.lists(st.floats(0, 10, width=32), min_size=1, max_size=8, unique=True).map(sorted)
 
@@ -30,7 +36,7 @@ def swinging(t, values=None, control=None) -> SignalRecording:
     values = [np.sin(part) for part in parts] if values is None else values
     channels = {"angle": (joint("swing"), values)}
     if control is not None:
-        channels["drive"] = (told(actuator="drive"), control)
+        channels["drive"] = (control_channel(actuator="drive"), control)
     return recording(parts, channels)
 
 
@@ -66,7 +72,7 @@ def test_an_even_recording_is_its_own_grid():
     t = np.arange(101) * 0.01
     made = swinging(t, control=np.arange(101.0))
     rig = rig_of(made)
-    segments = cut(made, rig, segment_s=0.25)
+    segments = segment_recording(made, rig, segment_s=0.25)
     assert segments.interval == pytest.approx(0.01)
     assert segments.substeps == 1
     # 101 nodes in segments of 25; the last one of a single node is too short to tell a state.
@@ -80,7 +86,7 @@ def test_an_even_recording_is_its_own_grid():
 
 def test_short_ends_are_filled_up():
     t = np.arange(60) * 0.01
-    segments = cut(made := swinging(t), rig_of(made), segment_s=0.25)
+    segments = segment_recording(made := swinging(t), rig_of(made), segment_s=0.25)
     assert segments.shape == (3, 25)
     assert segments.inside.sum(axis=1).tolist() == [25, 25, 10]
     assert np.isnan(segments.y[2, 10:]).all()
@@ -91,7 +97,7 @@ def test_short_ends_are_filled_up():
 def test_steps_are_at_most_as_long_as_the_models(timestep, finer, substeps):
     made = swinging(np.arange(50) * 0.01)
     rig = rig_of(made, PENDULUM.replace('timestep="0.01"', f'timestep="{timestep}"'))
-    segments = cut(made, rig, finer=finer)
+    segments = segment_recording(made, rig, finer=finer)
     assert segments.substeps == substeps
     assert segments.step == pytest.approx(0.01 / substeps)
 
@@ -108,7 +114,7 @@ def test_jittered_samples_say_how_late_they_are():
     t = np.arange(400) * 0.01 + rng.uniform(-0.004, 0.004, 400)
     t -= t[0]
     made = swinging(t)
-    segments = cut(made, rig_of(made))
+    segments = segment_recording(made, rig_of(made))
     there = np.isfinite(segments.y[..., 0])
     # No interval is longer than 18 ms, nor a median of 399 of them further from 10 ms than a few percent, so
     # that the grid drifts against the clock and a sample now and then shares its node with a nearer one.
@@ -124,14 +130,14 @@ def test_jittered_samples_say_how_late_they_are():
 
 def test_of_two_samples_at_one_node_the_nearer_stays():
     t = np.array([0.0, 0.01, 0.018, 0.021, 0.03, 0.04, 0.05, 0.06, 0.07])
-    segments = cut(made := swinging(t, [np.arange(9.0)]), rig_of(made))
+    segments = segment_recording(made := swinging(t, [np.arange(9.0)]), rig_of(made))
     assert segments.y[0, :8, 0].tolist() == [0, 1, 3, 4, 5, 6, 7, 8]
     assert segments.shift[0, 2, 0] == pytest.approx(0.001)
 
 
 def test_gaps_are_missing_and_time_goes_on():
     t = np.concatenate([np.arange(30), np.arange(70, 100)]) * 0.01
-    segments = cut(made := swinging(t), rig_of(made), segment_s=1.0)
+    segments = segment_recording(made := swinging(t), rig_of(made), segment_s=1.0)
     assert segments.shape == (1, 100)
     missing = np.isnan(segments.y[0, :, 0])
     assert missing[30:70].all()
@@ -161,7 +167,7 @@ def test_each_clock_keeps_its_own_time():
     made = several_clocks()
     rig = rig_of(made)
     assert median_interval(made, rig) == pytest.approx(0.01)
-    segments = cut(made, rig)
+    segments = segment_recording(made, rig)
     slow = np.isfinite(segments.y[..., 1])
     assert slow.sum() == pytest.approx(60, abs=1)
     taken = (segments.time + segments.shift[..., 1])[slow]
@@ -179,7 +185,7 @@ def test_controls_are_read_at_the_observations_times():
     made.signals["encoder"] = made.signals["encoder"][lambda table: table["t"] >= 0.499]
     made.signals["camera"] = made.signals["camera"][lambda table: table["t"] >= 0.55]
     made.signals["bus"]["bus"] = made.signals["bus"]["t"]
-    segments = cut(made, rig_of(made))
+    segments = segment_recording(made, rig_of(made))
     assert segments.time[0, 0] == pytest.approx(0.5)  # from the episode's start, as effects of time count it
     u, middle = segments.control()[..., 0, 0], segments.time + segments.interval / 2
     before = middle < 1.9
@@ -188,7 +194,7 @@ def test_controls_are_read_at_the_observations_times():
 
 def test_rates_are_of_second_order_and_end_with_the_episode():
     t = np.arange(63) * 0.01
-    segments = cut(made := swinging(t), rig_of(made), segment_s=0.25)
+    segments = segment_recording(made := swinging(t), rig_of(made), segment_s=0.25)
     assert segments.inside.sum(axis=1).tolist() == [25, 25, 13]
     for power in (1, 2):  # exact for parabolas, at both ends too
         values = np.where(segments.inside, segments.time**power, 1e6)[..., None]
@@ -199,7 +205,7 @@ def test_rates_are_of_second_order_and_end_with_the_episode():
 @pytest.mark.parametrize("nodes", [1, 2])
 def test_rates_of_very_short_ends(nodes):
     t = np.arange(4 + nodes) * 0.01
-    segments = cut(made := swinging(t), rig_of(made), segment_s=0.04)
+    segments = segment_recording(made := swinging(t), rig_of(made), segment_s=0.04)
     rate = segments.rate(np.where(segments.inside, segments.time, np.nan))
     assert rate[1].tolist() == pytest.approx([1, 1, 0, 0] if nodes == 2 else [0, 0, 0, 0])
 
@@ -208,7 +214,7 @@ def test_episodes_stay_apart_and_in_the_order_of_the_session():
     t = np.arange(80) * 0.01
     made = swinging([t, t[:45], t], [np.full(80, 1.0), np.full(45, 2.0), np.full(80, 3.0)])
     made.episodes["order"] = [2, 0, 1]
-    segments = cut(made, rig_of(made), segment_s=0.4)
+    segments = segment_recording(made, rig_of(made), segment_s=0.4)
     assert segments.ids.tolist() == [1, 2, 0]
     # 45 nodes are 40 and 5, which are too few.
     assert segments.episode.tolist() == [0, 1, 1, 2, 2]
@@ -222,7 +228,9 @@ def test_episodes_stay_apart_and_in_the_order_of_the_session():
 def test_edits_of_controls_see_whole_episodes():
     t = np.arange(60) * 0.01
     made = swinging(t, control=np.ones(60))
-    segments = cut(made, rig_of(made, PENDULUM.replace('timestep="0.01"', 'timestep="0.005"')), segment_s=0.2)
+    segments = segment_recording(
+        made, rig_of(made, PENDULUM.replace('timestep="0.01"', 'timestep="0.005"')), segment_s=0.2
+    )
     seen = []
 
     def edit(u: np.ndarray, step: float) -> np.ndarray:
@@ -238,13 +246,13 @@ def test_edits_of_controls_see_whole_episodes():
 def test_without_actuators_there_are_no_controls():
     made = recording(np.arange(50) * 0.01, {"place": (joint("rail", unit="m"), np.zeros(50))})
     passive = CART[: CART.index("<actuator>")] + "</mujoco>"
-    segments = cut(made, rig_of(made, passive))
+    segments = segment_recording(made, rig_of(made, passive))
     assert segments.control().shape == (*segments.shape, 1, 0)
 
 
 def test_faster_clocks_than_any_mechanism_are_thinned():
     t = np.arange(500) * 2e-4
-    segments = cut(made := swinging(t), rig_of(made))
+    segments = segment_recording(made := swinging(t), rig_of(made))
     assert segments.interval == SHORTEST_INTERVAL_S
     # Every fifth sample lies on a node, and the last, at 99.8 ms, is near one that no sample meets.
     there = segments.inside & (segments.time < 0.0995)
@@ -257,20 +265,20 @@ def test_an_episode_without_observation_is_refused():
     made = swinging([np.arange(5) * 0.01] * 2)
     made.signals["encoder"].loc[made.signals["encoder"]["episode"] == 1, "angle"] = np.nan
     with pytest.raises(InputError, match=r"^episode 1: nothing was observed; leave the episode out$"):
-        cut(made, rig_of(made))
+        segment_recording(made, rig_of(made))
 
 
 def test_a_control_without_value_is_refused():
     made = swinging([np.arange(5) * 0.01] * 2, control=[np.ones(5), np.ones(5)])
     made.signals["encoder"].loc[made.signals["encoder"]["episode"] == 1, "drive"] = np.nan
     with pytest.raises(InputError, match=r"^episode 1: channel drive has no value; leave the episode out$"):
-        cut(made, rig_of(made))
+        segment_recording(made, rig_of(made))
 
 
 def test_a_later_part_has_the_controls_of_its_own_times():
     t = np.arange(100) * 0.01
     made = swinging(t, control=np.cos(3 * t))
-    segments = cut(made, rig_of(made), segment_s=0.4)
+    segments = segment_recording(made, rig_of(made), segment_s=0.4)
     later = segments.later(15)
     assert later.shape == (segments.shape[0], 25)
     np.testing.assert_array_equal(later.time, segments.time[:, 15:])

@@ -8,7 +8,7 @@ from mujoco import MjSpec
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.diagnosis.shooting import shoot, simulate
 from slapshot.diagnosis.structure import restructured, same_effects
 from slapshot.effects.joints.actuator_gain import ActuatorGain
@@ -18,7 +18,7 @@ from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.joint_elasticity import JointElasticity
 
 from . import mechanisms
-from .mechanisms import CART, PENDULUM, joint, recording, told
+from .mechanisms import CART, PENDULUM, control_channel, joint, recording
 
 WHITE = 3e-4
 ROD = PENDULUM.replace('damping="0.05"', 'damping="0.05" armature="0.05"').replace(
@@ -42,18 +42,18 @@ def problem(text: str, name: str, u: list[np.ndarray], angles: list[np.ndarray],
     unit, motor = ("m", "push") if name == "rail" else ("rad", "drive")
     channels = {
         "angle": (joint(name, unit=unit), noisy),
-        "drive": (told(actuator=motor), [part[:, 0] for part in u]),
+        "drive": (control_channel(actuator=motor), [part[:, 0] for part in u]),
     }
     taken = recording([T] * len(u), channels)
     rig = bind(MjSpec.from_string(text), taken.channels)
-    return Problem.of(rig, taken.channels, cut(taken, rig))
+    return Problem.of(rig, taken.channels, segment_recording(taken, rig))
 
 
 def flexible(kind: type[JointEffect], variant: int, values: list[float], seed: int) -> Problem:
     """A rod with a spring or play that the model has not."""
     u = drives(seed)
     nothing = problem(ROD, "swing", u, [0.3 * np.sin(7 * T + part[0]) for part in u], seed)
-    effect = list(kind.instances(nothing.situation))[variant]
+    effect = list(kind.instances(nothing.rig_motion))[variant]
     rig = restructured(nothing.rig, effect, nothing.channels)
     model = Hypothesis(rig, (effect,)).compiled(np.array(values), 0.002)
     angles = []
@@ -72,12 +72,14 @@ def test_a_spring_and_play_are_recovered(
     kind: type[JointEffect], variant: int, values: list[float], factor: float
 ):
     of = flexible(kind, variant, values, 1)
-    own = [e for e in instances(of.situation) if isinstance(e, kind)][variant]
-    moved = of.restructured(own, of.path)
-    hypothesis = Hypothesis(moved.rig, same_effects((own,), instances(moved.situation)))
-    noise = replace(moved.first_noise, white=np.array([WHITE]))
+    own = [e for e in instances(of.rig_motion) if isinstance(e, kind)][variant]
+    moved = of.restructured(own, of.trajectory)
+    hypothesis = Hypothesis(moved.rig, same_effects((own,), instances(moved.rig_motion)))
+    noise = replace(moved.initial_noise, white=np.array([WHITE]))
     theta = np.array([factor * values[0], hypothesis.start[1]])
-    found = shoot(moved.fitter.simulator, hypothesis, theta, moved.segments, moved.path, noise, rounds=40)
+    found = shoot(
+        moved.fitter.simulator, hypothesis, theta, moved.segments, moved.trajectory, noise, rounds=40
+    )
     if kind is Backlash:
         # The gap is what a verdict tells; damping within it acts for milliseconds, and hardly shows.
         assert found.theta[0] == pytest.approx(values[0], rel=0.05)
@@ -85,8 +87,8 @@ def test_a_spring_and_play_are_recovered(
     assert found.converged
     assert np.all(np.abs(found.theta - values) < 4 * found.sd)
     assert found.sd[0] < 0.01 * values[0]
-    # What is left is noise: the path goes where the rod went.
-    simulator, first = moved.fitter.simulator, found.path[:, 0]
+    # What is left is noise: the trajectory goes where the rod went.
+    simulator, first = moved.fitter.simulator, found.trajectory[:, 0]
     left = moved.segments.y - simulate(simulator, hypothesis, found.theta, moved.segments, first)[1]
     assert np.sqrt(np.nanmean(left**2)) < 1.05 * WHITE
 
@@ -100,24 +102,24 @@ def sliding(seed: int, gain: float = 1.2) -> Problem:
 @pytest.mark.parametrize("coloured", [0.0, 5e-4])
 @pytest.mark.parametrize("kinds", [(), (ActuatorGain,)])
 def test_on_a_linear_system_it_is_the_filter(coloured: float, kinds: tuple[type[JointEffect], ...]):
-    """Both evidences are exact. The filter's prior of first states moves with the path, which is all they
+    """Both evidences are exact. The filter's prior of initial states moves with the trajectory, all that they
     differ by: half the squared distance, in prior standard deviations, by which first states moved."""
     of = sliding(2)
     of.segments.y[0, 5:9] = np.nan  # what is missing counts in neither
     noise = replace(
-        of.first_noise, white=np.array([WHITE]), coloured=np.array([coloured]), force=1e-6,
+        of.initial_noise, white=np.array([WHITE]), coloured=np.array([coloured]), force=1e-6,
         initial=np.array([0.5**2, 20.0**2]),
     )  # fmt: skip
-    hypothesis = Hypothesis(of.rig, tuple(next(iter(kind.instances(of.situation))) for kind in kinds))
+    hypothesis = Hypothesis(of.rig, tuple(next(iter(kind.instances(of.rig_motion))) for kind in kinds))
     fitter = replace(of.fitter, nuisance=(), rig=None, law_errors=None)
-    one = fitter.fit(hypothesis, hypothesis.start, of.path, noise)
-    two = shoot(fitter.simulator, hypothesis, hypothesis.start, of.segments, of.path, noise)
+    one = fitter.fit(hypothesis, hypothesis.start, of.trajectory, noise)
+    two = shoot(fitter.simulator, hypothesis, hypothesis.start, of.segments, of.trajectory, noise)
     assert one.converged
     assert two.converged
-    off = (two.path[:, 0] - of.path[:, 0]) / np.sqrt(noise.initial)
+    off = (two.trajectory[:, 0] - of.trajectory[:, 0]) / np.sqrt(noise.initial)
     assert abs(one.log_evidence - two.log_evidence) < 0.5 * np.sum(off**2) + 0.02
     if kinds:
         np.testing.assert_allclose(two.sd, one.sd, rtol=1e-2)
         assert np.all(np.abs(two.theta - one.theta) < 0.05 * one.sd)
     inside = of.segments.inside
-    np.testing.assert_allclose(two.path[inside][:, 0], one.path[inside][:, 0], atol=0.1 * WHITE)
+    np.testing.assert_allclose(two.trajectory[inside][:, 0], one.trajectory[inside][:, 0], atol=0.1 * WHITE)

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.segments import Segments, cut
-from slapshot.diagnosis.situation import situation
-from slapshot.diagnosis.structure import moved_path, moved_situation, restructured, same_effects
+from slapshot.diagnosis.rig_motion import rig_motion
+from slapshot.diagnosis.segments import Segments, segment_recording
+from slapshot.diagnosis.structure import reindexed_motion, restructured, same_effects, transferred_trajectory
 from slapshot.effects.joints.backlash import Backlash
 from slapshot.effects.joints.base_compliance import BaseCompliance
-from slapshot.effects.joints.effect import JointEffect, Situation
+from slapshot.effects.joints.effect import JointEffect, RigMotion
 from slapshot.effects.joints.joint_elasticity import JointElasticity
 from slapshot.effects.joints.split import base_joint, deflection
 from slapshot.recordings.channels import Channel
 
-from .mechanisms import PENDULUM, joint, recording, simulate, told
+from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 
 ROTOR, LINK, WEIGHT = 0.05, 1 / 12 + 0.25, 9.81 * 0.5  # kg m², kg m², N m at a right angle
 ROD = PENDULUM.replace('damping="0.05"', f'armature="{ROTOR}"').replace('timestep="0.01"', 'timestep="0.001"')
@@ -41,14 +41,14 @@ class RigSimulator:
             {
                 "angle": (joint("swing"), [s[0][:, 0] for s in states]),
                 "rate": (joint("swing", "velocity", "rad/s"), [s[1][:, 0] for s in states]),
-                "drive": (told(actuator="drive"), [part[:, 0] for part in u]),
+                "drive": (control_channel(actuator="drive"), [part[:, 0] for part in u]),
             },
         )
         self.channels: dict[str, Channel] = taken.channels
         self.nominal: Rig = bind(MjSpec.from_string(text), taken.channels)
-        self.segments: Segments = cut(taken, self.nominal)
-        self.path = recorded_path(self.nominal, self.segments)
-        self.scales: Situation = situation(self.nominal, self.segments, self.path)
+        self.segments: Segments = segment_recording(taken, self.nominal)
+        self.trajectory = recorded_trajectory(self.nominal, self.segments)
+        self.scales: RigMotion = rig_motion(self.nominal, self.segments, self.trajectory)
         self.effect = list(kind.instances(self.scales))[variant]
         self.rig = restructured(self.nominal, self.effect, self.channels)
 
@@ -177,25 +177,25 @@ def test_an_encoder_at_the_link_reads_motor_and_deflection(kind: type[JointEffec
 @pytest.mark.parametrize(("kind", "variant"), [*SPLIT, (BaseCompliance, 0)])
 def test_a_moved_path_keeps_what_is_observed(kind: type[JointEffect], variant: int):
     of = RigSimulator(kind, variant)
-    moved = moved_path(of.nominal, of.rig, of.effect, of.segments, of.path)
+    moved = transferred_trajectory(of.nominal, of.rig, of.effect, of.segments, of.trajectory)
     model = of.rig.model
     x = moved.reshape(-1, moved.shape[-1])
     _, seen, _ = Simulator(of.rig).run(model, x, np.zeros((len(x), 1, 1)))
-    before = of.path.reshape(-1, 2)
+    before = of.trajectory.reshape(-1, 2)
     np.testing.assert_allclose(seen, before, atol=1e-12)
     if kind is BaseCompliance:
         return
     # The link stands behind the motor by what it takes to move it, gravity included.
     own = model.joint(deflection("swing"))
-    rate = np.gradient(of.path[..., 1], of.segments.interval, axis=1)
-    load = LINK * rate + WEIGHT * np.sin(of.path[..., 0])
+    rate = np.gradient(of.trajectory[..., 1], of.segments.interval, axis=1)
+    load = LINK * rate + WEIGHT * np.sin(of.trajectory[..., 0])
     expected = of.effect.static_deflection(load)
     np.testing.assert_allclose(moved[..., int(own.qposadr[0])], expected, atol=1e-6)
 
 
 def test_scales_and_effects_are_brought_over():
     of = RigSimulator(BaseCompliance)
-    moved = moved_situation(of.scales, of.rig)
+    moved = reindexed_motion(of.scales, of.rig)
     (before,), (after,) = of.scales.joints, moved.joints
     swing = of.rig.model.joint("swing")
     assert (after.q, after.v) == (swing.qposadr[0], swing.dofadr[0])

@@ -157,7 +157,7 @@ def plain_rig() -> Rig:
 
 
 @pytest.fixture(scope="session")
-def setting(lab_scene, motions) -> NominalMotion:
+def nominal(lab_scene, motions) -> NominalMotion:
     """Where things happen, as a rehearsal would find it."""
     rests = np.random.default_rng(3).uniform([0.9, -0.4], [1.6, 0.4], (12, 2))
     poses = np.array([nearest_pose(lab_scene, motion) for motion in motions[:6]])
@@ -165,12 +165,12 @@ def setting(lab_scene, motions) -> NominalMotion:
 
 
 @pytest.fixture(scope="session")
-def conceal(setting, plain_rig) -> Callable[..., Rig]:
+def conceal(nominal, plain_rig) -> Callable[..., Rig]:
     """HiddenEffect, amplitude, parts of its shape -> the rig that conceals this alone."""
 
     def _conceal(name: str, amplitude: float, **shape: Any) -> Rig:
-        kind = HIDDEN_EFFECTS[name]
-        drawn = kind.draw(setting, np.random.default_rng(0)) | shape
-        return replace(plain_rig, concealed=(Concealed(kind, amplitude, drawn),))
+        effect = HIDDEN_EFFECTS[name]
+        drawn = effect.draw(nominal, np.random.default_rng(0)) | shape
+        return replace(plain_rig, concealed=(Concealed(effect, amplitude, drawn),))
 
     return _conceal

@@ -73,14 +73,14 @@ def test_springs_in_series_yield_like_one(lab_scene, blade):
     data = mujoco.MjData(model)
     moment = 0.3
     end = model.body(f"blade_{blade.segments - 1}").id
-    for kind, axis, stiffness in (("bend", 1, blade.stiffness), ("twist", 2, blade.twist_stiffness)):
+    for effect, axis, stiffness in (("bend", 1, blade.stiffness), ("twist", 2, blade.twist_stiffness)):
         if stiffness is None:
             continue
         mujoco.mj_resetData(model, data)
         for _ in range(round(0.2 / model.opt.timestep)):
             data.xfrc_applied[end, 3:] = moment * data.xmat[end].reshape(3, 3)[:, axis]
             mujoco.mj_step(model, data)
-        hinges = [f"blade_{kind}_{i}" for i in range(1, blade.segments)]
+        hinges = [f"blade_{effect}_{i}" for i in range(1, blade.segments)]
         turned = sum(data.joint(name).qpos[0] for name in hinges)
         # Tolerance: cosines of the angles in between, 1 - cos(0.015), and rounding of what still moves.
         assert turned == pytest.approx(moment / stiffness, rel=2e-3)

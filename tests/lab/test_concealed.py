@@ -11,7 +11,7 @@ from slapshot.config.lab import ConcealedEffect, ConcealedKind
 from slapshot.effects.catalogue import catalogue
 from slapshot.errors import InputError
 from slapshot.lab.concealed.draw import draw_concealed
-from slapshot.lab.concealed.effect_size_calibration import Rehearsal
+from slapshot.lab.concealed.effect_size_calibration import EffectSizeCalibration
 from slapshot.lab.concealed.hidden_effect import Concealed
 from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
 from slapshot.lab.hit import RigSimulator
@@ -38,10 +38,10 @@ def same(one, other):
 
 
 @pytest.fixture(scope="module")
-def rehearsal(lab_scene, plain_rig, motions):
+def size_calibration(lab_scene, plain_rig, motions):
     scatter = Scatter(0.015, 0.025, (0.012, 0.002, 0.012, 0.002, 0.012, 0.002, 0.02), 0.03)
     strokes = [HitSpec(motions[i], "puck", NOTHING, float(i)) for i in range(2)]
-    return Rehearsal(
+    return EffectSizeCalibration(
         lab_scene, replace(plain_rig, scatter=scatter), strokes, np.random.default_rng(0), cores=2
     )
 
@@ -51,17 +51,17 @@ def null_hit(lab_scene, plain_rig, motions):
     return RigSimulator(lab_scene, plain_rig).hit(motions[0], "puck", NOTHING)
 
 
-def test_every_effect_of_the_catalogue_has_a_counterpart_that_means_the_same(rehearsal):
+def test_every_effect_of_the_catalogue_has_a_counterpart_that_means_the_same(size_calibration):
     effects = catalogue()
     assert set(HIDDEN_EFFECTS) == set(effects) | UNCATALOGUED
-    for name, kind in HIDDEN_EFFECTS.items():
-        assert kind.name == name
-        assert kind.catalogued == (name in effects)
-        shape = kind.draw(rehearsal.setting, np.random.default_rng(0))
-        named = kind.parameters(kind.usual, shape)
-        assert (kind.like is None) == (not named)
+    for name, effect in HIDDEN_EFFECTS.items():
+        assert effect.name == name
+        assert effect.catalogued == (name in effects)
+        shape = effect.draw(size_calibration.nominal, np.random.default_rng(0))
+        named = effect.parameters(effect.typical_amplitude, shape)
+        assert (effect.parameter_match is None) == (not named)
         if name in effects:
-            assert kind.phase == effects[name].phase
+            assert effect.phase == effects[name].phase
             known = {parameter.name: parameter for parameter in effects[name].parameters}
             for parameter, value in named.items():
                 assert known[parameter].low <= value <= known[parameter].high
@@ -75,38 +75,40 @@ def test_the_schema_knows_the_kinds():
 def test_little_of_a_kind_is_little_else(lab_scene, conceal, motions, null_hit, name):
     # What contact makes of any change, however small, is 3 mm: the object hops from other places. Another
     # step of integration, and another algorithm for a cylinder than for a box, are such changes.
-    kind = HIDDEN_EFFECTS[name]
-    rig = conceal(name, max(kind.least, 1e-3 * kind.usual))
+    effect = HIDDEN_EFFECTS[name]
+    rig = conceal(name, max(effect.min_amplitude, 1e-3 * effect.typical_amplitude))
     assert json.dumps(rig.concealed[0].truth())
     hit = RigSimulator(lab_scene, rig).hit(motions[0], "puck", NOTHING)
     seen = rig.seen(hit.track, 0.5)
-    far = 0.01 if kind.strikes else 1e-3
+    far = 0.01 if effect.changes_launch else 1e-3
     assert np.linalg.norm(seen[-1, 1:] - null_hit.rest[:2]) < far
     assert np.all(np.isfinite(seen))
 
 
 @pytest.mark.parametrize("name", HIDDEN_EFFECTS)
-def test_every_kind_shifts_what_happens_by_what_is_asked(rehearsal, name):
-    kind = HIDDEN_EFFECTS[name]
-    shape = kind.draw(rehearsal.setting, np.random.default_rng(1))
-    found = rehearsal.find(kind, shape, ASKED)
-    assert 0 < found.amplitude <= kind.largest
+def test_every_kind_shifts_what_happens_by_what_is_asked(size_calibration, name):
+    effect = HIDDEN_EFFECTS[name]
+    shape = effect.draw(size_calibration.nominal, np.random.default_rng(1))
+    found = size_calibration.find(effect, shape, ASKED)
+    assert 0 < found.amplitude <= effect.max_amplitude
     if name in FAINT:
         assert found.bounded
-        assert found.amplitude == kind.largest
+        assert found.amplitude == effect.max_amplitude
         return
     assert not found.bounded
     assert found.displacement == pytest.approx(ASKED, rel=0.15)
     # What was reported is what a whole simulation gives.
-    again = rehearsal.displacement(Concealed(kind, found.amplitude, shape))
+    again = size_calibration.displacement(Concealed(effect, found.amplitude, shape))
     assert again == pytest.approx(found.displacement, rel=1e-6)
 
 
-def test_more_than_is_possible_is_bounded_and_says_so(rehearsal):
-    kind = HIDDEN_EFFECTS["camera_time"]
-    found = rehearsal.find(kind, kind.draw(rehearsal.setting, np.random.default_rng(1)), 50.0)
+def test_more_than_is_possible_is_bounded_and_says_so(size_calibration):
+    effect = HIDDEN_EFFECTS["camera_time"]
+    found = size_calibration.find(
+        effect, effect.draw(size_calibration.nominal, np.random.default_rng(1)), 50.0
+    )
     assert found.bounded
-    assert found.amplitude == kind.largest
+    assert found.amplitude == effect.max_amplitude
     truth = found.truth()
     assert truth["displacement_asked"] == 50.0
     assert truth["displacement"] < 5.0
@@ -115,7 +117,7 @@ def test_more_than_is_possible_is_bounded_and_says_so(rehearsal):
 
 def test_a_displacement_needs_scatter(lab_scene, plain_rig, motions):
     strokes = [HitSpec(motions[0], "puck", NOTHING)]
-    still = Rehearsal(lab_scene, plain_rig, strokes, np.random.default_rng(0), 1)
+    still = EffectSizeCalibration(lab_scene, plain_rig, strokes, np.random.default_rng(0), 1)
     assert still.scatter == 0.0
     with pytest.raises(InputError, match="needs scatter"):
         still.find(HIDDEN_EFFECTS["tilt"], {}, 1.0)
@@ -124,16 +126,16 @@ def test_a_displacement_needs_scatter(lab_scene, plain_rig, motions):
     assert scaled.displacement is None
 
 
-def test_to_take_one_kind_away_leaves_the_others(rehearsal):
+def test_to_take_one_kind_away_leaves_the_others(size_calibration):
     entries = [
         ConcealedEffect(kind="camera_rotation", amplitude=[0.01, 0.05]),
         ConcealedEffect(kind="camera_scale", amplitude=[0.01, 0.05]),
         ConcealedEffect(kind="lens_distortion", displacement=[0.3, 0.6]),
     ]
-    whole = draw_concealed(entries, rehearsal, np.random.default_rng(7))
-    part = draw_concealed(entries[:0:-1], rehearsal, np.random.default_rng(7))
+    whole = draw_concealed(entries, size_calibration, np.random.default_rng(7))
+    part = draw_concealed(entries[:0:-1], size_calibration, np.random.default_rng(7))
     assert [c.truth() for c in part] == [c.truth() for c in whole[:0:-1]]
-    other = draw_concealed(entries, rehearsal, np.random.default_rng(8))
+    other = draw_concealed(entries, size_calibration, np.random.default_rng(8))
     assert other[0].shape != whole[0].shape
 
 

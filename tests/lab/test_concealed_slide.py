@@ -260,7 +260,7 @@ def test_friction_drifts_one_way_and_saturates(conceal):
     assert logs.mean() == pytest.approx(0.0, abs=1e-4)
 
 
-def test_the_walk_of_friction_is_that_of_brownian_motion(conceal, setting):
+def test_the_walk_of_friction_is_that_of_brownian_motion(conceal, nominal):
     # Its variance at u is u; the series leaves out 1 / (pi^2 16) = 0.6 % of the sum at most.
     walks = []
     for seed in range(400):

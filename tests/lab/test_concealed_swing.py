@@ -116,7 +116,7 @@ def test_encoders_sit_on_the_motors(lab_scene, conceal, motion, null):
         assert other.state[3:5] != pytest.approx(null.state[3:5], rel=1e-4)
 
 
-def test_a_crooked_arm_reads_right_and_is_elsewhere(lab_scene, conceal, setting):
+def test_a_crooked_arm_reads_right_and_is_elsewhere(lab_scene, conceal, nominal):
     links, zeros = np.zeros((7, 3)), np.zeros(7)
     links[2], zeros[0] = (0.0, 0.6, 0.0), 1.5
     rig = conceal("crooked_arm", 0.01, links=links.tolist(), zeros_rad_m=zeros.tolist())
@@ -124,7 +124,7 @@ def test_a_crooked_arm_reads_right_and_is_elsewhere(lab_scene, conceal, setting)
     places = []
     for model in models:
         data = mujoco.MjData(model)
-        data.qpos[:7] = setting.contact_poses[0]
+        data.qpos[:7] = nominal.contact_poses[0]
         mujoco.mj_kinematics(model, data)
         places.append(data.site(lab_scene.info.striker_site).xpos.copy())
         carrier = data.xmat[model.body_parentid[model.joint("q2").bodyid[0]]].reshape(3, 3)
@@ -134,9 +134,9 @@ def test_a_crooked_arm_reads_right_and_is_elsewhere(lab_scene, conceal, setting)
     assert places[1] == pytest.approx(turned @ places[0] + carrier @ np.array([0.0, 0.006, 0.0]), abs=1e-6)
 
 
-def test_a_crooked_arm_does_not_scrape_the_board(lab_scene, conceal, setting):
+def test_a_crooked_arm_does_not_scrape_the_board(lab_scene, conceal, nominal):
     rig = conceal("crooked_arm", 0.05)
-    for pose in setting.contact_poses:
+    for pose in nominal.contact_poses:
         heights = []
         for model in (lab_scene.compile(), compile_rig(lab_scene, None, TIMESTEP, rig.edits)):
             data = mujoco.MjData(model)

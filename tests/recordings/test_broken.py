@@ -79,7 +79,7 @@ def test_garbage_for_parquet(folder: Path, name: str, content: bytes) -> None:
 def test_column_twice(folder: Path) -> None:
     old = pq.read_table(folder / "tracks.parquet")
     pq.write_table(old.append_column("x", old["x"]), folder / "tracks.parquet")
-    with pytest.raises(InputError, match=r"tracks\.parquet: column 'x' stands there twice"):
+    with pytest.raises(InputError, match=r"tracks\.parquet: column 'x' is duplicated"):
         read_recording(folder)
 
 

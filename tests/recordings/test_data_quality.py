@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from slapshot.recordings.commands import run_check, say_findings
+from slapshot.recordings.cli import format_warnings, run_check
 from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
 from slapshot.recordings.quality_warning import QualityWarning, WarningKind
@@ -168,13 +168,13 @@ def drag(tracks: Tracks) -> Tracks:
 
 CASES: dict[str, tuple[WarningKind, Callable[[Tracks], Tracks], str, int]] = {
     "no clock": ("no_clock", break_clock, "no clock: all", 0),
-    "frozen": ("frozen_frames", freeze, "repeat the place before them while the object moves", 4),
+    "frozen": ("frozen_frames", freeze, "repeat the previous position while the object moves", 4),
     "repeated at rest": ("repeated_frames", repeat_at_rest, "of the frames at rest repeat", 0),
-    "mistracks": ("mistracks", mistrack, "lie elsewhere than their neighbours", 5),
-    "put back": ("place_changes", put_back, "changes between two frames and stays changed", 2),
+    "mistracks": ("mistracks", mistrack, "lie away from their neighbours", 5),
+    "put back": ("place_changes", put_back, "jumps between two frames and stays there", 2),
     "drift at rest": ("uneven_noise", drift_at_rest, "in 3 of 40 hits more than 4 times the median", 3),
     "coloured noise": ("correlated_noise", colour, "noise at rest is correlated", 0),
-    "coarse": ("coarse_numbers", round_to_millimetres, "come in steps of 1 mm", 0),
+    "coarse": ("coarse_numbers", round_to_millimetres, "have a resolution of 1 mm", 0),
     "gaps": ("gaps", lose_frames, "3 of 40 hits have gaps", 3),
     "still": ("never_moves", hold_still, "2 of 40 hits never move", 2),
     "moving at the start": ("moving_at_start", cut_beginnings, "2 of 40 hits move in their first frame", 2),
@@ -273,8 +273,8 @@ def test_a_mistrack_in_the_slide_does_not_bend_its_friction() -> None:
 def test_a_finding_reads_as_one_line() -> None:
     finding = QualityWarning("scatter", "something is odd", tuple(range(9)), "it matters")
     assert str(finding) == "something is odd (hits 0, 1, 2, 3, 4, 5 and 3 more) - it matters"
-    assert say_findings([]).endswith("nothing was found")
-    assert say_findings([finding]).splitlines()[1].strip() == str(finding)
+    assert format_warnings([]).endswith("none")
+    assert format_warnings([finding]).splitlines()[1].strip() == str(finding)
 
 
 def test_check_prints_what_is_odd(good: Tracks, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

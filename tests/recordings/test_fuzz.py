@@ -13,15 +13,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.errors import InputError
-from slapshot.recordings.__main__ import describe
-from slapshot.recordings.commands import say_findings
+from slapshot.recordings.cli import format_warnings
 from slapshot.recordings.data_quality import quality_warnings
-from slapshot.recordings.describe_signals import describe_signals
 from slapshot.recordings.format import Recording
 from slapshot.recordings.read import read_recording
-from slapshot.recordings.signal_measures import measure_all
-from slapshot.recordings.signal_quality import odd_signals
+from slapshot.recordings.signal_quality import signal_warnings
+from slapshot.recordings.signal_statistics import all_channel_statistics
 from slapshot.recordings.signals import SignalRecording, read_signals, write_signals
+from slapshot.recordings.summary import describe_hits, describe_signals
 from slapshot.recordings.write import write_recording
 
 from .builder import make_recording
@@ -82,7 +81,7 @@ def test_a_changed_recording_is_refused_in_one_line_or_described(tmp_path: Path,
             try:
                 write_recording(fuzzed(seed), tmp_path / str(seed))
                 recording = read_recording(tmp_path / str(seed))
-                said = f"{describe(recording)}\n{say_findings(quality_warnings(recording))}"
+                said = f"{describe_hits(recording)}\n{format_warnings(quality_warnings(recording))}"
             except InputError as error:
                 said = str(error)
             assert said.replace("\n", " ").isprintable(), (seed, said)
@@ -107,8 +106,8 @@ def test_changed_signals_are_refused_in_one_line_or_described(tmp_path: Path, fi
             try:
                 write_signals(fuzzed_signals(seed), tmp_path / str(seed))
                 recording = read_signals(tmp_path / str(seed))
-                channels = measure_all(recording)
-                odd = say_findings(odd_signals(recording, channels))
+                channels = all_channel_statistics(recording)
+                odd = format_warnings(signal_warnings(recording, channels))
                 said = f"{describe_signals(recording, channels)}\n{odd}"
             except InputError as error:
                 said = str(error)

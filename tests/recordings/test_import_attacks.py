@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 from slapshot.errors import InputError
-from slapshot.recordings.__main__ import describe
-from slapshot.recordings.commands import say_imported
+from slapshot.recordings.cli import format_import_summary
 from slapshot.recordings.importing import name_pattern
 from slapshot.recordings.importing.importer import import_tracks
 from slapshot.recordings.read import read_recording
+from slapshot.recordings.summary import describe_hits
 
 from .builder import assert_same_tables
 from .import_attacks import ATTACKS, Spoiler, csv_text, make_good
@@ -110,12 +110,12 @@ def test_names_are_escaped_on_the_terminal(tmp_path: Path) -> None:
     make_good(tmp_path)
     write_csv(tmp_path / "csv/\x1b[2Jb\n.csv", [["0", "1", "1"]], ["t", "x", "y"])
     summary = import_tracks(tmp_path / "mapping.yaml", tmp_path / "csv", tmp_path / "out")
-    lines = say_imported(summary).split("\n")
+    lines = format_import_summary(summary).split("\n")
     assert all(line.isprintable() for line in lines)
     assert lines[-1] == "  \\x1b[2Jb\\n.csv: dropped, for it has only 1 frames"
     assert len(lines) == 1 + len(summary.lines)
     recording = dataclasses.replace(read_recording(tmp_path / "out"), rig="a\nkind           full\x1b[2J")
-    assert describe(recording).split("\n")[:2] == [
+    assert describe_hits(recording).split("\n")[:2] == [
         "rig            a\\nkind           full\\x1b[2J: real robot",
         "kind           tracks only",
     ]

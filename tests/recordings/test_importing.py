@@ -14,12 +14,12 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from slapshot.errors import InputError
-from slapshot.recordings.commands import run_import, say_imported
+from slapshot.recordings.cli import format_import_summary, run_import
 from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
 from slapshot.recordings.importing.importer import ImportSummary, import_tracks
 from slapshot.recordings.importing.mapping import load_mapping
-from slapshot.recordings.motion import find_episodes, find_slide
+from slapshot.recordings.motion_detection import find_motion_intervals, find_slide
 from slapshot.recordings.read import read_recording
 
 from .slide_tracks import RATE_HZ, slide, write_csv, write_mapping
@@ -186,7 +186,7 @@ def test_hits_that_cannot_be_used_are_dropped_with_a_reason(tmp_path: Path) -> N
     assert "longer than longest_s" in lines["runs_on.csv"]
     assert "only 3 frames" in lines["short.csv"]
     assert "never moves" in lines["still.csv"]
-    assert say_imported(summary).count("\n") == len(summary.lines)
+    assert format_import_summary(summary).count("\n") == len(summary.lines)
 
 
 def test_a_hit_still_moving_at_its_end_keeps_no_rest_point(tmp_path: Path) -> None:
@@ -232,8 +232,8 @@ def test_frames_that_saw_nothing_become_gaps(tmp_path: Path) -> None:
     recording, summary = imported(tmp_path, csv={"missing": ["-999"]})
     assert recording.tracks is not None
     assert len(recording.tracks) == len(t) - 3
-    assert f"3 of {len(t) + 1} frames saw nothing" in summary.lines[-1]
-    assert "1 frames stand there twice" in summary.lines[-1]
+    assert f"3 of {len(t) + 1} frames did not detect the object" in summary.lines[-1]
+    assert "1 duplicate frames" in summary.lines[-1]
 
 
 @pytest.mark.parametrize("style", ["tabs", "blanks", "commas"])
@@ -301,7 +301,7 @@ def test_what_cannot_be_in_a_named_column_is_refused_with_its_line(
         (b"", ["is empty"]),
         (b"t,x,y\n", ["has no rows"]),
         (b"t,x,z\n0,0,0\n", ["column 'y'", "is missing", "columns: t, x, z"]),
-        (b"t,x,y,x\n0,0,0,0\n", ["column 'x'", "stands there twice"]),
+        (b"t,x,y,x\n0,0,0,0\n", ["column 'x'", "is duplicated"]),
         (b"0,0,0\n1,1,1\n", ["holds numbers", "header: false"]),
         (b"t,x,y\n0,0,0\n1,1\n2,2,2\n", ["line 3 has 2 columns"]),
         (b"P\0A\0R\0", ["binary or UTF-16"]),
@@ -428,7 +428,7 @@ def test_motion_is_found_under_noise_and_mistracks(
     t, xy = slide(speed, friction=friction, noise_m=noise_mm / 1000, seed=seed)
     for frame in {10 * (place // 10) % len(t) for place in wrong}:
         xy[frame] += 0.2
-    found = find_slide(find_episodes(t, xy))
+    found = find_slide(find_motion_intervals(t, xy))
     assert found is not None
     assert t[found.begin] == pytest.approx(0.5, abs=0.08)
     # Creeping slower than 0.2 m/s may count as rest, and half a window as motion.

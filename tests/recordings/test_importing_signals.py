@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from slapshot.errors import InputError
-from slapshot.recordings.commands import run_check, run_import
+from slapshot.recordings.cli import run_check, run_import
 from slapshot.recordings.importing.signal_importer import SignalSummary, import_signals
 from slapshot.recordings.importing.signal_mapping import is_signal_mapping, load_signal_mapping
-from slapshot.recordings.signal_measures import measure_all
-from slapshot.recordings.signal_quality import odd_signals
+from slapshot.recordings.signal_quality import signal_warnings
+from slapshot.recordings.signal_statistics import all_channel_statistics
 from slapshot.recordings.signals import SignalRecording, read_signals
 
 from .signal_builder import write_signal_mapping
@@ -332,7 +332,7 @@ def test_files_that_cannot_be(tmp_path: Path) -> None:
     rows = good_rows()
     write_csv(tmp_path / "csv/a.csv", [*rows[20:], *rows[:20]], HEADER)
     refused(
-        tmp_path, "a.csv: line 32: time goes backwards (0.49 s in line 31, then 0 s)", "tells episodes apart"
+        tmp_path, "a.csv: line 32: time goes backwards (0.49 s in line 31, then 0 s)", "identifies episodes"
     )
     write_csv(tmp_path / "csv/a.csv", [*rows[:5], [0.05, "up", 1], *rows[6:]], HEADER)
     refused(tmp_path, "a.csv: line 7, column 'pos' (q): 'up' is no number")
@@ -392,7 +392,7 @@ def test_commands_take_either_mapping(tmp_path: Path, capsys: pytest.CaptureFixt
     assert run_check(argparse.Namespace(recording=out)) == 0
     said = capsys.readouterr().out
     assert "kind           signals: 1 observed, 1 controlled" in said
-    assert said.splitlines()[-1] == "odd            nothing was found"
+    assert said.splitlines()[-1] == "warnings       none"
 
 
 @pytest.mark.parametrize("mapping", MAPPINGS, ids=lambda file: file.stem)
@@ -424,6 +424,6 @@ def test_real_pendulums(
     summary = import_signals(ROOT / f"config/recordings/{name}.yaml", PENDULUMS / source, tmp_path / "out")
     assert (summary.episodes, summary.samples) == (episodes, samples)
     recording = read_signals(tmp_path / "out")
-    kinds = {finding.kind for finding in odd_signals(recording, measure_all(recording))}
+    kinds = {finding.kind for finding in signal_warnings(recording, all_channel_statistics(recording))}
     assert odd <= kinds
     assert ("no_own_velocity" in kinds) == ("no_own_velocity" in odd)

@@ -6,9 +6,10 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from slapshot.recordings.__main__ import describe, main, missing_frames, rest_point_scatter
+from slapshot.recordings.__main__ import main
 from slapshot.recordings.format import Recording
 from slapshot.recordings.read import read_recording
+from slapshot.recordings.summary import describe_hits, missing_frames, rest_point_scatter
 from slapshot.recordings.write import write_recording
 
 from .builder import assert_same, assert_same_tables, make_recording
@@ -48,7 +49,7 @@ def test_kinds(tmp_path: Path, reduce, kind: str) -> None:
     back = read_recording(tmp_path / "r")
     assert back.kind == kind
     assert_same(back, recording)
-    assert f"kind           {kind}" in describe(back)
+    assert f"kind           {kind}" in describe_hits(back)
 
 
 @pytest.mark.parametrize("n_joints", [1, 6, 12])
@@ -207,7 +208,7 @@ def test_command_line_describes(folder: Path, capsys: pytest.CaptureFixture[str]
 
 def test_command_line_says_real_robot(tmp_path: Path) -> None:
     recording = dataclasses.replace(make_recording(), stand_in=False, sealed_truth_sha256=None)
-    text = describe(recording)
+    text = describe_hits(recording)
     assert "test-rig: real robot" in text
     assert "stand-in" not in text
 

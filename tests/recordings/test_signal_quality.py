@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import butter, lfilter
-from slapshot.recordings.describe_signals import describe_signals
 from slapshot.recordings.quality_warning import WarningKind
-from slapshot.recordings.signal_measures import measure_all
-from slapshot.recordings.signal_quality import odd_signals
+from slapshot.recordings.signal_quality import signal_warnings
+from slapshot.recordings.signal_statistics import all_channel_statistics
 from slapshot.recordings.signals import SignalRecording
+from slapshot.recordings.summary import describe_signals
 
 from .signal_builder import RATES, angle, changed, make_signals, speed, with_channel
 
@@ -20,7 +20,10 @@ Change = Callable[[SignalRecording], SignalRecording]
 
 def found(recording: SignalRecording) -> dict[WarningKind, str]:
     """Kind -> text of what is odd."""
-    return {finding.kind: str(finding) for finding in odd_signals(recording, measure_all(recording))}
+    return {
+        finding.kind: str(finding)
+        for finding in signal_warnings(recording, all_channel_statistics(recording))
+    }
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -284,7 +287,7 @@ def test_what_resembles_an_oddity_is_none() -> None:
 
 def test_the_description_has_a_line_a_fact() -> None:
     recording = make_signals()
-    text = describe_signals(recording, measure_all(recording))
+    text = describe_signals(recording, all_channel_statistics(recording))
     lines = text.splitlines()
     assert lines[0] == "rig            test-rig: stand-in (simulated), not a real robot"
     assert lines[1] == "kind           signals: 4 observed, 1 controlled"

@@ -298,7 +298,7 @@ CASES: dict[str, tuple[Breaker, list[str]]] = {
     "no episodes": (table(EPISODES, lambda frame: frame[:0]), ["episodes.parquet: has no episodes"]),
     "episode twice": (
         cell(EPISODES, 1, "episode", 0),
-        ["episodes.parquet: row 1 (the first is 0): episode 0 stands there twice"],
+        ["episodes.parquet: row 1 (the first is 0): episode 0 is duplicated"],
     ),
     "repeat of nothing": (
         table(EPISODES, lambda frame: frame.assign(repeat_of=[None, 7])),
@@ -409,7 +409,7 @@ def test_a_quaternion_is_read(folder: Path) -> None:
 def test_column_twice(folder: Path) -> None:
     old = pq.read_table(folder / "signals-main.parquet")
     pq.write_table(old.append_column("q", old["q"]), folder / "signals-main.parquet")
-    with pytest.raises(InputError, match=r"signals-main\.parquet: column 'q' stands there twice"):
+    with pytest.raises(InputError, match=r"signals-main\.parquet: column 'q' is duplicated"):
         read_signals(folder)
 
 

@@ -14,7 +14,7 @@ from slapshot.command import Run
 from slapshot.recordings.format import Recording
 from slapshot.recordings.write import write_recording
 from slapshot.viewer.__main__ import produce
-from slapshot.viewer.names import read_index
+from slapshot.viewer.hit_recording import read_index
 
 CONFIG = {"simulated": 3, "recorded": 4, "domain": "hockey", "recordings": {"lab": {"rigs": 1}}}
 SAMPLES = (0, 1, 2, 8)

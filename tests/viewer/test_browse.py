@@ -21,7 +21,7 @@ from slapshot.errors import InputError
 from slapshot.store.folder import Store
 from slapshot.viewer import browse
 from slapshot.viewer.gallery import serve
-from slapshot.viewer.names import INDEX_FILE, SCENE_FILE
+from slapshot.viewer.hit_recording import INDEX_FILE, SCENE_FILE
 from waiting import HANG_S, started
 
 from .conftest import Made

@@ -11,8 +11,9 @@ from rerun.chunk import RrdReader
 from slapshot.command import Run
 from slapshot.errors import InputError
 from slapshot.viewer.__main__ import produce
+from slapshot.viewer.bodies import TIME
+from slapshot.viewer.hit_recording import CARDS_FILE, LAYOUT_FILE, SCENE_FILE, STEP
 from slapshot.viewer.hits import STAND_IN
-from slapshot.viewer.names import CARDS_FILE, LAYOUT_FILE, SCENE_FILE, STEP, TIME
 from waiting import HANG_S
 
 from .conftest import CONFIG, HITS, SAMPLES, Made, read, values
@@ -60,9 +61,9 @@ def test_simulated_object_moves_along_its_track(made):
     wanted = tracks[(tracks["split"] == "test") & (tracks["condition"] == hit["condition"])]
     wanted = wanted[wanted["hit"] == hit["hit"]]
     rows = read(made.folder / hit["file"], TIME).dropna(subset="/object:Transform3D:translation")
-    places = np.concatenate(values(rows, "/object:Transform3D:translation"))
+    positions = np.concatenate(values(rows, "/object:Transform3D:translation"))
     np.testing.assert_allclose(rows[TIME], wanted["t"], atol=SINGLE)
-    np.testing.assert_allclose(places[:, :2], wanted[["x", "y"]], atol=SINGLE)
+    np.testing.assert_allclose(positions[:, :2], wanted[["x", "y"]], atol=SINGLE)
     quaternions = np.concatenate(values(rows, "/object:Transform3D:quaternion"))
     np.testing.assert_allclose(2 * np.arcsin(quaternions[:, 2]), wanted["yaw"], atol=1e-5)
     (strips,) = values(read(made.folder / hit["file"], None), "/track:LineStrips3D:strips")
@@ -73,9 +74,9 @@ def test_recorded_object_is_where_the_camera_saw_it_and_the_line_breaks_at_gaps(
     hit = made.hit("recorded")
     seen = made.recording.tracks[made.recording.tracks["hit"] == hit["hit"]]
     rows = read(made.folder / hit["file"], TIME).dropna(subset="/object:Transform3D:translation")
-    places = np.concatenate(values(rows, "/object:Transform3D:translation"))
+    positions = np.concatenate(values(rows, "/object:Transform3D:translation"))
     np.testing.assert_allclose(rows[TIME], seen["t"], atol=SINGLE)
-    np.testing.assert_allclose(places[:, :2], seen[["x", "y"]], atol=SINGLE)
+    np.testing.assert_allclose(positions[:, :2], seen[["x", "y"]], atol=SINGLE)
     strips = read(made.folder / hit["file"], None)["/track:LineStrips3D:strips"].iloc[0]
     gaps = (np.diff(seen["t"]) > 1.5 / made.recording.camera_rate_hz).sum()
     assert 1 <= len(strips) <= gaps + 1
@@ -109,8 +110,8 @@ def test_the_belief_can_be_followed_hit_by_hit(made):
     hit = made.hit("simulated")
     rows = read(made.folder / hit["file"], STEP).dropna(subset="/learning/point:Points3D:positions")
     assert tuple(rows[STEP]) == SAMPLES
-    places = np.concatenate(values(rows, "/learning/point:Points3D:positions"))
-    np.testing.assert_allclose(places[:, :2], made.beliefs(hit)[["x_m", "y_m"]], atol=SINGLE)
+    positions = np.concatenate(values(rows, "/learning/point:Points3D:positions"))
+    np.testing.assert_allclose(positions[:, :2], made.beliefs(hit)[["x_m", "y_m"]], atol=SINGLE)
 
 
 @pytest.mark.parametrize("source", ["simulated", "recorded"])
@@ -147,10 +148,10 @@ def test_the_scene_is_there_once_and_the_arm_moves_as_its_kinematics_say(made, r
     data.qpos[rig.scene.layout.arm_q] = joints[[f"q{i}" for i in range(7)]].to_numpy()[0]
     mujoco.mj_kinematics(model, data)
     rows = read(made.folder / hit["file"], TIME)
-    place = values(rows, "/scene/link7:Transform3D:translation")[0][0]
-    turn = values(rows, "/scene/link7:Transform3D:quaternion")[0][0]
-    np.testing.assert_allclose(place, data.body("link7").xpos, atol=SINGLE)
-    assert abs(turn @ np.roll(data.body("link7").xquat, -1)) == pytest.approx(1, abs=SINGLE)
+    position = values(rows, "/scene/link7:Transform3D:translation")[0][0]
+    rotation = values(rows, "/scene/link7:Transform3D:quaternion")[0][0]
+    np.testing.assert_allclose(position, data.body("link7").xpos, atol=SINGLE)
+    assert abs(rotation @ np.roll(data.body("link7").xquat, -1)) == pytest.approx(1, abs=SINGLE)
 
 
 def test_a_recording_of_ones_own_is_shown_too(made, tmp_path):

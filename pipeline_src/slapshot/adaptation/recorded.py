@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from slapshot.config.sources import RecordedTasksSettings
 from slapshot.errors import InputError
 from slapshot.recordings.format import Recording
-from slapshot.recordings.read import read_recording
-from slapshot.recordings.sources import recording_folders
+from slapshot.recordings.read import read_recording, recording_folders
 from slapshot.trajectories.vae import TrajectoryVae
 
 # rad: commands that the trajectory model cannot reproduce are no samples of its latent space.

@@ -8,7 +8,7 @@ import rerun as rr
 
 from slapshot.benchmark.measures import ROUNDS, Measure, seconds
 from slapshot.viewer.gallery import serve
-from slapshot.viewer.names import INDEX_FILE, read_index
+from slapshot.viewer.hit_recording import INDEX_FILE, read_index
 
 SHARE = 10  # the small gallery has one hit of so many
 

@@ -23,18 +23,18 @@ import pandas as pd
 
 from slapshot.arrays import Array
 from slapshot.benchmark.peers import need_sysid
-from slapshot.calibration.aims import markdown
-from slapshot.diagnosis.diagnose import Diagnosis, diagnose, predicted_by, split
+from slapshot.diagnosis.diagnose import Diagnosis, diagnose, predict_windows, split
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.search import nominal_step
-from slapshot.diagnosis.segments import Segments, cut
+from slapshot.diagnosis.segments import Segments, segment_recording
 from slapshot.effects.joints.catalogue import instances
 from slapshot.errors import InputError, writing
-from slapshot.lab.joints.case import make_case
+from slapshot.lab.joints.record_case import make_case
 from slapshot.lab.joints.rigs import nominal_model
 from slapshot.progress import progress
 from slapshot.recordings.signals import SignalRecording
+from slapshot.text import markdown_table
 from slapshot.whole_file import write_whole
 
 RIG, LINKS = "arm", ("upper", "fore")
@@ -72,14 +72,14 @@ def compare(scenario: str, seed: int) -> list[dict[str, Any]]:
     )
     free = tuple(f"link_mass@{link}" for link in LINKS)
     rig = bind(mujoco.MjSpec.from_string(nominal_model(RIG)), recording.channels, RIG, free)
-    used, _ = split(cut(recording, rig))
+    used, _ = split(segment_recording(recording, rig))
     began = time.perf_counter()
     problem = Problem.of(rig, recording.channels, used)
-    masses = tuple(e for key in free for e in instances(problem.situation) if e.key == key)
-    path = nominal_step(problem, masses, np.random.default_rng(seed)).examination.fit.path
+    masses = tuple(e for key in free for e in instances(problem.rig_motion) if e.key == key)
+    trajectory = nominal_step(problem, masses, np.random.default_rng(seed)).scored.fit.trajectory
     fit_seconds = time.perf_counter() - began
     began = time.perf_counter()
-    peer, half_widths = fit_by_sysid(recording, rig, used, path[used.first == 0, 0])
+    peer, half_widths = fit_by_sysid(recording, rig, used, trajectory[used.first == 0, 0])
     peer_seconds = time.perf_counter() - began
     began = time.perf_counter()
     found = diagnose(recording, rig, seed=seed)
@@ -87,8 +87,8 @@ def compare(scenario: str, seed: int) -> list[dict[str, Any]]:
     if found.search is None or found.windows is None or found.augmented is None or found.refitted is None:
         raise InputError(f"{scenario}, seed {seed}: the diagnosis cannot tell ({found.verdict.cannot_tell})")
     first = found.search.nominal
-    by_peer = predicted_by(first, peer, first.problem, found.windows, fitted=False)
-    columns, own = np.arange(len(rig.observations)), first.examination.fit
+    by_peer = predict_windows(first, peer, first.problem, found.windows, fitted=False)
+    columns, own = np.arange(len(rig.observations)), first.scored.fit
     common = {"scenario": scenario, "seed": seed, "truth": _told(truth)}
     common["floor_mrad"] = 1e3 * found.augmented.predictions.rms_floor(columns)
     rows = [
@@ -175,7 +175,7 @@ def _scaled(spec: mujoco.MjSpec, link: str) -> Any:
 def _final(found: Diagnosis, free: tuple[str, ...]) -> Mapping[str, Any]:
     """Values of the masses in the last fit of a diagnosis."""
     assert found.search is not None
-    fit = found.search.final.examination.fit
+    fit = found.search.final.scored.fit
     keys = [effect.key for effect in fit.hypothesis.effects]
     picked = [fit.hypothesis.slices[keys.index(key)].start for key in free]
     return {"values": fit.theta[picked], "half_widths": 1.645 * fit.sd[picked]}
@@ -208,7 +208,7 @@ def write_comparison(rows: pd.DataFrame, folder: Path) -> None:
         (row["scenario"], row["truth"], row["tool"], _masses(row), row["says"])
         for row in rows.to_dict("records")
     ]
-    text = [INTRODUCTION, *markdown(head, lines), "\n## Each recording\n", *markdown(each, told)]
+    text = [INTRODUCTION, markdown_table(head, lines), "\n## Each recording\n", markdown_table(each, told)]
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         write_whole(folder / f"{NAME}.csv", rows.to_csv(index=False, float_format="%.6g"))

@@ -1,4 +1,4 @@
-"""The proof: concealed cases recorded by the lab, diagnosed, and only then scored against the truth.
+"""Blind validation: cases with concealed physics are recorded by the lab, diagnosed, and then scored.
 
-The lab and the diagnosis know nothing of each other; what is scored here are the files that they wrote.
+Lab and diagnosis are independent; the scores are computed from the files that they wrote.
 """

@@ -1,11 +1,10 @@
-"""Stage `score`: open the seals of diagnosed cases, score them, and tell it in table and picture."""
+"""Stage `score`: unseal diagnosed cases, score them, and write tables and figures."""
 
 import json
 
 from slapshot.blind_validation.case_table import write_cases_table
-from slapshot.blind_validation.draw import draw_proof
-from slapshot.blind_validation.score import score
-from slapshot.blind_validation.true_family import gain_share
+from slapshot.blind_validation.page import publish_proof
+from slapshot.blind_validation.score import gain_share, score
 from slapshot.command import Run, stage_command
 from slapshot.config.cases import ScoreSettings
 from slapshot.diagnosis.pucks.rig_file import setting_of
@@ -30,7 +29,7 @@ def produce(run: Run) -> None:
             row["gain_share"] = gain_share(row, folder, setting, signatures, settings.diagnosis_seed)
         rows.append(row)
     write_cases_table(rows, run.out / "cases.csv")
-    draw_proof(run.out, run.out, settings)
+    publish_proof(run.out, run.out, settings)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Tables of the proof, written and read so that nothing but rounding is lost.
+"""Tables of the blind validation, written and read without loss except rounding.
 
 cases.csv has a row for each scored case; measures, page and figures are made from it alone. proof.csv has the
 measures of the proofs of all labs.
@@ -11,7 +11,7 @@ import pandas as pd
 from slapshot.errors import InputError, reading
 from slapshot.whole_file import write_whole
 
-FIRST, JOINTS = "first", "joints"  # labs: the one of pucks came first
+FIRST, JOINTS = "first", "joints"  # labs: pucks, joints
 MEASURES = ("lab", "measure", "condition", "value", "low", "high", "n")
 FIT = ("track_rmse_m", "rest_rmse_m", "command_rest_rmse_m", "loglik_per_hit", "chi2_per_freedom")
 SCENES = ("nominal", "refitted", "augmented", "noise_floor")

@@ -1,4 +1,4 @@
-"""Concealed cases of pucks: what a rig conceals, how it is recorded, and under which seed."""
+"""Cases of pucks with concealed physics: hidden effects, recording settings and seed."""
 
 import math
 from collections.abc import Iterable
@@ -16,17 +16,17 @@ from slapshot.validation import Model, validated
 
 @dataclass(frozen=True)
 class Case:
-    """One concealed case.
+    """One case.
 
     Attributes:
-        case: its name, which says nothing.
+        case: its name, which reveals nothing.
         condition: of the proof.
         seed: of rig, session and everything that is drawn.
         conceals: kind -> displacement over the hit-to-hit scatter; nothing for a null.
         hits: of all objects together.
         keep: which tables the recording holds.
         mistracks: share of frames that show something else.
-        noise_time: s, over which the camera's noise is alike.
+        noise_time: correlation time of the camera's noise in s.
     """
 
     case: str

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from slapshot.blind_validation.case_table import FIRST, read_measures
-from slapshot.blind_validation.page import AIMS, percent, reached
+from slapshot.blind_validation.page import AIMS, meets_aim, percent
 from slapshot.errors import InputError, reading, writing
 
 BEGIN = "<!-- From figures/proof.csv by `python -m slapshot.blind_validation.docs_table`; do not edit. -->"
@@ -51,7 +51,7 @@ def table(measures: pd.DataFrame) -> str:
             raise InputError(f"proof.csv: no row {key[0]}, {key[1]}; use the one of the full proof")
         value, low, high, n = (found[key][name] for name in ("value", "low", "high", "n"))
         share = f"{percent(value)} % ({percent(low)} to {percent(high)})"
-        aim = f"{AIMS[key][0]}: {'met' if reached(*key, value) else '**missed**'}" if key in AIMS else ""
+        aim = f"{AIMS[key][0]}: {'met' if meets_aim(*key, value) else '**missed**'}" if key in AIMS else ""
         lines.append(f"| {text} | {round(value * n)} of {n} | {share} | {aim} |")
     return "\n".join(lines)
 

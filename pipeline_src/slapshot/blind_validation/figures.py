@@ -1,14 +1,14 @@
-"""Pictures of the proof: who is taken for whom, from what size on, and what naming is worth."""
+"""Figures of the blind validation: confusion matrix, detection by effect size, and prediction errors."""
 
 from collections.abc import Iterator
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
 
 from slapshot.effects.catalogue import catalogue
 from slapshot.plotting import OTHER_COLOURS, STAND_IN, Drawing, use_style
+from slapshot.statistics import wilson_interval
 
 NO_NAME, MISMATCH, UNKNOWN = "no name", "mismatch", "unknown"
 SIZES = (0.0, 0.1, 0.2, 0.35, 0.5, 0.75, 1.1, 2.5)  # edges of displacement over scatter
@@ -21,7 +21,7 @@ def draw_all(cases: pd.DataFrame) -> Iterator[Drawing]:
         cases: of cases.csv.
     """
     use_style()
-    whole = cases[~cases["condition"].str.contains("only")]  # recordings that keep less are another matter
+    whole = cases[~cases["condition"].str.contains("only")]  # recordings with fewer tables are excluded
     one = whole[(whole["conceals"] != "") & ~whole["conceals"].str.contains("+", regex=False)]
     yield _confusion(pd.concat([one, whole[whole["conceals"] == ""]]))
     yield _by_size(one)
@@ -29,9 +29,9 @@ def draw_all(cases: pd.DataFrame) -> Iterator[Drawing]:
 
 
 def _confusion(cases: pd.DataFrame) -> Drawing:
-    """Concealed against first named; beside it, how many were called a mismatch and flagged as unknown.
+    """Confusion matrix of hidden and first-named effect; beside it, counts of mismatches and unknown flags.
 
-    The flag says that something is left besides what was named, so that it stands beside the name.
+    The flag means that something remains besides the named effects, so it is counted separately.
     """
     effects = list(catalogue())
     others = sorted(set(cases["conceals"]) - {*effects, ""})
@@ -86,16 +86,16 @@ def _by_size(cases: pd.DataFrame) -> Drawing:
     rows = []
     bins = pd.cut(known["displacement"].astype(float), SIZES)
     columns = {"found": "called mismatched", "in_class": "truth in the class", "top1": "named first"}
-    # Beside each other, where they are equal.
+    # Shifted sideways, so that equal values stay visible.
     for (column, text), colour, beside in zip(
         columns.items(), OTHER_COLOURS, (0.93, 1.0, 1.07), strict=False
     ):
         for interval, group in known.groupby(bins, observed=True):
             yes, n = int(group[column].astype(bool).sum()), len(group)
-            ci = binomtest(yes, n).proportion_ci(0.95, method="wilson")
+            ci = wilson_interval(yes, n)
             middle = beside * float(np.sqrt(max(interval.left, 0.03) * interval.right))
             rows.append(
-                {"share": column, "size": middle, "value": yes / n, "low": ci.low, "high": ci.high, "n": n}
+                {"share": column, "size": middle, "value": ci.value, "low": ci.low, "high": ci.high, "n": n}
             )
         part = pd.DataFrame([r for r in rows if r["share"] == column])
         if len(part):
@@ -145,7 +145,7 @@ def _fit(cases: pd.DataFrame) -> Drawing:
             tables.append(pd.DataFrame({"measure": measure, "scene": scene, "over_floor": ratio}))
         axis.axvline(1.0, color="#888888", lw=1, ls=":")
         axis.set_xscale("log")
-        axis.set_xlim(left=0.6)  # below it are floors of launches that scatter wildly
+        axis.set_xlim(left=0.6)  # below are noise floors of launches with extreme scatter
         axis.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
         axis.minorticks_off()
         axis.set_xlabel("held-out error over the noise floor")

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
+
+from slapshot.statistics import wilson_interval
 
 DRAWS = 4000
 
@@ -85,10 +86,8 @@ def _of_condition(condition: str, rows: pd.DataFrame) -> Iterator[Measure]:
 def share(measure: str, condition: str, yes: pd.Series) -> Measure:
     """With Wilson's interval."""
     values = yes.astype(bool)
-    if not len(values):
-        return Measure(measure, condition, np.nan, np.nan, np.nan, 0)
-    interval = binomtest(int(values.sum()), len(values)).proportion_ci(0.95, method="wilson")
-    return Measure(measure, condition, float(values.mean()), interval.low, interval.high, len(values))
+    interval = wilson_interval(int(values.sum()), len(values))
+    return Measure(measure, condition, interval.value, interval.low, interval.high, len(values))
 
 
 def median(measure: str, condition: str, values: pd.Series) -> Measure:
@@ -103,7 +102,7 @@ def median(measure: str, condition: str, values: pd.Series) -> Measure:
 
 
 def clustered(measure: str, condition: str, held: pd.Series, number: pd.Series) -> Measure:
-    """Share of all intervals, with a bootstrap over cases, whose intervals go together."""
+    """Share of all intervals, with a bootstrap over cases, whose intervals are correlated."""
     top, bottom = held.fillna(0).to_numpy(float), number.fillna(0).to_numpy(float)
     some = bottom > 0
     top, bottom = top[some], bottom[some]

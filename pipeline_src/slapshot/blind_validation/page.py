@@ -1,12 +1,20 @@
-"""proof.md: the measures beside their aims, and the confusions that remain."""
+"""The published proof, from its scored cases alone: proof.csv, proof.md and figures P1 to P3.
 
-from collections.abc import Mapping, Sequence
+The page shows the measures beside their aims, and the confusions that remain.
+"""
+
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from slapshot.blind_validation.case_table import FIRST, read_cases_table, write_measures
+from slapshot.blind_validation.figures import draw_all
+from slapshot.blind_validation.measures import measures_of
 from slapshot.config.cases import ProofSettings
+from slapshot.plotting import save
+from slapshot.text import markdown_table
 
 # Measure, condition -> aim: text, and bounds of the value (None for none).
 AIMS: dict[tuple[str, str], tuple[str, float | None, float | None]] = {
@@ -52,13 +60,15 @@ def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, settings
     small = settings.list != "full"
     parts = [INTRODUCTION]
     if small:
-        told = "Its intervals are wide; `snakemake proof` makes the full one."
-        parts.append(f"**A small proof: {len(cases)} cases.** {told}\n")
+        reported = "Its intervals are wide; `snakemake proof` makes the full one."
+        parts.append(f"**A small proof: {len(cases)} cases.** {reported}\n")
     shown = measures[measures["n"] > 0]
     aimed = [row for row in shown.to_dict("records") if (row["measure"], row["condition"]) in AIMS]
     parts += [
         "## Aims\n",
-        *_table([_aim_row(row) for row in aimed], "measure", "condition", "aim", "measured", "n", "reached"),
+        markdown_table(
+            ("measure", "condition", "aim", "measured", "n", "reached"), [_aim_row(row) for row in aimed]
+        ),
     ]
     parts += [
         "\n## All measures\n",
@@ -70,15 +80,15 @@ def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, settings
         (r["measure"], r["condition"], hits[r["condition"]], _number(r), str(r["n"]))
         for r in shown.to_dict("records")
     ]
-    parts += _table(rows, "measure", "condition", "hits", "value", "n")
-    parts += ["\n## What was taken for something else\n", *_confusions(cases)]
-    parts += ["\n## How hits were made\n", _how(settings)]
+    parts.append(markdown_table(("measure", "condition", "hits", "value", "n"), rows))
+    parts += ["\n## What was taken for something else\n", _confusions(cases)]
+    parts += ["\n## How hits were made\n", _recording_setup(settings)]
     file.write_text("\n".join(parts) + "\n")
 
 
 def _aim_row(row: Mapping[Any, Any]) -> tuple[str, ...]:
     measure, condition = row["measure"], row["condition"]
-    met = "yes" if reached(measure, condition, row["value"]) else "**no**"
+    met = "yes" if meets_aim(measure, condition, row["value"]) else "**no**"
     return measure, condition, AIMS[measure, condition][0], _number(row), str(row["n"]), met
 
 
@@ -94,24 +104,19 @@ def percent(share: float) -> str:
     return f"{number:.{int(0 < number < 1 or 99 < number < 100)}f}".removesuffix(".0")
 
 
-def reached(measure: str, condition: str, value: float) -> bool:
+def meets_aim(measure: str, condition: str, value: float) -> bool:
     """Whether a measure's value lies within its aim."""
     _, low, high = AIMS[measure, condition]
     return (low is None or value >= low) and (high is None or value <= high)
 
 
-def _table(rows: Sequence[tuple[str, ...]], *head: str) -> list[str]:
-    lines = [head, ("---",) * len(head), *rows]
-    return ["| " + " | ".join(line) + " |" for line in lines]
-
-
-def _confusions(cases: pd.DataFrame) -> list[str]:
+def _confusions(cases: pd.DataFrame) -> str:
     """Catalogued cases whose first name is not what was concealed, and nulls that were called mismatched."""
     wrong = cases[(cases["conceals"] != "") & ~cases["top1"].fillna(True).astype(bool)]
     alarms = cases[(cases["conceals"] == "") & cases["found"].astype(bool)]
     shown = pd.concat([wrong, alarms]).sort_values(["condition", "conceals"])
     if not len(shown):
-        return ["Nothing."]
+        return "Nothing."
     rows = [
         (
             r["case"],
@@ -124,10 +129,10 @@ def _confusions(cases: pd.DataFrame) -> list[str]:
         )
         for r in shown.to_dict("records")
     ]
-    return _table(rows, "case", "condition", "concealed", "size", "named", "classes", "unknown")
+    return markdown_table(("case", "condition", "concealed", "size", "named", "classes", "unknown"), rows)
 
 
-def _how(settings: ProofSettings) -> str:
+def _recording_setup(settings: ProofSettings) -> str:
     pool, camera, joints = settings.pool, settings.lab.camera, settings.lab.joints
     low, high = pool.speed_m_s
     reach = 100 * pool.contact_offset_m
@@ -141,3 +146,22 @@ def _how(settings: ProofSettings) -> str:
         "commands; a kind that cannot be as large as was drawn is listed under a condition of smaller "
         "effects."
     )
+
+
+def publish_proof(folder: Path, pages: Path, settings: ProofSettings) -> None:
+    """Write proof.csv, proof.md and P1 to P3 from cases.csv.
+
+    Args:
+        folder: with cases.csv; gets the figures.
+        pages: gets proof.csv and proof.md.
+        settings: as the score was made with.
+
+    Raises:
+        InputError: the table is missing or lacks a column.
+    """
+    cases = read_cases_table(folder / "cases.csv")
+    measures = pd.DataFrame(measures_of(cases))
+    write_measures(measures, FIRST, pages / "proof.csv")
+    write_page(pages / "proof.md", cases, measures, settings)
+    for drawing in draw_all(cases):
+        save(drawing, folder)

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Literal
 
-from slapshot.blind_validation.draw import draw_proof
+from slapshot.blind_validation.page import publish_proof
 from slapshot.config.cases import ProofSettings
 from slapshot.config.files import load_config
 from slapshot.errors import InputError, writing
@@ -29,7 +29,7 @@ def redraw(folder: Path, pages: Path, which: Literal["full", "small"]) -> None:
     config = load_config()
     shown = ProofSettings(list=which, pool=config.cases.pool, lab=config.lab_of_cases)
     with writing(folder):
-        draw_proof(folder, pages, shown)
+        publish_proof(folder, pages, shown)
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
-"""One case scored: what a verdict says against the truth, both read from files.
+"""Score of one case: its verdict compared with the truth, both read from files.
 
-This is the only place where seals are opened.
+The sealed truths of the lab are read here only.
 """
 
 import json
@@ -9,12 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.blind_validation.case_table import FIT
+from slapshot.diagnosis.pucks.diagnose import diagnose
+from slapshot.diagnosis.pucks.result import Setting
+from slapshot.diagnosis.pucks.signatures import Signatures
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
+from slapshot.recordings.read import read_recording
 
 TRUTH = Path("truth") / "truth.json"
-DRAGS = frozenset({"linear_drag", "quadratic_drag", "stribeck_friction"})  # laws of drag, hard to part
-PLAIN, FAINT = 0.5, 0.2  # displacement over the hit-to-hit scatter
+DRAGS = frozenset({"linear_drag", "quadratic_drag", "stribeck_friction"})  # drag laws, hard to distinguish
+TYPICAL_SIZE, WEAK_SIZE = 0.5, 0.2  # displacement over the hit-to-hit scatter
 
 
 def score(case: str, condition: str, case_folder: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:
@@ -31,7 +35,7 @@ def score(case: str, condition: str, case_folder: Path, verdict: Mapping[str, An
         "cannot_tell": verdict["cannot_tell"],
     }
     if verdict["cannot_tell"] is not None:
-        return row | {"found": False} | _missed(truth, kinds)
+        return row | {"found": False} | _score_undecided(truth, kinds)
     named = [effect["name"] for effect in verdict["effects"]]
     classes = [set(effect["members"]) for effect in verdict["effects"]]
     row |= {
@@ -58,17 +62,17 @@ def score(case: str, condition: str, case_folder: Path, verdict: Mapping[str, An
 
 
 def _condition(drawn: str, sizes: list[float | None]) -> str:
-    """The condition, or one of smaller effects where the kind cannot be as large as was asked for."""
-    reached = min((size for size in sizes if size is not None), default=None)
+    """The condition, or one of smaller effects where the requested size was not attainable."""
+    meets_aim = min((size for size in sizes if size is not None), default=None)
     family = drawn.split(",")[0]
-    if reached is None or family == "weak" or reached >= PLAIN:
+    if meets_aim is None or family == "weak" or meets_aim >= TYPICAL_SIZE:
         return drawn
-    smaller = "weak" if reached >= FAINT else "faint"
+    smaller = "weak" if meets_aim >= WEAK_SIZE else "faint"
     return smaller if drawn == "plain" else f"{drawn}, {smaller}"
 
 
-def _missed(truth: list[dict[str, Any]], kinds: list[str]) -> dict[str, Any]:
-    """What cannot be told is missed."""
+def _score_undecided(truth: list[dict[str, Any]], kinds: list[str]) -> dict[str, Any]:
+    """Scores of a verdict that is undecided: every effect is missed."""
     if not truth:
         return {}
     missed: dict[str, Any] = {"phase_right": False}
@@ -94,14 +98,44 @@ def _naming(kinds: list[str], named: list[str], classes: list[set[str]]) -> dict
 def _coverage(
     truth: list[dict[str, Any]], verdict: Mapping[str, Any], effects: Mapping[str, Effect]
 ) -> dict[str, Any]:
-    """How many 90 % intervals there are of parameters of the same law, and how many hold the truth."""
+    """Number of 90 % intervals of parameters of the same law, and how many contain the truth."""
     intervals, held = 0, 0
-    told = {effect["name"]: effect["parameters"] for effect in verdict["effects"]}
+    reported = {effect["name"]: effect["parameters"] for effect in verdict["effects"]}
     for one in truth:
         if one["parameters_are"] != "same":
             continue
-        for parameter in told.get(one["kind"], ()):
+        for parameter in reported.get(one["kind"], ()):
             if parameter["name"] in one["parameters"]:
                 intervals += 1
                 held += parameter["low"] <= one["parameters"][parameter["name"]] <= parameter["high"]
     return {"intervals": intervals, "intervals_held": held}
+
+
+SLIDING = ("slide", "across hits", "camera")  # whose gain shows on held-out slides
+
+
+def gain_share(
+    row: Mapping[str, Any], case_folder: Path, setting: Setting, signatures: Signatures, seed: int
+) -> float | None:
+    """Held-out log-likelihood gained over that of the true family; None where slides show none.
+
+    Args:
+        row: of the scored case.
+        case_folder: with recording/.
+        setting: of the diagnosis.
+        signatures: of the pool of commands.
+        seed: of the diagnosis, so that the same hits are held out.
+    """
+    effects = catalogue()
+    kinds = str(row["conceals"]).split("+")
+    if not all(kind in effects and effects[kind].phase in SLIDING for kind in kinds) or not row["found"]:
+        return None
+    named = str(row["named"]).split("+")
+    gained = row["augmented_loglik_per_hit"]
+    if set(kinds) <= set(named):
+        return 1.0
+    known = {kind: effects[kind] for kind in kinds}
+    recording = read_recording(case_folder / "recording")
+    verdict = diagnose(recording, setting, seed, known, signatures=signatures).verdict
+    possible = verdict.fit["augmented"].loglik_per_hit.value if verdict.fit else 0.0
+    return float(gained / possible) if possible > 0 else None

@@ -1,1 +1,1 @@
-"""Are p-values p-values, and do intervals hold what they say? Simulated recordings of which all is known."""
+"""Calibration of p-values and coverage of intervals, from simulated recordings with known truth."""

@@ -1,23 +1,24 @@
-"""Aims of a calibration, whether they are reached, and the page that says so."""
+"""Aims of a calibration, whether they are met, and the report page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
+
+from slapshot.statistics import wilson_interval
+from slapshot.text import markdown_table
 
 
 @dataclass(frozen=True)
 class Aim:
-    """What a number should be.
+    """The target of a measured quantity.
 
     Attributes:
-        of: what is measured.
-        wanted: in words.
-        measured: in words.
-        reached: whether it is so.
+        of: the measured quantity.
+        wanted: target, as text.
+        measured: result, as text.
+        reached: whether the target is met.
     """
 
     of: str
@@ -26,12 +27,10 @@ class Aim:
     reached: bool
 
 
-def share(yes: pd.Series) -> tuple[float, float, float]:
-    """Share of what is true, with Wilson's 95 % interval."""
-    if not len(yes):
-        return np.nan, np.nan, np.nan
-    interval = binomtest(int(yes.sum()), len(yes)).proportion_ci(0.95, method="wilson")
-    return float(yes.mean()), interval.low, interval.high
+def wilson_share(yes: pd.Series) -> tuple[float, float, float]:
+    """Share of true values with Wilson's 95 % interval."""
+    share = wilson_interval(int(yes.sum()), len(yes))
+    return share.value, share.low, share.high
 
 
 def percent(value: float) -> str:
@@ -46,17 +45,12 @@ def write_page(file: Path, introduction: str, aims: Sequence[Aim], table: pd.Dat
     parts = [
         introduction,
         "## Aims\n",
-        *markdown(("measure", "aim", "measured", "reached"), lines),
+        markdown_table(("measure", "aim", "measured", "reached"), lines),
         "\n## All\n",
-        *markdown(list(table.columns), rows),
+        markdown_table(list(table.columns), rows),
     ]
     file.write_text("\n".join(parts) + "\n")
 
 
 def _cell(value: object) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
-def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table."""
-    return ["| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *rows)]

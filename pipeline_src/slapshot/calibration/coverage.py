@@ -1,4 +1,4 @@
-"""Does a 90 % interval hold the true value? Every effect's own law is the truth, and it alone is fitted."""
+"""Coverage of 90 % intervals: each effect's own law is simulated, and that effect alone is fitted."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -7,82 +7,83 @@ from typing import Any
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.calibration.rig_simulator import (
+from slapshot.calibration.calibration_rigs import (
     INTERVAL,
     WHITE_NOISE,
-    Drive,
-    RigSimulator,
-    recorded,
-    rig_simulator_named,
+    CalibrationRig,
+    Motion,
+    calibration_rig,
+    simulate_recording,
 )
-from slapshot.diagnosis.diagnose import named_parameter
-from slapshot.diagnosis.inference.selection import gains
-from slapshot.diagnosis.problem import Examination, Problem, examine
-from slapshot.diagnosis.search import Step, first_values, nominal_step, refit, structured
-from slapshot.diagnosis.segments import cut
+from slapshot.diagnosis.diagnose import estimated_parameter
+from slapshot.diagnosis.inference.scores import gains
+from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score
+from slapshot.diagnosis.search import Step, nominal_step, one_step_values, refit, structural_fit
+from slapshot.diagnosis.segments import segment_recording
 from slapshot.effects.joints.catalogue import joint_effects
-from slapshot.effects.joints.effect import JointEffect, Situation
+from slapshot.effects.joints.effect import JointEffect, RigMotion
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
-BENCHES = ("pendulum", "arm", "ball")  # the simplest first
-# A pendulum swings in a plane: a tilt sideways changes next to nothing, and nothing tells left from right.
-_NEEDS = {"gravity_tilt": "arm"}
-_PULSE = (2, 0.4, 0.5)  # episode, and shares of its length between which something pushes
-_OF_MANY = 0.25  # of forms of one effect, which one is the truth
+RIGS = ("pendulum", "arm", "ball")  # the simplest first
+# A pendulum swings in a plane: a sideways tilt changes next to nothing, and its sign is not identifiable.
+_REQUIRED_RIG = {"gravity_tilt": "arm"}
+_PULSE = (2, 0.4, 0.5)  # episode, and begin and end of the push as shares of its length
+_CHOSEN_FRACTION = 0.25  # which of many forms of an effect is simulated, as a share
 
 
 @dataclass(frozen=True)
-class Law:
-    """An effect in one of its variants, on the simplest rig that it shows on."""
+class TestedEffect:
+    """An effect in one of its variants, on the simplest rig on which it is observable."""
 
     effect: str
     variant: str
-    bench: str
+    rig: str
 
 
-def laws(effect: str) -> list[Law]:
+def tested_effects(effect: str) -> list[TestedEffect]:
     """All variants of an effect of the catalogue."""
-    found: dict[str, Law] = {}
-    for name in [_NEEDS[effect]] if effect in _NEEDS else BENCHES:
-        bench = rig_simulator_named(name)
-        drive = bench.draw(6, 1.0, np.random.default_rng(0))
-        for one in _instances(_nominal(bench, drive).situation, effect, drive):
+    found: dict[str, TestedEffect] = {}
+    for name in [_REQUIRED_RIG[effect]] if effect in _REQUIRED_RIG else RIGS:
+        simulated = calibration_rig(name)
+        motion = simulated.draw(6, 1.0, np.random.default_rng(0))
+        for one in _instances(_nominal(simulated, motion).rig_motion, effect, motion):
             variant = "" if effect == ExternalPulse.name else one.variant
-            found.setdefault(variant, Law(effect, variant, name))
+            found.setdefault(variant, TestedEffect(effect, variant, name))
     return list(found.values())
 
 
-def intervals(law: Law, seed: int, episodes: int, seconds: float) -> Iterator[dict[str, Any]]:
-    """Make a recording, fit it, and say for each parameter what was true and what its interval is.
+def intervals(tested: TestedEffect, seed: int, episodes: int, seconds: float) -> Iterator[dict[str, Any]]:
+    """Simulate a recording, fit it, and return truth and interval of each parameter.
 
     Args:
-        law: the truth.
-        seed: of motion, values and noise, with the law's name.
+        tested: the simulated effect.
+        seed: of motion, values and noise, combined with the effect's name.
         episodes: of the recording.
         seconds: length of an episode.
     """
-    # Each law draws for itself: else all would be moved alike and have the same noise.
-    rng = np.random.default_rng([seed, *f"{law.effect} {law.variant}".encode()])
-    bench = rig_simulator_named(law.bench)
-    drive = bench.draw(episodes, seconds, rng)
-    nominal = _nominal(bench, drive)
-    effect = _chosen(law, nominal.situation, drive)
-    truth = drawn(effect, rng)
-    noise = WHITE_NOISE * rng.standard_normal((*drive.told.shape[:2], len(bench.rig.observations)))
-    recording = recorded(bench, drive, effect, truth, noise)
+    # Each effect has its own stream, otherwise all would share motion and noise.
+    rng = np.random.default_rng([seed, *f"{tested.effect} {tested.variant}".encode()])
+    simulated = calibration_rig(tested.rig)
+    motion = simulated.draw(episodes, seconds, rng)
+    nominal = _nominal(simulated, motion)
+    effect = _select_instance(tested, nominal.rig_motion, motion)
+    truth = draw_from_prior(effect, rng)
+    noise = WHITE_NOISE * rng.standard_normal((*motion.commands.shape[:2], len(simulated.rig.observations)))
+    recording = simulate_recording(simulated, motion, effect, truth, noise)
     # Scales of the nominal motion, so that the prior is the one that the truth was drawn from.
     problem = replace(
-        Problem.of(bench.rig, bench.channels, cut(recording, bench.rig)), situation=nominal.situation
+        Problem.of(simulated.rig, simulated.channels, segment_recording(recording, simulated.rig)),
+        rig_motion=nominal.rig_motion,
     )
-    examined = fitted(problem, effect, rng)
+    scored = fitted(problem, effect, rng)
     for k, parameter in enumerate(effect.parameters):
-        row = {"effect": law.effect, "variant": law.variant, "rig": law.bench, "part": effect.part,
+        row = {"effect": tested.effect, "variant": tested.variant, "rig": tested.rig, "part": effect.part,
                "parameter": parameter.name, "seed": seed, "truth": truth[k]}  # fmt: skip
-        if examined is None:
+        if scored is None:
             yield row | {"value": np.nan, "low": np.nan, "high": np.nan, "state": "", "converged": False}
             continue
-        fit = examined.fit
-        found = named_parameter(parameter, float(fit.theta[k]), float(fit.sd[k]))
+        fit = scored.fit
+        found = estimated_parameter(parameter, float(fit.theta[k]), float(fit.sd[k]))
         yield row | {
             "value": found.value,
             "low": found.low,
@@ -92,20 +93,20 @@ def intervals(law: Law, seed: int, episodes: int, seconds: float) -> Iterator[di
         }
 
 
-def fitted(problem: Problem, effect: JointEffect, rng: np.random.Generator) -> Examination | None:
-    """The fit that a search makes of an effect which it names; None where there is no fit."""
+def fitted(problem: Problem, effect: JointEffect, rng: np.random.Generator) -> ScoredFit | None:
+    """The fit of an effect as in a search; None if it fails."""
     try:
         nominal = nominal_step(problem, (), rng)
         if effect.hidden_state:
-            return structured(nominal, effect)
-        fit = refit(nominal, effect, _start(nominal, effect))
-        return examine(problem, fit.hypothesis, fit.theta, fit.path, nominal.examination.noise)
+            return structural_fit(nominal, effect)
+        fit = refit(nominal, effect, _initial_values(nominal, effect))
+        return fit_and_score(problem, fit.hypothesis, fit.theta, fit.trajectory, nominal.scored.noise)
     except np.linalg.LinAlgError:
         return None
 
 
-def drawn(effect: JointEffect, rng: np.random.Generator) -> Array:
-    """Values from the priors, within what is possible."""
+def draw_from_prior(effect: JointEffect, rng: np.random.Generator) -> Array:
+    """Values from the priors, truncated to their bounds."""
     values = []
     for parameter in effect.parameters:
         value = np.nan
@@ -115,35 +116,35 @@ def drawn(effect: JointEffect, rng: np.random.Generator) -> Array:
     return np.array(values)
 
 
-def _nominal(bench: RigSimulator, drive: Drive) -> Problem:
-    """Of the motion of the nominal model."""
-    recording = recorded(bench, drive, None, np.zeros(0))
-    return Problem.of(bench.rig, bench.channels, cut(recording, bench.rig))
+def _nominal(simulated: CalibrationRig, motion: Motion) -> Problem:
+    """The problem of a noise-free recording of the nominal model."""
+    recording = simulate_recording(simulated, motion, None, np.zeros(0))
+    return Problem.of(simulated.rig, simulated.channels, segment_recording(recording, simulated.rig))
 
 
-def _instances(scales: Situation, effect: str, drive: Drive) -> list[JointEffect]:
+def _instances(scales: RigMotion, effect: str, motion: Motion) -> list[JointEffect]:
     if effect != ExternalPulse.name:
         return list(joint_effects()[effect].instances(scales))
-    # Its times are found in data; here they are known.
+    # Its times are detected in data; here they are known.
     episode, *within = _PULSE
-    begin, end = (share * drive.told.shape[1] * INTERVAL for share in within)
-    order = float(np.linspace(-0.5, 0.5, len(drive.told))[episode])
+    begin, end = (wilson_share * motion.commands.shape[1] * INTERVAL for wilson_share in within)
+    order = float(np.linspace(-0.5, 0.5, len(motion.commands))[episode])
     return [ExternalPulse(joint, [Pulse(episode, order, begin, end)]) for joint in scales.joints]
 
 
-def _chosen(law: Law, scales: Situation, drive: Drive) -> JointEffect:
-    """At the first part; of many forms, one that is neither the slowest nor the fastest."""
-    own = _instances(scales, law.effect, drive)
-    own = [e for e in own if law.effect == ExternalPulse.name or e.variant == law.variant]
+def _select_instance(tested: TestedEffect, scales: RigMotion, motion: Motion) -> JointEffect:
+    """The instance at the first part; of many forms, an intermediate one."""
+    own = _instances(scales, tested.effect, motion)
+    own = [e for e in own if tested.effect == ExternalPulse.name or e.variant == tested.variant]
     own = [e for e in own if e.part == own[0].part]
-    return own[int(_OF_MANY * len(own))]
+    return own[int(_CHOSEN_FRACTION * len(own))]
 
 
-def _start(nominal: Step, effect: JointEffect) -> Array:
-    """Where a fit begins: where the columns of the nominal model's scores point."""
-    examined = nominal.examination
-    keys = [candidate.key for candidate in examined.effects]
+def _initial_values(nominal: Step, effect: JointEffect) -> Array:
+    """Initial values of a fit, from the scores of the nominal model."""
+    scored = nominal.scored
+    keys = [candidate.key for candidate in scored.effects]
     if effect.key not in keys:
         return np.array([parameter.start for parameter in effect.parameters])
     index = keys.index(effect.key)
-    return first_values(examined, index, gains(examined.scores, examined.columns)[index].values)
+    return one_step_values(scored, index, gains(scored.scores, scored.columns)[index].values)

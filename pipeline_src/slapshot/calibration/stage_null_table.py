@@ -1,10 +1,107 @@
 """Stage `null_table`: are p-values of nulls uniform?"""
 
-import pandas as pd
+from pathlib import Path
 
-from slapshot.calibration.null_table import write_nulls
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from scipy.stats import kstest, kstwo
+
+from slapshot.calibration.aims import Aim, percent, wilson_share, write_page
 from slapshot.command import Run, stage_command
 from slapshot.config.calibration import TableSettings
+from slapshot.plotting import METHOD_COLOURS, OTHER_COLOURS, STAND_IN, Drawing, save, use_style
+
+NAME = "joint_nulls"
+POOLED = "all"
+BELOW = {"below_05": (0.05, 0.035, 0.065), "below_01": (0.01, 0.004, 0.018)}  # level, and aim of the pooled
+MIN_KS_P_VALUE = 1e-3
+
+INTRODUCTION = """# P-values of rigs that conceal nothing
+
+Recordings by the joint lab (simulated; no real robot) of rigs that are as their nominal models say, and the
+p-value of the first test of a diagnosis. Such p-values are uniform if they are what they say. A p-value is
+made of one from draws, a multiple of 1/500, and one of a formula: its distribution has steps of at most .004,
+which are small beside what the Kolmogorov-Smirnov test can see of {n} recordings (a distance of {seen:.3f}
+at its level of .05), so that they count as continuous. Intervals are Wilson's of 95 %.
+Aims are of all rigs pooled, but for Kolmogorov-Smirnov's p-value, which is of each rig.
+"""
+
+
+def null_table(p_values: pd.DataFrame) -> pd.DataFrame:
+    """Shares below levels and the Kolmogorov-Smirnov test, rig by rig and pooled.
+
+    Args:
+        p_values: columns rig and p_value.
+    """
+    parts = [(str(rig), own["p_value"]) for rig, own in p_values.groupby("rig", sort=False)]
+    rows = []
+    for rig, values in [*parts, (POOLED, p_values["p_value"])]:
+        row: dict[str, object] = {"rig": rig, "n": len(values)}
+        for column, (level, *_) in BELOW.items():
+            row[column], row[f"{column}_low"], row[f"{column}_high"] = wilson_share(values < level)
+        test = kstest(values, "uniform")
+        rows.append(row | {"ks_distance": float(test.statistic), "ks_p": float(test.pvalue)})
+    return pd.DataFrame(rows)
+
+
+def null_aims(table: pd.DataFrame) -> list[Aim]:
+    """What the pooled shares and each rig's test should be."""
+    pooled = table[table["rig"] == POOLED].iloc[0]
+    aims = []
+    for column, (level, low, high) in BELOW.items():
+        value = float(pooled[column])
+        measured = (
+            f"{percent(value)} ({percent(pooled[f'{column}_low'])} to {percent(pooled[f'{column}_high'])})"
+        )
+        wanted = f"{percent(low)} to {percent(high)}"
+        aims.append(Aim(f"share of p-values below {level}", wanted, measured, low <= value <= high))
+    for row in table[table["rig"] != POOLED].to_dict("records"):
+        p_value = float(row["ks_p"])
+        wanted = f"above {MIN_KS_P_VALUE:g}"
+        aims.append(
+            Aim(f"Kolmogorov-Smirnov, {row['rig']}", wanted, f"{p_value:.2g}", p_value > MIN_KS_P_VALUE)
+        )
+    return aims
+
+
+def draw_nulls(p_values: pd.DataFrame) -> Drawing:
+    """Empirical distributions against the diagonal with the band that holds 95 % of uniform ones."""
+    use_style()
+    figure, axes = plt.subplots(figsize=(4.6, 4.2))
+    colours = (*list(METHOD_COLOURS.values())[:2], *OTHER_COLOURS)
+    groups = list(p_values.groupby("rig", sort=False))
+    fewest = min(len(own) for _, own in groups)
+    band, level = float(kstwo.ppf(0.95, fewest)), np.linspace(0, 1, 101)
+    axes.fill_between(
+        level, np.clip(level - band, 0, 1), np.clip(level + band, 0, 1), color="#DDDDDD", lw=0,
+        label=f"95 % of uniform ones, n = {fewest}",
+    )  # fmt: skip
+    axes.plot(level, level, color="#888888", lw=1, ls=":")
+    tables = []
+    for (rig, own), colour in zip(groups, np.resize(colours, len(groups)), strict=True):
+        values = np.sort(own["p_value"].to_numpy(float))
+        below = np.arange(1, len(values) + 1) / len(values)
+        text = f"{str(rig).replace('_', ' ')} (n = {len(values)})"
+        axes.step([0, *values, 1], [0, *below, 1], where="post", lw=1.4, color=colour, label=text)
+        tables.append(pd.DataFrame({"rig": rig, "p_value": values, "share": below}))
+    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="p-value", ylabel="share of nulls at most so large")
+    axes.set_aspect("equal")
+    axes.legend(loc="upper left")
+    axes.set_title(f"Nulls; {STAND_IN}", loc="left")
+    return Drawing(NAME, figure, pd.concat(tables))
+
+
+def write_nulls(p_values: pd.DataFrame, folder: Path) -> None:
+    """Write joint_nulls.csv, .md, .png and .pdf, and every p-value."""
+    table = null_table(p_values)
+    save(draw_nulls(p_values), folder)
+    (folder / f"{NAME}.csv").rename(folder / "distributions.csv")
+    table.to_csv(folder / f"{NAME}.csv", index=False, float_format="%.6g")
+    p_values.to_csv(folder / "p_values.csv", index=False, float_format="%.6g")
+    fewest = int(table["n"].min())
+    text = INTRODUCTION.format(n=fewest, seen=kstwo.ppf(0.95, fewest))
+    write_page(folder / f"{NAME}.md", text, null_aims(table), table)
 
 
 def produce(run: Run) -> None:

@@ -1,1 +1,1 @@
-"""What the paper claims, held against our own numbers: a file a claim, each verdict computed."""
+"""Claims of the paper, tested on our results: one file for each claim."""

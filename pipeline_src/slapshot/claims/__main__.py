@@ -1,4 +1,4 @@
-"""Stage `claim`: judge one claim."""
+"""Stage `claim`: evaluate one claim."""
 
 import logging
 from importlib import import_module
@@ -21,7 +21,7 @@ def produce(run: Run) -> None:
     """Write statements.parquet: a row for each statement, with its verdict."""
     settings = run.settings(ClaimSettings)
     module: ClaimModule = import_module(settings.module)
-    statements = module.judge(run.inputs)
+    statements = module.evaluate(run.inputs)
     rows = [statement.row() for statement in statements]
     table = pd.DataFrame(rows, columns=_COLUMNS).assign(title=module.TITLE, domain=settings.domain)
     write_table(table, run.out / "statements.parquet")

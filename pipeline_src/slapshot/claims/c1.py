@@ -19,7 +19,7 @@ LEVEL = 0.9  # a variance that keeps 90 % of itself while samples double has com
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the walkthrough's many tasks (role: regression)."""
     table = read_frame(inputs["regression"] / "contraction.parquet")
     drift = table["drift"].max()

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from slapshot.claims.lead import drawn_errors, grows_with_noise, mean_ratio
+from slapshot.claims.comparison import drawn_errors, grows_with_noise, mean_ratio
 from slapshot.claims.statement import Statement
 from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
@@ -14,7 +14,7 @@ FEW = slice(1, 11)  # samples 1 to 10, of 100
 MANY = slice(-25, None)  # the last 25
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the errors of both methods (role: method) on the same test conditions."""
     if not {"kalman", "lstm"} <= set(inputs):
         return []

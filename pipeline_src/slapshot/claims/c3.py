@@ -15,13 +15,13 @@ TITLE = "FetchSlide, PCA of hidden states: Kalman's follow friction, the LSTM's 
 
 FRICTIONS = ("low friction", "medium friction", "high friction")
 EARLY, LATE = 19, 80  # samples: "less than 20", "even after observing 80"
-# Share of states on the right side from which on two conditions count as parted, a margin of our own.
-PARTED = 0.9
+# Share of correctly assigned states above which two conditions count as separated, a margin of our own.
+SEPARATED = 0.9
 
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the hidden states of both methods (role: method)."""
     scores = {method: _scores(folder) for method, folder in inputs.items()}
     statements = []
@@ -37,11 +37,11 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
                 paper="the dynamics lie in the order of decreasing friction",
                 note="one condition each; the interval is over models and random orders of their hits",
             ),
-            _parted(early, "kalman", seen, holds=True),
+            _separated(early, "kalman", seen, holds=True),
         ]
     if "lstm" in scores:
         late = at_samples(scores["lstm"], LATE)
-        statements.append(_parted(late, "lstm", int(late["samples"].iloc[0]), holds=False))
+        statements.append(_separated(late, "lstm", int(late["samples"].iloc[0]), holds=False))
     if {"kalman", "lstm"} <= set(scores):
         statements.append(
             Statement(
@@ -91,20 +91,20 @@ def _smaller_step(table: Array) -> float:
     return float((steps / np.maximum(first.std(1).mean(1), 1e-9)[:, None]).min(1).mean())
 
 
-def _parted(rows: pd.DataFrame, method: str, seen: int, holds: bool) -> Statement:
+def _separated(rows: pd.DataFrame, method: str, seen: int, holds: bool) -> Statement:
     name = {"kalman": "Kalman", "lstm": "The LSTM"}[method]
     return Statement(
         text=f"{name} {'parts' if holds else 'does not part'} medium from high friction after {seen} samples",
         measure="share of states nearer to their own condition's mean in the plane of two components",
-        interval=bootstrap(_share_parted, _by_friction(rows)),
-        above=PARTED if holds else -np.inf,
-        below=np.inf if holds else PARTED,
+        interval=bootstrap(_separated_share, _by_friction(rows)),
+        above=SEPARATED if holds else -np.inf,
+        below=np.inf if holds else SEPARATED,
         paper="already with less than 20 samples" if holds else "span the same area even after observing 80",
-        note=f"0.5 is chance; parted from {PARTED:g} on, a margin of our own",
+        note=f"0.5 is chance; parted from {SEPARATED:g} on, a margin of our own",
     )
 
 
-def _share_parted(table: Array) -> float:
+def _separated_share(table: Array) -> float:
     """Of the states at medium and high friction, those nearer to their own mean; mean over models."""
     pair = table[:, :, 1:]
     means = pair.mean(1)  # (models, 2 conditions, 2 components)

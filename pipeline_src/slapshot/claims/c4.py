@@ -8,14 +8,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.claims.lead import drawn_errors, grows_with_noise, mean_ratio
+from slapshot.claims.comparison import drawn_errors, grows_with_noise, mean_ratio
 from slapshot.claims.statement import Statement, error_array
 from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
 
 TITLE = "hockey, simulated: Kalman and LSTM alike, both ahead of MAML"
 
-ALIKE = 0.1  # equivalence margin: errors within 10 % of each other
+EQUIVALENCE_MARGIN = 0.1  # equivalence margin: errors within 10 % of each other
 NEAR = 1.5  # "near but behind": at most half as much error again
 FEW = 4  # samples: fewer than the larger of MAML's batches, which has not moved yet
 LOW_SAMPLES = 8  # the low-sample regime of figure 7
@@ -24,14 +24,14 @@ FRICTIONS = ("low friction", "medium friction", "high friction")  # named condit
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the errors of every method (role: method) on the same test conditions."""
     errors = {method: read_frame(folder / "errors.parquet") for method, folder in inputs.items()}
     drawn = {m: drawn_errors(table) for m, table in errors.items()}
     mamls = sorted((m for m in drawn if re.fullmatch(r"maml_\d+", m)), key=batch)
     statements = []
     if {"kalman", "lstm"} <= set(drawn):
-        statements.append(_alike(drawn))
+        statements.append(_equivalent(drawn))
         statements += grows_with_noise(errors, slice(1, LOW_SAMPLES + 1))
     for method in (m for m in ("kalman", "lstm") if m in drawn):
         statements += [_behind(drawn, method, maml) for maml in mamls]
@@ -49,15 +49,15 @@ def batch(method: str) -> int:
     return int(method.rpartition("_")[2])
 
 
-def _alike(errors: Mapping[str, Array]) -> Statement:
+def _equivalent(errors: Mapping[str, Array]) -> Statement:
     return Statement(
         text="Kalman and LSTM perform alike",
         measure="LSTM's error over Kalman's, mean over all samples from the first on",
         interval=bootstrap(lambda a, b: mean_ratio(a, b, slice(1, None)), errors["lstm"], errors["kalman"]),
-        above=1 - ALIKE,
-        below=1 + ALIKE,
+        above=1 - EQUIVALENCE_MARGIN,
+        below=1 + EQUIVALENCE_MARGIN,
         paper="no significant change, Kalman slightly better",
-        note=f"alike: within {100 * ALIKE:.0f} %, a margin of our own",
+        note=f"alike: within {100 * EQUIVALENCE_MARGIN:.0f} %, a margin of our own",
     )
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.claims.lead import larger_on_rigs, mean_ratio
-from slapshot.claims.samples import samples_to_reach
+from slapshot.claims.comparison import larger_on_rigs, mean_ratio, samples_to_reach
 from slapshot.claims.statement import Statement, error_array
 from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
@@ -22,7 +21,7 @@ WITHIN = 20  # samples after which the paper's MAML with 4 matches
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the errors of every method (role: method/recording), over all rigs and objects.
 
     Held against those in simulation (role: method), where they are given.

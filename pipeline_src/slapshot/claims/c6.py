@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.claims.samples import samples_needed
+from slapshot.claims.comparison import samples_needed
 from slapshot.claims.statement import Statement
 from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
@@ -21,7 +21,7 @@ SEVEN = 7.0
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From hits of policies and models on every rig, and the model's predictions.
 
     Roles: policy_acting/rig, acting/rig, predicted.

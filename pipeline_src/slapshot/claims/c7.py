@@ -18,7 +18,7 @@ SAMPLES = 20  # of the paper's figure 9 (a)
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the hidden states of the Kalman model (role: beliefs)."""
     latents = read_latents(inputs["beliefs"])
     projections = {int(str(m)): fit_projection(rows) for m, rows in latents.groupby("model")}
@@ -27,7 +27,7 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
     table = _scores(drawn, projections)
     statements = [
         Statement(
-            text=f"The {place} component follows the {what} of friction rather than its {other}",
+            text=f"The {position} component follows the {what} of friction rather than its {other}",
             measure=f"|correlation| with the {what} less |correlation| with the {other}",
             interval=bootstrap(
                 lambda a, i=component, j=guide: _correlation(a, i, j) - _correlation(a, i, 1 - j), table
@@ -39,7 +39,7 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
                 "log sqrt(mu_x mu_y), direction is log(mu_y / mu_x); drawn test conditions"
             ),
         )
-        for component, (place, what, other, guide) in enumerate(
+        for component, (position, what, other, guide) in enumerate(
             (("first", "magnitude", "direction", 0), ("second", "direction", "magnitude", 1))
         )
     ]
@@ -79,14 +79,14 @@ def _recorded(seen: pd.DataFrame, projections: Mapping[int, Projection]) -> list
         own = named[named["model"] == model]
         low, medium = (first(own[own["name"] == f"{k} friction"]).mean() for k in ("low", "medium"))
         rows = recorded[recorded["model"] == model]
-        place = rows.assign(place=(first(rows) - low) / (medium - low))
-        parts.append(place.groupby(["recording", "rig"])["place"].mean().to_numpy())
-    places = np.stack(parts)[..., None]
+        position = rows.assign(position=(first(rows) - low) / (medium - low))
+        parts.append(position.groupby(["recording", "rig"])["position"].mean().to_numpy())
+    positions = np.stack(parts)[..., None]
     return [
         Statement(
             text="The recorded pucks lie between low and medium friction",
             measure="place along the first component, mean over rigs; low friction is 0, medium 1",
-            interval=bootstrap(lambda a: float(a.mean()), places),
+            interval=bootstrap(lambda a: float(a.mean()), positions),
             above=0,
             below=1,
             paper="between medium and low friction",

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.claims.samples import samples_needed
+from slapshot.claims.comparison import samples_needed
 from slapshot.claims.statement import Statement, error_array
 from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
@@ -15,9 +15,9 @@ from slapshot.statistics import bootstrap
 TITLE = "hockey, recorded: beliefs narrow the ranges of randomisation"
 
 NOMINAL = 0.9  # of 5 to 95 % ranges
-FEW, QUARTER_LESS = 2, 0.75
+FEW, TARGET_RATIO = 2, 0.75
 SEEN = 8
-LEAST = 0.8  # coverage from which on ranges may be used, a margin of our own
+MIN_COVERAGE = 0.8  # coverage from which on ranges may be used, a margin of our own
 _NAMES = {
     "friction_x": "friction along x",
     "friction_y": "the ratio of frictions",
@@ -28,7 +28,7 @@ _NAMES = {
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From ranges and truths of all rigs (role: coverage), and errors of models made again (role: rig)."""
     table = read_frame(inputs["coverage"] / "coverage.parquet")
     statements = []
@@ -48,7 +48,7 @@ def judge(inputs: Mapping[str, Path]) -> list[Statement]:
                 text=f"Refined ranges of {name} hold the truth",
                 measure=f"share of rigs and pucks whose 5 to 95 % range does; nominal {NOMINAL:g}",
                 interval=bootstrap(lambda a: float(a.mean()), rigs["inside"].to_numpy()[None]),
-                above=LEAST,
+                above=MIN_COVERAGE,
                 paper="a range of randomization parameters that encapsulate the real conditions",
                 note=(
                     f"{counted}; ranges are {100 * rigs['width'].median():.0f} % as wide as those of "
@@ -82,7 +82,7 @@ def _in_simulation(table: pd.DataFrame) -> Statement:
         text="In simulation, refined ranges hold the truth",
         measure=f"share of conditions and parameters whose 5 to 95 % range does; nominal {NOMINAL:g}",
         interval=bootstrap(lambda a: float(a.mean()), inside[None]),
-        above=LEAST,
+        above=MIN_COVERAGE,
         note=f"{len(inside)} validation conditions; {each}",
     )
 
@@ -95,7 +95,7 @@ def _fewer_centimetres(errors: pd.DataFrame) -> Statement:
         text=f"Models of refined ranges err by at most three quarters as much after {FEW} samples",
         measure="their error over that of models of all ranges",
         interval=bootstrap(lambda a, b: float(b.mean() / a.mean()), before, after),
-        below=QUARTER_LESS,
+        below=TARGET_RATIO,
         paper="could be used to train a model which achieves even smaller error in the low sample regime",
         note=(
             f"{100 * before.mean():.1f} cm before, {100 * after.mean():.1f} cm with refined ranges; new "

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slapshot.claims.samples import samples_needed
+from slapshot.claims.comparison import samples_needed
 from slapshot.claims.statement import Statement
 from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
@@ -22,7 +22,7 @@ NEAR = 2.0  # of the oracle's distance, a margin of our own
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From what was done on every rig (role: rig)."""
     table = pd.concat([read_frame(f / "acting.parquet") for f in inputs.values()], ignore_index=True)
     table = table.dropna(subset="error_m")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.claims.samples import samples_to_reach
+from slapshot.claims.comparison import samples_to_reach
 from slapshot.claims.statement import Statement, error_array
 from slapshot.parquet import read_frame
 from slapshot.statistics import bootstrap
@@ -19,7 +19,7 @@ HALF = 0.5
 Array = NDArray[np.floating]
 
 
-def judge(inputs: Mapping[str, Path]) -> list[Statement]:
+def evaluate(inputs: Mapping[str, Path]) -> list[Statement]:
     """From the errors of both arms (role: exploration)."""
     table = read_frame(inputs["exploration"] / "exploration.parquet")
     arms = {arm: error_array(rows, ["recording", "rig"]) for arm, rows in table.groupby("arm", sort=False)}

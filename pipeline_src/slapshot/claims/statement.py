@@ -1,4 +1,4 @@
-"""The face that all claims share: statements with a measured value, an interval and a verdict."""
+"""Interface of all claims: statements with a measured value, an interval and a verdict."""
 
 import math
 from collections.abc import Mapping
@@ -15,17 +15,17 @@ from slapshot.statistics import Interval
 
 @dataclass(frozen=True)
 class Statement:
-    """A part of a claim that one number decides.
+    """A part of a claim that is decided by one number.
 
     Attributes:
-        text: what is claimed, in one sentence.
+        text: the claim, in one sentence.
         measure: what the number is.
         interval: the number and its 95 % interval.
         above, below: the statement holds if the number lies above the one and below the other.
         unit: of the number.
         scale: factor between the number and how it is printed in that unit.
         paper: what the paper reports, if it gives a number.
-        note: what a reader must know to read it.
+        note: context for the reader.
     """
 
     text: str
@@ -40,9 +40,9 @@ class Statement:
 
     @property
     def verdict(self) -> str:
-        """Holds, or does not, if the whole interval says so; undecided if it does not."""
+        """Holds, or does not hold, if the whole interval agrees; otherwise undecided."""
         low, high = self.interval.low, self.interval.high
-        # Without a limit an infinite number is no reason to doubt: a method that diverged is behind.
+        # Without a limit an infinite value is acceptable: a method that diverged is behind.
         above_it = self.above == -math.inf or low > self.above
         if above_it and (self.below == math.inf or high < self.below):
             return "holds"
@@ -70,16 +70,16 @@ class Statement:
 
 
 class ClaimModule(Protocol):
-    """A module of this package that judges one claim."""
+    """A module of this package that evaluates one claim."""
 
     TITLE: str
 
-    def judge(self, inputs: Mapping[str, Path]) -> list[Statement]:
+    def evaluate(self, inputs: Mapping[str, Path]) -> list[Statement]:
         """Statements, from upstream version folders (role -> folder)."""
 
 
 def error_array(errors: pd.DataFrame, task: str | list[str]) -> NDArray[np.float64]:
-    """(models, tasks, samples + 1) mean error in m from a long table; `task` names what tells tasks apart."""
+    """(models, tasks, samples + 1) mean error in m from a long table; `task`: columns of a task."""
     keys = ["model", *([task] if isinstance(task, str) else task), "samples"]
     mean = errors.groupby(keys, observed=True)["error_m"].mean().unstack("samples").unstack("model")
     models = errors["model"].nunique()

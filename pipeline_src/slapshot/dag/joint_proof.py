@@ -7,8 +7,8 @@ from slapshot.dag.diagnosis import SEED
 from slapshot.dag.proof import list_file
 from slapshot.dag.recipes import Plan
 from slapshot.effects import joints
+from slapshot.lab.joints.case_spec import JointCaseSettings
 from slapshot.lab.joints.cases import read_cases
-from slapshot.lab.joints.order import JointCaseSettings
 
 
 def add_joint_proof(plan: Plan, cases: Cases) -> None:
@@ -25,7 +25,7 @@ def add_joint_proof(plan: Plan, cases: Cases) -> None:
     verdict = JointVerdictSettings(seed=SEED)
     for case in read_cases(list_file(cases, "joints"), possible=False):
         recorded, found = f"joint_case/{case.case}", f"joint_verdict/{case.case}"
-        plan.add(recorded, "joint_case", JointCaseSettings(order=case.order))
+        plan.add(recorded, "joint_case", JointCaseSettings(spec=case.spec))
         plan.add(found, "joint_verdict", verdict, {"case": recorded}, modules=effects)
         inputs |= {f"case/{case.case}": recorded, f"verdict/{case.case}": found}
         conditions[case.case] = case.condition

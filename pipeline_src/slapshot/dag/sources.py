@@ -16,7 +16,7 @@ _NEEDED = ("recording.json", "hits.parquet")  # without which a folder holds no 
 
 @dataclass(frozen=True)
 class Sources:
-    """What a recipe says of recordings; `slapshot.recordings.sources` finds their folders from it.
+    """What a recipe says of recordings; `slapshot.recordings.read` finds their folders from it.
 
     Attributes:
         described: recording -> where it comes from.

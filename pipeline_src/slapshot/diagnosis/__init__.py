@@ -1,4 +1,4 @@
-"""Diagnosis: from a recording that a scene does not explain to what was left out, where, and how much.
+"""Diagnosis: identify which physics a model lacks, at which part and of what size, from a recording.
 
-`pucks` reads recordings of objects that are hit and slide.
+This package diagnoses joints and bodies; `pucks` diagnoses hits of a sliding object.
 """

@@ -1,4 +1,4 @@
-"""A user's model with effects written into it, and what MJCF cannot hold in words and as a function.
+"""A user's model with effects written into it; what MJCF cannot represent, as notes and as a function.
 
 spec, notes = augmented_model(rig, effects, theta)
 model = spec.compile()
@@ -19,7 +19,8 @@ import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.hypothesis import Hypothesis, actuator_torque
-from slapshot.diagnosis.rig import OWN, Rig
+from slapshot.diagnosis.rig import Rig
+from slapshot.diagnosis.sensors import OWN
 from slapshot.effects.joints.effect import JointEffect, State, overrides
 from slapshot.errors import InputError, writing
 from slapshot.text import reason_of
@@ -32,7 +33,7 @@ _PASSES = 2  # what compiling derives from changed numbers, such as damping rati
 def augmented_model(
     rig: Rig, effects: Sequence[JointEffect], theta: Array
 ) -> tuple[mujoco.MjSpec, list[str]]:
-    """The user's own model with all numbers that effects change, and notes on what it cannot hold.
+    """The user's own model with all numbers that effects change, and notes on what it cannot represent.
 
     Args:
         rig: of the hypothesis: where effects change the model's structure, one that has it.
@@ -60,7 +61,7 @@ def augmented_model(
 
 
 def write_augmented(rig: Rig, effects: Sequence[JointEffect], theta: Array, folder: Path) -> None:
-    """Write the model with effects to model.xml and what it cannot hold to NOTES.md.
+    """Write the model with effects to model.xml and what it cannot represent to NOTES.md.
 
     Motors that were added for recorded torques bear the names of their joints, and added joints plain ones.
     Files of meshes and textures stay where they are.
@@ -131,11 +132,12 @@ def _write_numbers(rig: Rig, spec: mujoco.MjSpec, changed: Sequence[tuple[JointE
     try:
         for _ in range(_PASSES):
             spec.copy_back(edited)
-            spec.stat.meaninertia, spec.stat.meanmass = means  # of no use, and deprecated
+            spec.stat.meaninertia, spec.stat.meanmass = means  # deprecated
             spec.compile()
     except ValueError as error:
         raise InputError(
-            f"model: cannot hold what was found ({reason_of(error)}); write that part with numbers of its own"
+            f"model: cannot represent the result ({reason_of(error)}); write that part with numbers of its "
+            "own"
         ) from None
     for body, was in simple:
         body.simple = was

@@ -19,8 +19,8 @@ _POSITION_STEP, _VELOCITY_STEP = 1e-6, 1e-5
 _FORCE_STEP = 1e-2  # share of the rms torque
 
 
-class Middle:
-    """One model step from the middle of each of n intervals, and what becomes of changes by their ends.
+class Midpoint:
+    """One model step from the middle of each of n intervals, and the propagation of changes to their ends.
 
     Args:
         simulator: of the hypothesis' rig.
@@ -89,9 +89,9 @@ class Middle:
         return rate
 
     def transition(self) -> tuple[Array, Array]:
-        """Growth of changes over the interval, (n, dim, dim), and what changes in every step come to.
+        """Transition over the interval, (n, dim, dim), and the accumulation of changes in every step.
 
-        The second matrix takes what `changed` tells to a change of the state at the end.
+        The second matrix maps a change in every step to a change of the state at the end.
         """
         nv, dim = self._tangent.nv, self._tangent.dim
         n = len(self._x)
@@ -120,7 +120,7 @@ class Middle:
         return _powers(one + hJ @ share, self._steps, self._h * share)
 
     def force(self, spread: Array, scale: Array) -> Array:
-        """What forces held over the interval do to the state at its end, (n, dim, nv), of sizes (nv,)."""
+        """Effect of forces held over the interval on the state at its end, (n, dim, nv), for sizes (nv,)."""
         nv = self._tangent.nv
         columns = []
         for j in range(nv):
@@ -131,15 +131,15 @@ class Middle:
         return np.asarray(spread @ np.stack(columns, axis=-1))
 
     def changed(self, hypothesis: Hypothesis, theta: Array, model: mujoco.MjModel, spread: Array) -> Array:
-        """By how much the end of the interval differs under another hypothesis and model, (n, dim)."""
+        """Difference of the state at the end under another hypothesis and model, (n, dim)."""
         model = _explicit(model) if self._smooth else model
         change = self._change(self._step(hypothesis, theta, model, self._x, self._u))
         return np.asarray((spread @ change[..., None])[..., 0])
 
-    def driven(self, difference: Array, A: Array, spread: Array) -> Array:
-        """By how much the end of the interval differs under other controls, by (n, steps, nu), (n, dim)."""
-        # Where in the interval, from its middle, the controls differ: the state is another there, and what
-        # acts early grows for longer, as A to the power of a share of the interval, by its logarithm.
+    def control_response(self, difference: Array, A: Array, spread: Array) -> Array:
+        """Difference of the state at the end under a difference (n, steps, nu) of controls, (n, dim)."""
+        # Where the controls differ within the interval, relative to its middle: the state differs there, and
+        # early changes grow for longer, as A to the power of a share of the interval, by its logarithm.
         size = np.abs(difference).sum(axis=2)
         ahead = ((self._steps - 1) / 2 - np.arange(self._steps)) / self._steps
         early = (size @ ahead / np.maximum(size.sum(axis=1), 1e-300))[:, None]
@@ -159,7 +159,7 @@ def _is_smooth(model: mujoco.MjModel) -> bool:
 
 
 def _explicit(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The model with Euler's method, damping explicit: its velocities tell the accelerations."""
+    """The model with Euler's method, damping explicit: its velocity change gives the acceleration."""
     model = copy.copy(model)
     model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_EULER)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)

@@ -1,7 +1,7 @@
 """Diagnose a recording of joints and bodies: `diagnose(recording, rig)`.
 
-A part of the recording is held out. On the rest the nominal model is fitted, tested, and extended by what is
-missing; names stand only if they predict the held-out part better.
+A part of the recording is held out. On the rest the nominal model is fitted, tested, and extended by missing
+effects, which are named only if they improve the prediction of the held-out part.
 """
 
 import time
@@ -18,12 +18,11 @@ from slapshot.diagnosis import held_out
 from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.held_out import Predictions
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.inference.scores import Elimination
-from slapshot.diagnosis.inference.selection import gains
+from slapshot.diagnosis.inference.scores import Elimination, gains
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.search import CLASS_NATS, P_VALUE, Search, Step, search
-from slapshot.diagnosis.segments import Segments, cut
+from slapshot.diagnosis.search import EQUIVALENCE_NATS, P_VALUE, Search, Step, search
+from slapshot.diagnosis.segments import Segments, segment_recording
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
     Errors,
@@ -41,19 +40,21 @@ from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, State, overrides
 from slapshot.effects.joints.external_pulse import ExternalPulse
 from slapshot.errors import InputError
-from slapshot.recordings.channel_pair_quality import derived_velocities
-from slapshot.recordings.signal_measures import measure
+from slapshot.recordings.channel_pair_quality import differentiated_velocities
+from slapshot.recordings.signal_statistics import channel_statistics
 from slapshot.recordings.signals import SignalRecording
 
-BEYOND = 1.2  # mean square of held-out errors over what is expected, where something must be missing
+MAX_REDUCED_CHI2 = (
+    1.2  # mean square of held-out errors over what is expected, where something must be missing
+)
 HELD_OUT = 5  # every fifth episode or block
-_FEWEST_SEGMENTS = 5
-_FULL = 0.75  # share of two windows that must have been recorded
-_HALF_90, _ONE_SIDED_95 = 1.645, 1.645
+_MIN_SEGMENTS = 5
+_MIN_COVERAGE = 0.75  # share of two windows that must have been recorded
+_Z90, _ONE_SIDED_95 = 1.645, 1.645
 _RESAMPLES = 1000
-# Pushes in a larger share of at least so many episodes are no events: they follow something.
-_EVENTS, _FEWEST_EPISODES = 0.5, 4
-_TOLD_NATS = 2.0  # two standard deviations of what noise makes of it
+# Pushes in a larger share of at least this many episodes are not events but systematic.
+_MAX_PUSHED_SHARE, _MIN_EPISODES = 0.5, 4
+_DISTINGUISHABLE_NATS = 2.0  # two standard deviations under noise
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """A verdict and what it rests on.
+    """A verdict and the results behind it.
 
     Attributes:
         verdict: without versions.
@@ -95,20 +96,20 @@ def diagnose(
     findings: Sequence[str] = (),
     report: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
-    """Say what physics a model lacks that a recording shows.
+    """Diagnose which physics a model lacks, from a recording.
 
     Args:
         recording: checked.
         rig: the model, with the recording's channels bound to it.
         seed: of the draws behind p-values and intervals.
         threads: for simulation; the result does not depend on them.
-        findings: what is known to be odd about the recording.
-        report: told what is being done.
+        findings: quality warnings about the recording.
+        report: receives progress messages.
 
     Returns:
-        A verdict of any kind; where the data do not suffice, it says so.
+        A verdict; where the data are insufficient, its headline is cannot_tell.
     """
-    # Matrices are small: linear algebra on many threads takes twice the work and saves no time.
+    # Matrices are small: multi-threaded linear algebra takes twice the CPU time and saves none.
     with threadpool_limits(1):
         return _diagnosis(recording, rig, seed, threads, findings, report)
 
@@ -122,47 +123,45 @@ def _diagnosis(
     report: Callable[[str], None],
 ) -> Diagnosis:
     began = time.process_time()
-    # Trials of models that blow up are part of a search: they are dropped, and nobody needs to read of each.
+    # Fits try unstable models; MuJoCo's warnings about them are suppressed.
     mujoco.set_mju_user_warning(lambda text: None)
-    derived = derived_velocities([measure(recording, o.channel) for o in rig.observations])
+    derived = differentiated_velocities([channel_statistics(recording, o.channel) for o in rig.observations])
     rig = rig.without(derived)
-    said = [*findings, *_unbound(rig)]
+    notes = [*findings, *_undriven_inputs(rig)]
     if derived:
-        said.append(f"{', '.join(derived)} were computed from recorded positions, and are not used")
+        notes.append(f"{', '.join(derived)} were differentiated from recorded positions and are not used")
     channels = {name: channel for name, channel in recording.channels.items() if name not in derived}
     try:
-        segments = cut(recording, rig)
+        segments = segment_recording(recording, rig)
         used, held = split(segments)
         problem = Problem.of(rig, channels, used, threads)
         free = free_effects(rig, problem)
     except InputError as error:
-        return Diagnosis(_untold(recording, rig, said, str(error), began), rig)
-    reason = _insufficient(problem)
+        return Diagnosis(_undecided(recording, rig, notes, str(error), began), rig)
+    reason = _insufficiency_reason(problem)
     if reason is None:
         try:
             found = search(problem, free, seed, report)
-            reason = _unfit(found)
+            reason = _fit_failure(found)
         except np.linalg.LinAlgError:
             reason = (
                 "the nominal model diverges from the recorded motion at once; check units and signs of the "
                 "controls, and whether the model is that of this robot"
             )
     if reason is not None:
-        return Diagnosis(_untold(recording, rig, said, reason, began), rig)
+        return Diagnosis(_undecided(recording, rig, notes, reason, began), rig)
     report("predicting held-out windows")
     windows = _windows(recording, rig, segments, held)
     if not windows.shape[0]:
-        reason = (
-            "no stretch that is held out is long enough to predict its second half; record longer episodes"
-        )
-        return Diagnosis(_untold(recording, rig, said, reason, began), rig)
-    found, arms = _arms(found, problem, windows, report)
-    verdict = _verdict(recording, rig, found, windows, arms, segments, held, said, seed, began)
-    return Diagnosis(verdict, rig, found, windows, *arms)
+        reason = "no held-out part is long enough to predict its second half; record longer episodes"
+        return Diagnosis(_undecided(recording, rig, notes, reason, began), rig)
+    found, by_model = _predict_models(found, problem, windows, report)
+    verdict = _verdict(recording, rig, found, windows, by_model, segments, held, notes, seed, began)
+    return Diagnosis(verdict, rig, found, windows, *by_model)
 
 
 def split(segments: Segments) -> tuple[Segments, NDArray[np.intp]]:
-    """Segments that may be used, and the episodes or blocks that are held out.
+    """Split segments into those for fitting and those held out.
 
     Returns:
         The segments, and indices of those that are held out.
@@ -173,7 +172,7 @@ def split(segments: Segments) -> tuple[Segments, NDArray[np.intp]]:
         out = segments.episode % HELD_OUT == HELD_OUT // 2
     else:
         out = np.arange(S) % (2 * HELD_OUT) // 2 == HELD_OUT // 2  # two segments side by side
-    if S < _FEWEST_SEGMENTS or not out.any():
+    if S < _MIN_SEGMENTS or not out.any():
         raise InputError(
             f"only {S} segments of {segments.interval * segments.shape[1]:.2g} s were recorded, of which "
             "some must be held out; record longer"
@@ -182,17 +181,17 @@ def split(segments: Segments) -> tuple[Segments, NDArray[np.intp]]:
 
 
 def free_effects(rig: Rig, problem: Problem) -> tuple[JointEffect, ...]:
-    """The effects that the rig file says belong to the nominal model.
+    """The effects that the rig file declares free in the nominal model.
 
     Raises:
         InputError: one is none of the catalogue.
     """
     found: list[JointEffect] = []
     for wanted in rig.free:
-        own = [e for e in instances(problem.situation) if wanted in (e.name, e.key, f"{e.name}@{e.part}")]
+        own = [e for e in instances(problem.rig_motion) if wanted in (e.name, e.key, f"{e.name}@{e.part}")]
         own = [e for e in own if not e.hidden_state and not e.many_forms]
         if not own:
-            keys = sorted({e.name for e in instances(problem.situation) if not e.hidden_state})
+            keys = sorted({e.name for e in instances(problem.rig_motion) if not e.hidden_state})
             raise InputError(
                 f"free: {wanted!r} is no parameter of this model; use some of: {', '.join(keys)}"
             )
@@ -204,26 +203,26 @@ def free_effects(rig: Rig, problem: Problem) -> tuple[JointEffect, ...]:
     return tuple(found)
 
 
-def _unbound(rig: Rig) -> list[str]:
+def _undriven_inputs(rig: Rig) -> list[str]:
     return [
-        f"input {control.input} has no recorded control: it counts as {control.rest:.4g}"
+        f"input {control.input} has no recorded control; {control.rest:.4g} is used"
         for control in rig.controls
         if control.channel is None
     ]
 
 
-def _insufficient(problem: Problem) -> str | None:
-    """Why the motion cannot identify anything; None if it can."""
-    moving = [j for j in problem.situation.joints if j.travel > 2e-3 * max(1.0, abs(j.middle))]
-    if problem.situation.joints and not moving and not problem.situation.free_bodies:
-        return "no joint moves by more than a few thousandths; record motions"
+def _insufficiency_reason(problem: Problem) -> str | None:
+    """Why the motion is insufficient for identification; None if it is sufficient."""
+    moving = [j for j in problem.rig_motion.joints if j.travel > 2e-3 * max(1.0, abs(j.middle))]
+    if problem.rig_motion.joints and not moving and not problem.rig_motion.free_bodies:
+        return "no joint moves by more than a few thousandths of a rad or m; record larger motions"
     return None
 
 
-def _unfit(found: Search) -> str | None:
-    """Why the nominal fit cannot be trusted; None if it can."""
-    fit = found.nominal.examination.fit
-    if not np.all(np.isfinite(fit.path)) or not np.isfinite(fit.log_evidence):
+def _fit_failure(found: Search) -> str | None:
+    """Why the nominal fit failed; None if it succeeded."""
+    fit = found.nominal.scored.fit
+    if not np.all(np.isfinite(fit.trajectory)) or not np.isfinite(fit.log_evidence):
         return (
             "the nominal model diverges from the recorded motion; check units and signs of the controls, and "
             "whether the model is that of this robot"
@@ -231,13 +230,13 @@ def _unfit(found: Search) -> str | None:
     if not fit.settled:
         return (
             "the fit of the nominal model's free parameters does not converge (they still moved by "
-            f"{fit.moved:.2g} standard deviations); free fewer, or record motions that tell them apart"
+            f"{fit.moved:.2g} standard deviations); free fewer, or record motions that distinguish them"
         )
     return None
 
 
 def _windows(recording: SignalRecording, rig: Rig, segments: Segments, held: NDArray[np.intp]) -> Segments:
-    """Held-out data as pairs of windows, of which the second is predicted.
+    """Held-out data as pairs of windows, the second of which is predicted.
 
     Of episodes that are shorter than two windows, windows are half as long as the episodes.
     """
@@ -245,7 +244,7 @@ def _windows(recording: SignalRecording, rig: Rig, segments: Segments, held: NDA
     own = segments.select(held)
     lengths = [own.inside[run].sum() * segments.interval for run in own.runs()]
     window_s = min(held_out.WINDOW_S, float(np.median(lengths)) / 2)
-    whole = cut(recording, rig, segment_s=2 * window_s)
+    whole = segment_recording(recording, rig, segment_s=2 * window_s)
     wanted = np.zeros((len(segments.controls), int(whole.first.max()) + whole.shape[1] + L), bool)
     for k in held:
         first = segments.first[k]
@@ -254,35 +253,35 @@ def _windows(recording: SignalRecording, rig: Rig, segments: Segments, held: NDA
     for k in range(whole.shape[0]):
         nodes, first = int(whole.inside[k].sum()), whole.first[k]
         there = wanted[whole.episode[k], first : first + nodes]
-        keep.append(bool(there.all()) and nodes > _FULL * whole.shape[1])
+        keep.append(bool(there.all()) and nodes > _MIN_COVERAGE * whole.shape[1])
     return whole.select(np.array(keep, bool))
 
 
-def _arms(
+def _predict_models(
     found: Search, problem: Problem, windows: Segments, report: Callable[[str], None]
 ) -> tuple[Search, tuple[Prediction, Prediction, Prediction]]:
-    """Predictions of the nominal, refitted and augmented model, each with the noise of its own.
+    """Predictions of the nominal, refitted and augmented model, each with its own noise.
 
-    The search is cut after the last step whose effect predicts held-out windows better.
+    The search is truncated after the last step whose effect improves held-out predictions.
     """
 
     def predicted(step: Step, theta: Array, fitted: bool = True) -> Prediction:
-        return predicted_by(step, theta, problem, windows, fitted=fitted)
+        return predict_windows(step, theta, problem, windows, fitted=fitted)
 
     first = found.nominal
-    start, theta = first.hypothesis.start, first.examination.fit.theta
+    start, theta = first.hypothesis.start, first.scored.fit.theta
     nominal = refitted = predicted(first, start, fitted=False)
     if not np.array_equal(start, theta):
         refitted = predicted(first, theta)
-    last = refitted if len(found.steps) == 1 else predicted(found.final, found.final.examination.fit.theta)
+    last = refitted if len(found.steps) == 1 else predicted(found.final, found.final.scored.fit.theta)
     while len(found.named) > 1:
-        # A push is of one moment, which no other shows: it goes only with a law before it.
+        # A push is a single event that held-out data cannot confirm: it is dropped only with a law before it.
         step = next((s for s in reversed(found.steps) if not isinstance(s.added, ExternalPulse)), first)
         if step is first or found.before(step.added).final is first:
             break
         less = found.before(step.added)
-        before = predicted(less.final, less.final.examination.fit.theta)
-        after = last if step is found.final else predicted(step, step.examination.fit.theta)
+        before = predicted(less.final, less.final.scored.fit.theta)
+        after = last if step is found.final else predicted(step, step.scored.fit.theta)
         if _improves(before, after):
             break
         report(f"dropped {', '.join(found.since(step.added))}: it does not predict held-out windows better")
@@ -290,24 +289,24 @@ def _arms(
     return found, (nominal, refitted, last)
 
 
-def predicted_by(
+def predict_windows(
     step: Step, theta: Array, nominal: Problem, windows: Segments, *, fitted: bool
 ) -> Prediction:
-    """Held-out windows predicted by the hypothesis of a step, with the noise that its values leave.
+    """Predict held-out windows by the hypothesis of a step, with refitted noise.
 
     Args:
         step: of a search.
-        theta: values of the hypothesis, which need not be those that were fitted.
+        theta: values of the hypothesis, not necessarily fitted.
         nominal: the problem of the nominal rig.
         windows: see `Diagnosis`.
-        fitted: whether the values are as uncertain as the step's fit says; else they are given.
+        fitted: whether the values have the uncertainty of the step's fit; else they are exact.
     """
-    fit, hypothesis = step.examination.fit, step.hypothesis
-    path = held_out.first_path(step.problem, nominal, windows)
-    noise, _ = held_out.own_noise(step.problem, hypothesis, theta, fit.path, step.examination.noise)
+    fit, hypothesis = step.scored.fit, step.hypothesis
+    trajectory = held_out.initial_trajectory(step.problem, nominal, windows)
+    noise, _ = held_out.refitted_noise(step.problem, hypothesis, theta, fit.trajectory, step.scored.noise)
     precision = fit.precision if fitted else None
-    told = held_out.predict(step.problem, hypothesis, theta, windows, noise, path, precision)
-    return Prediction(hypothesis, theta, told)
+    predictions = held_out.predict(step.problem, hypothesis, theta, windows, noise, trajectory, precision)
+    return Prediction(hypothesis, theta, predictions)
 
 
 def _verdict(
@@ -315,53 +314,56 @@ def _verdict(
     rig: Rig,
     found: Search,
     windows: Segments,
-    arms: tuple[Prediction, Prediction, Prediction],
+    by_model: tuple[Prediction, Prediction, Prediction],
     segments: Segments,
     held: NDArray[np.intp],
-    said: list[str],
+    notes: list[str],
     seed: int,
     began: float,
 ) -> Verdict:
     rng = np.random.default_rng([seed, 1])
     first, last = found.nominal, found.final
     p = first.test.p_value
-    worse = [arm.predictions.excess(rng)[0] > BEYOND for arm in arms[1:]]
+    worse = [prediction.predictions.excess(rng)[0] > MAX_REDUCED_CHI2 for prediction in by_model[1:]]
     missing = p < P_VALUE or worse[0]
     named = found.named if missing else ()
     reason = "no test says that anything is missing"
     held_up = True
     if named:
-        held_up = all(isinstance(e, ExternalPulse) for e in named) or _improves(*arms[1:])
+        held_up = all(isinstance(e, ExternalPulse) for e in named) or _improves(*by_model[1:])
         if not held_up:
-            said = [*said, "what was named does not predict held-out windows better, so no name is given"]
+            notes = [*notes, "the found effects do not improve held-out predictions, so none is named"]
             named = ()
-    if named and not told_apart(arms[1].predictions, arms[2].predictions):
-        said = [*said, "no held-out window shows what is named: nothing but the fit speaks for it"]
+    if named and not distinguishable(by_model[1].predictions, by_model[2].predictions):
+        notes = [
+            *notes,
+            "the named effects are not observable in held-out windows: only the fit supports them",
+        ]
     left = last.test.p_value
-    again = _pushed_again(last, named)
-    flagged = missing and (left < P_VALUE or worse[1] or not named or again is not None)
+    recurring = _recurring_pushes(last, named)
+    flagged = missing and (left < P_VALUE or worse[1] or not named or recurring is not None)
     headline = "nothing_found"
     if missing:
         headline = "found" if named else "found_not_named"
         reason = (
-            "what is named explains what was missing"
+            "the named effects explain the mismatch"
             if named and not flagged
-            else "what is named leaves something that no name explains"
+            else "the named effects leave a mismatch that no effect explains"
             if named
-            else "something is missing, and no name holds"
+            else "something is missing, and no effect of the catalogue explains it"
         )
-        if named and again is not None:
-            reason += f": {again}"
+        if named and recurring is not None:
+            reason += f": {recurring}"
         elif flagged and worse[1]:
-            reason += ": held-out windows differ from predictions by more than noise and errors of laws make"
-    kinds = problem_kinds(rig)
+            reason += ": held-out prediction errors exceed noise and law errors"
+    kinds = channel_groups(rig)
     units = {kind: recording.channels[rig.observations[c[0]].channel].unit for kind, c in kinds.items()}
-    fits = [_errors(arm.predictions, kinds, units, rng) for arm in arms]
+    fits = [_errors(prediction.predictions, kinds, units, rng) for prediction in by_model]
     if not named and missing:
         fits[2] = fits[1]
-    examined = first.examination
-    alone = gains(examined.scores, examined.columns)
-    strongest = examined.effects[max(range(len(alone)), key=lambda i: alone[i].log_evidence)]
+    scored = first.scored
+    alone = gains(scored.scores, scored.columns)
+    strongest = scored.effects[max(range(len(alone)), key=lambda i: alone[i].log_evidence)]
     return Verdict(
         headline=headline,  # type: ignore[arg-type]
         reason=reason,
@@ -371,30 +373,30 @@ def _verdict(
         seconds=float(segments.inside.sum() * segments.interval),
         held_out_episodes=sorted({int(segments.ids[segments.episode[k]]) for k in held}),
         cannot_tell=None,
-        findings=said,
-        mismatch=Mismatch(found=missing, p_value=p, strongest=_told(strongest)),
+        findings=notes,
+        mismatch=Mismatch(found=missing, p_value=p, strongest=_phrase(strongest)),
         location=_location(first) if missing else None,
-        effects=[_named(found, effect, last) for effect in named],
-        nominal_parameters=[_named(found, effect, last) for effect in found.free],
+        effects=[_named_effect(found, effect, last) for effect in named],
+        nominal_parameters=[_named_effect(found, effect, last) for effect in found.free],
         unknown=Unknown(
-            flagged=flagged, p_value=left, description=again or _unknown(last, left) if flagged else ""
+            flagged=flagged, p_value=left, description=recurring or _unknown(last, left) if flagged else ""
         ),
         fit=Fits(
             nominal=fits[0],
             refitted=fits[1],
             augmented=fits[2],
-            noise_floor=_floor(arms[2].predictions, kinds, units),
+            noise_floor=_floor(by_model[2].predictions, kinds, units),
             window_s=windows.shape[1] // 2 * windows.interval,
         ),
         noise=_noise(recording, rig, last),
         limits=[] if missing else _limits(first),
-        converged=last.examination.fit.converged,
+        converged=last.scored.fit.converged,
         cpu_s=time.process_time() - began,
         versions={},
     )
 
 
-def problem_kinds(rig: Rig) -> dict[str, NDArray[np.intp]]:
+def channel_groups(rig: Rig) -> dict[str, NDArray[np.intp]]:
     """Quantity -> columns of the observations; joints and bodies apart."""
     kinds: dict[str, list[int]] = {}
     for c, observation in enumerate(rig.observations):
@@ -403,23 +405,23 @@ def problem_kinds(rig: Rig) -> dict[str, NDArray[np.intp]]:
     return {kind: np.array(columns) for kind, columns in kinds.items()}
 
 
-def told_apart(old: Predictions, new: Predictions) -> bool:
-    """Whether held-out windows could say which of two predictions is better, were the readings' noise white.
+def distinguishable(old: Predictions, new: Predictions) -> bool:
+    """Whether held-out windows can distinguish two predictions, assuming white noise.
 
-    Half the squared difference over the noise is what the better one is expected to gain, in nats. A limit
-    that is reached once in a while need not have been reached in any window.
+    Half the squared difference over the noise is the expected gain of the better one, in nats. A limit that
+    is rarely reached may not have been reached in any window.
     """
     shift = (new.predicted - old.predicted) / np.maximum(old.floor, 1e-12)
-    return bool(np.sum(shift[np.isfinite(old.error)] ** 2) / 2 > _TOLD_NATS)
+    return bool(np.sum(shift[np.isfinite(old.error)] ** 2) / 2 > _DISTINGUISHABLE_NATS)
 
 
 def _improves(before: Prediction, after: Prediction) -> bool:
-    """Whether held-out windows are more likely, and errors in them smaller; or they tell nothing of it."""
+    """Whether held-out likelihood and errors improve, or the windows cannot distinguish the two."""
     old, new = before.predictions, after.predictions
-    if not told_apart(old, new):
+    if not distinguishable(old, new):
         return True
     scale = np.maximum(old.floor.mean(axis=(0, 1)), 1e-12)
-    errors = [float(np.nanmean((arm.error / scale) ** 2)) for arm in (old, new)]
+    errors = [float(np.nanmean((prediction.error / scale) ** 2)) for prediction in (old, new)]
     return bool(errors[1] < errors[0] and new.log_likelihood.sum() > old.log_likelihood.sum())
 
 
@@ -447,26 +449,26 @@ def _floor(found: Predictions, kinds: dict[str, NDArray[np.intp]], units: dict[s
     return Errors(rms=rms, log_likelihood=None)
 
 
-def _named(found: Search, effect: JointEffect, last: Step) -> NamedEffect:
-    fit = last.examination.fit
+def _named_effect(found: Search, effect: JointEffect, last: Step) -> NamedEffect:
+    fit = last.scored.fit
     index = next(i for i, e in enumerate(fit.hypothesis.effects) if e.key == effect.key)
     part = fit.hypothesis.slices[index]
     sd = fit.sd
     parameters = [
-        named_parameter(parameter, float(fit.theta[k]), float(sd[k]))
+        estimated_parameter(parameter, float(fit.theta[k]), float(sd[k]))
         for k, parameter in zip(range(part.start, part.stop), effect.parameters, strict=True)
     ]
     step = next((s for s in found.steps if s.added is not None and s.added.key == effect.key), None)
     rivals = {}
     if step is not None:
         for rival in step.rivals:
-            if rival.effect.key != effect.key and step.gain - rival.gain < CLASS_NATS:
+            if rival.effect.key != effect.key and step.gain - rival.gain < EQUIVALENCE_NATS:
                 rivals[rival.effect.key] = step.gain - rival.gain
     return NamedEffect(
         name=effect.name,
         part=effect.part,
         variant=effect.variant,
-        phrase=_told(effect),
+        phrase=_phrase(effect),
         gain_nats=step.gain if step is not None else 0.0,
         rivals=rivals,
         same_as=effect.same_as(fit.theta[part]),
@@ -474,9 +476,9 @@ def _named(found: Search, effect: JointEffect, last: Step) -> NamedEffect:
     )
 
 
-def named_parameter(parameter: Parameter, value: float, sd: float) -> NamedParameter:
+def estimated_parameter(parameter: Parameter, value: float, sd: float) -> NamedParameter:
     """A fitted value with its 90 % interval."""
-    low, high = max(value - _HALF_90 * sd, parameter.low), min(value + _HALF_90 * sd, parameter.high)
+    low, high = max(value - _Z90 * sd, parameter.low), min(value + _Z90 * sd, parameter.high)
     bound = value in (parameter.low, parameter.high)
     flat = sd > 0.7 * parameter.scale
     return NamedParameter(
@@ -489,30 +491,30 @@ def named_parameter(parameter: Parameter, value: float, sd: float) -> NamedParam
     )
 
 
-def _told(effect: JointEffect) -> str:
+def _phrase(effect: JointEffect) -> str:
     return effect.phrase.format(part=effect.part) + (f" {effect.variant}" if is_free(effect) else "")
 
 
 def _location(step: Step) -> Location:
-    """The free form that gains most says where the mismatch is and what it follows."""
-    examined = step.examination
-    found = gains(examined.scores, examined.columns)
-    free = [i for i, effect in enumerate(examined.effects) if is_free(effect)]
+    """Location of the mismatch: part and variable of the free form with the largest gain."""
+    scored = step.scored
+    found = gains(scored.scores, scored.columns)
+    free = [i for i, effect in enumerate(scored.effects) if is_free(effect)]
     if not free:
-        effect = examined.effects[step.test.largest]
+        effect = scored.effects[step.test.largest]
         return Location(part=effect.part, follows="the whole motion", size=None)
     best = max(free, key=lambda i: found[i].log_evidence)
-    effect = examined.effects[best]
+    effect = scored.effects[best]
     size = _size(step, effect, found[best].values)
     return Location(part=effect.part, follows=getattr(effect, "variable", "the motion"), size=size)
 
 
 def _size(step: Step, effect: JointEffect, values: Array) -> Interval | None:
-    """Rms of a free form along the path."""
-    problem, fit = step.problem, step.examination.fit
+    """Rms of a free form along the trajectory."""
+    problem, fit = step.problem, step.scored.fit
     segments, model = problem.segments, problem.rig.model
     weights = values * np.array([parameter.scale for parameter in effect.parameters])
-    x = fit.path[segments.inside]
+    x = fit.trajectory[segments.inside]
     order = np.repeat(segments.order[:, None], segments.shape[1], 1)[segments.inside]
     unit = effect.parameters[0].unit
     if overrides(effect, "force"):
@@ -534,32 +536,32 @@ def _size(step: Step, effect: JointEffect, values: Array) -> Interval | None:
     return Interval(value=rms, low=rms, high=rms, unit=unit)
 
 
-def _pushed_again(step: Step, named: Sequence[JointEffect]) -> str | None:
-    """That pushes come in most of the episodes, in words; None where they do not."""
+def _recurring_pushes(step: Step, named: Sequence[JointEffect]) -> str | None:
+    """A message if pushes occur in most episodes; None otherwise."""
     segments = step.problem.segments
     episodes = len(np.unique(segments.episode))
     pushed = len(
         {pulse.order for effect in named if isinstance(effect, ExternalPulse) for pulse in effect.pulses}
     )
-    if episodes < _FEWEST_EPISODES or pushed <= _EVENTS * episodes:
+    if episodes < _MIN_EPISODES or pushed <= _MAX_PUSHED_SHARE * episodes:
         return None
-    return f"pushes come in {pushed} of {episodes} episodes, and follow something that no name explains"
+    return f"pushes come in {pushed} of {episodes} episodes, with a cause that no named effect explains"
 
 
 def _unknown(step: Step, p_value: float) -> str:
-    examined = step.examination
-    found = gains(examined.scores, examined.columns)
-    free = [i for i, effect in enumerate(examined.effects) if is_free(effect)]
-    seen = "" if p_value < P_VALUE else "only held-out windows show it; "
+    scored = step.scored
+    found = gains(scored.scores, scored.columns)
+    free = [i for i, effect in enumerate(scored.effects) if is_free(effect)]
+    seen = "" if p_value < P_VALUE else "seen in held-out windows only; "
     if not free:
         return f"{seen}it has no free form"
     best = max(free, key=lambda i: found[i].log_evidence)
-    return f"{seen}best described as {_told(examined.effects[best])}"
+    return f"{seen}best described as {_phrase(scored.effects[best])}"
 
 
 def _noise(recording: SignalRecording, rig: Rig, step: Step) -> dict[str, ChannelNoise]:
-    noise = step.examination.noise
-    # Jitter and drift that make less than a tenth of the noise are not told from none.
+    noise = step.scored.noise
+    # Jitter and drift below a tenth of the noise are reported as zero.
     shown = noise.rate is not None and bool(
         np.any(noise.jitter_s * np.sqrt(np.mean(noise.rate**2, axis=(0, 1))) > 0.1 * noise.white)
     )
@@ -579,22 +581,22 @@ def _noise(recording: SignalRecording, rig: Rig, step: Step) -> dict[str, Channe
 
 
 def _limits(step: Step) -> list[Limit]:
-    """What each effect could still be, by itself, at 95 %."""
-    examined = step.examination
-    eliminated = Elimination(examined.scores)(examined.scores.b)
+    """Upper limit of each effect by itself, at 95 %."""
+    scored = step.scored
+    eliminated = Elimination(scored.scores)(scored.scores.b)
     total, information = eliminated.segment.sum(0), eliminated.information
     limits = []
-    for effect, columns in zip(examined.effects, examined.columns, strict=True):
+    for effect, columns in zip(scored.effects, scored.columns, strict=True):
         if is_free(effect) or effect.many_forms or len(columns) > len(effect.parameters):
             continue
         precision = np.eye(len(columns)) + information[np.ix_(columns, columns)]
         covariance = np.linalg.inv(precision)
         values = covariance @ total[columns]
         for k, c in enumerate(columns):
-            look = examined.looks[c]
+            perturbation = scored.perturbations[c]
             start = [parameter.start for parameter in effect.parameters]
-            which = int(np.argmax(np.abs(np.array(look.values) - start)))
-            limit = (abs(values[k]) + _ONE_SIDED_95 * float(np.sqrt(covariance[k, k]))) * look.scale
+            which = int(np.argmax(np.abs(np.array(perturbation.values) - start)))
+            limit = (abs(values[k]) + _ONE_SIDED_95 * float(np.sqrt(covariance[k, k]))) * perturbation.scale
             parameter = effect.parameters[which]
             limits.append(
                 Limit(effect=effect.key, parameter=parameter.name, limit=limit, unit=parameter.unit)
@@ -602,8 +604,8 @@ def _limits(step: Step) -> list[Limit]:
     return limits
 
 
-def _untold(recording: SignalRecording, rig: Rig, said: list[str], reason: str, began: float) -> Verdict:
-    """A verdict that says why there is none."""
+def _undecided(recording: SignalRecording, rig: Rig, notes: list[str], reason: str, began: float) -> Verdict:
+    """A cannot_tell verdict with its reason."""
     return Verdict(
         headline="cannot_tell",
         reason=reason,
@@ -613,7 +615,7 @@ def _untold(recording: SignalRecording, rig: Rig, said: list[str], reason: str, 
         seconds=0.0,
         held_out_episodes=[],
         cannot_tell=reason,
-        findings=said,
+        findings=notes,
         mismatch=None,
         location=None,
         effects=[],

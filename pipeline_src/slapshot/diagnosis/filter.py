@@ -1,6 +1,6 @@
 """A Kalman filter over many segments at once, in innovations form, and its smoother.
 
-In every segment the change δ_t from the path obeys
+In every segment the change δ_t from the trajectory obeys
 
     δ_{t+1} = A_t δ_t + d_t + W_t θ + B_t f_t,      f_t ~ N(0, diag(q))
     r_t     = C_t δ_t + Ψ_t θ + n_t + T_t ε_t + v_t,  v_t ~ N(0, diag(R_t)),  ε_t ~ N(0, I)
@@ -26,18 +26,18 @@ from slapshot.arrays import Array
 
 @dataclass(frozen=True)
 class Linear:
-    """A linear system about a path: S segments of L nodes, n = 2 nv + na, p columns.
+    """A linear system about a trajectory: S segments of L nodes, n = 2 nv + na, p columns.
 
     Attributes:
         A: (S, L, n, n) transition.
-        B: (S, L, n, nv) what a force held over the interval does.
-        d: (S, L, n) where the model goes from the path's node, less the path's next node.
+        B: (S, L, n, nv) effect of a force held over the interval.
+        d: (S, L, n) defect: the model's next state less the trajectory's next node.
         C: (S, L, ny, n) observation.
-        r: (S, L, ny) recorded less observed on the path; NaN where nothing was recorded.
+        r: (S, L, ny) recorded less observed on the trajectory; NaN where nothing was recorded.
         W: (S, L, n, p) change of the transition by each parameter.
         psi: (S, L, ny, p) change of the observation by each parameter.
-        spread: (S, L, n, n) what changes in every step come to by the end of an interval.
-        halved: (S, L, n) change of the transition by steps of half the length; None where nobody asked.
+        spread: (S, L, n, n) effect of a change in every step on the end of an interval.
+        halved: (S, L, n) change of the transition with steps of half the length; None if not computed.
     """
 
     A: Array
@@ -70,7 +70,7 @@ class Linear:
 
 @dataclass(frozen=True)
 class Covariances:
-    """What the filter takes as known.
+    """Covariances of the filter.
 
     Attributes:
         initial: (n,) variances of a segment's first δ: wide.
@@ -116,7 +116,7 @@ def innovations(system: Linear, noise: Covariances) -> Innovations:
 
 
 def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array, Array]:
-    """Smoothed changes from the path, process forces and coloured observation noise.
+    """Smoothed changes from the trajectory, process forces and coloured observation noise.
 
     Returns:
         (S, L, n), (S, L, nv) and (S, L, ny); the force of the last node, which leads nowhere, is 0.
@@ -133,8 +133,8 @@ def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array, Array]:
     return delta[..., :n], force, coloured
 
 
-def left_out(system: Linear, noise: Covariances) -> tuple[Array, Array]:
-    """Each observation less what all others of its segment say of it, and the variance of that.
+def leave_one_out(system: Linear, noise: Covariances) -> tuple[Array, Array]:
+    """Leave-one-out residual of each observation given all others of its segment, and its variance.
 
     By the smoother's recursions (de Jong 1989, Biometrika 76(4)).
 
@@ -176,7 +176,7 @@ def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
 def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-untyped-def]
     S, L, n = d.shape
     ny, p, nf = r.shape[2], W.shape[3], B.shape[3]
-    moved = W.shape[2]  # states of noise, which come last, no column moves
+    moved = W.shape[2]  # noise states come last and have no columns
     e, z, logdet = np.zeros((S, L, ny)), np.zeros((S, L, ny, p)), np.zeros(S)
     variance = np.zeros((S, L, ny))
     kept = L if keep else 0
@@ -206,7 +206,7 @@ def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-unt
                 root = np.sqrt(s)
                 e[k, t, c] = innovation / root
                 logdet[k] += np.log(s)
-                # One column beside the other in the inner loops, which are most of the work.
+                # Columns are contiguous in the inner loops, which dominate the run time.
                 at = z[k, t, c]
                 at[:] = psi[k, t, c]
                 for i in range(n):

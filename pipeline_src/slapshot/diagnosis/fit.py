@@ -1,8 +1,8 @@
-"""Fit the parameters of a hypothesis and the path, the noise being given.
+"""Fit the parameters of a hypothesis and the trajectory for given noise.
 
-Gauss-Newton on both: every round linearises about the path, moves the parameters (nuisance columns, such as
-law errors, are integrated out), and smooths the path under the moved parameters. A fit converges when no
-parameter moves by more than a hundredth of its posterior standard deviation; one that does not says so.
+Gauss-Newton on both: every round linearises about the trajectory, moves the parameters (nuisance columns,
+such as law errors, are integrated out), and smooths the trajectory under the moved parameters. A fit has
+converged when no parameter moves by more than a hundredth of its posterior standard deviation.
 """
 
 from collections.abc import Sequence
@@ -14,24 +14,24 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.law_error import knees, own_law_errors, presliding
-from slapshot.diagnosis.linear import Linearised, Look, linearise
+from slapshot.diagnosis.law_error import added_law_errors, presliding, soft_limit
+from slapshot.diagnosis.linear import Linearised, Perturbation, linearise
 from slapshot.diagnosis.noise import ADDED, DRIFT, NOMINAL, Noise, Prior, log_likelihood
 from slapshot.diagnosis.segments import Segments
-from slapshot.effects.joints.effect import Situation, State
+from slapshot.effects.joints.effect import RigMotion, State
 
-# Posterior standard deviations that values may move until derivatives are taken anew.
-_NEARLY, _FAR = 0.3, 3.0
-_DROP = 0.05  # share of its evidence that a step may lose: each is judged by a linearisation of its own
-_SMALLEST = 1e-3  # share of a step that is still tried
+# Movement of values, in posterior standard deviations, after which derivatives are recomputed.
+_NEAR, _FAR = 0.3, 3.0
+_MAX_LOSS = 0.05  # share of the evidence that a step may lose, since every step has its own linearisation
+_MIN_SHARE = 1e-3  # smallest step that is tried, as a share
 _DIGITS = 1e-6
-STILL = 0.01  # posterior standard deviations that parameters may still move
-SETTLED = 0.1  # the same, where rounds have run out
+CONVERGED_SD = 0.01  # convergence: movement of parameters in posterior standard deviations
+SETTLED_SD = 0.1  # the same, when the rounds are used up
 
 
-def prior_of(hypothesis: Hypothesis, looks: Sequence[Look]) -> Prior:
-    """Priors of the columns that linearising gives."""
-    sd = np.concatenate([hypothesis.prior_sd, [look.scale for look in looks]])
+def prior_of(hypothesis: Hypothesis, perturbations: Sequence[Perturbation]) -> Prior:
+    """Priors of the columns of a linearisation."""
+    sd = np.concatenate([hypothesis.prior_sd, [perturbation.scale for perturbation in perturbations]])
     return Prior.of(sd)
 
 
@@ -42,16 +42,16 @@ class Fit:
     Attributes:
         hypothesis: what was fitted.
         theta: (p,) values.
-        path: (S, L, nx) smoothed states.
+        trajectory: (S, L, nx) smoothed states.
         log_evidence: Laplace approximation of the log marginal likelihood, without constants.
         precision: (p, p) inverse of the posterior covariance of the values.
-        converged: whether the values came to rest.
-        moved: by how many posterior standard deviations they moved in the last round.
+        converged: whether the values converged.
+        moved: their last movement, in posterior standard deviations.
     """
 
     hypothesis: Hypothesis
     theta: Array
-    path: Array
+    trajectory: Array
     log_evidence: float
     precision: Array
     converged: bool
@@ -59,8 +59,8 @@ class Fit:
 
     @property
     def settled(self) -> bool:
-        """Whether the values are found: they may still move by a little of what they are uncertain by."""
-        return self.converged or not len(self.theta) or self.moved < SETTLED
+        """Whether the values converged, or moved by little relative to their uncertainty."""
+        return self.converged or not len(self.theta) or self.moved < SETTLED_SD
 
     @property
     def sd(self) -> Array:
@@ -77,16 +77,16 @@ class Fitter:
         segments: data.
         torque: (nv,) scale of forces.
         nuisance: columns that are integrated out of every hypothesis.
-        law_errors: (S, L, n, k) further ones, of errors of the nominal model's laws; None for none.
-        drifts: (S, k) shapes of drift over the session, which every channel may have; None for none.
-        rig: scales, for errors of the laws that a hypothesis adds; None leaves them out.
+        law_errors: (S, L, n, k) columns for errors of the nominal model's laws; None for none.
+        drifts: (S, k) shapes of drift over the session, for every channel; None for none.
+        rig: scales for errors of added laws; None omits these.
     """
 
     simulator: Simulator
     segments: Segments
     torque: Array
-    nuisance: tuple[Look, ...] = ()
-    rig: Situation | None = None
+    nuisance: tuple[Perturbation, ...] = ()
+    rig: RigMotion | None = None
     law_errors: Array | None = None
     drifts: Array | None = None
 
@@ -100,17 +100,17 @@ class Fitter:
         self,
         hypothesis: Hypothesis,
         theta: Array,
-        path: Array,
-        looks: Sequence[Look] = (),
+        trajectory: Array,
+        perturbations: Sequence[Perturbation] = (),
         jacobian: Linear | None = None,
     ) -> tuple[Linear, Prior]:
         """The linear system of a hypothesis with all nuisance, and the priors of its columns.
 
-        Columns are those of the hypothesis' parameters, the nuisance, the looks, drift of the readings, and
-        errors of the nominal model's laws and of those that the hypothesis adds.
+        Columns are those of the hypothesis' parameters, the nuisance, the perturbations, drift of the
+        readings, and errors of the nominal model's laws and of those that the hypothesis adds.
         """
-        everything = (*self.nuisance, *looks)
-        found = self.linearise(hypothesis, theta, path, everything, jacobian)
+        everything = (*self.nuisance, *perturbations)
+        found = self.linearise(hypothesis, theta, trajectory, everything, jacobian)
         system, prior = found.system, prior_of(hypothesis, everything)
         more: list[tuple[Prior, Array | None, Array | None]] = []
         if self.drifts is not None:
@@ -124,29 +124,29 @@ class Fitter:
             more.append((Prior.of(np.ones(self.law_errors.shape[-1]), NOMINAL), self.law_errors, None))
         if self.rig is not None:
             nq, nv = self.simulator.tangent.nq, self.simulator.tangent.nv
-            x = path.reshape(-1, path.shape[-1])
+            x = trajectory.reshape(-1, trajectory.shape[-1])
             order = np.repeat(self.segments.order, self.segments.shape[1])
             torque = found.torque.reshape(len(x), nv)
             state = State(x[:, :nq], x[:, nq : nq + nv], torque, self.segments.time.reshape(-1), order)
-            W = own_law_errors(system, hypothesis, theta, self.rig, state, self.segments.interval)
+            W = added_law_errors(system, hypothesis, theta, self.rig, state, self.segments.interval)
             more.append((Prior.of(np.ones(W.shape[-1]), ADDED), W, None))
             W = presliding(system, hypothesis, theta, self.rig, state, self.segments.interval)
             more.append((Prior.of(np.ones(W.shape[-1])), W, None))
-            W = knees(system, hypothesis, theta, x, self.segments)
+            W = soft_limit(system, hypothesis, theta, x, self.segments)
             more.append((Prior.of(np.ones(W.shape[-1])), W, None))
-        return _wider(system, prior, more)
+        return _append_columns(system, prior, more)
 
     def linearise(
         self,
         hypothesis: Hypothesis,
         theta: Array,
-        path: Array,
-        looks: Sequence[Look] = (),
+        trajectory: Array,
+        perturbations: Sequence[Perturbation] = (),
         jacobian: Linear | None = None,
     ) -> Linearised:
         """Linearise on these segments."""
         return linearise(
-            self.simulator, hypothesis, theta, self.segments, path, looks,
+            self.simulator, hypothesis, theta, self.segments, trajectory, perturbations,
             torque_scale=self.torque, jacobian=jacobian,
         )  # fmt: skip
 
@@ -154,7 +154,7 @@ class Fitter:
         self,
         hypothesis: Hypothesis,
         theta: Array,
-        path: Array,
+        trajectory: Array,
         noise: Noise,
         rounds: int = 8,
         known: Linear | None = None,
@@ -164,25 +164,26 @@ class Fitter:
         Args:
             hypothesis: what to fit.
             theta: first values.
-            path: first path.
+            trajectory: first trajectory.
             noise: that of the data.
             rounds: at most.
-            known: a system about the first path, or one near it, whose derivatives serve for the first round.
+            known: a system about the first trajectory, or one near it, whose derivatives serve for the first
+                round.
         """
         p = len(hypothesis.parameters)
-        theta, start = hypothesis.within(theta), hypothesis.start
+        theta, start = hypothesis.clipped(theta), hypothesis.start
         covariances = noise.covariances(self.segments.interval)
         moved, converged, evidence = np.inf, False, -np.inf
         before: tuple[float, Array, Array] | None = None
         step: Array = np.zeros(p)
-        delta, share = np.zeros((*path.shape[:2], self.simulator.tangent.dim)), 1.0
+        delta, share = np.zeros((*trajectory.shape[:2], self.simulator.tangent.dim)), 1.0
         system, since = known, np.inf if known is None else 0.0
         precision = np.diag(hypothesis.prior_sd**-2.0)
         for number in range(rounds + 1):
-            # Derivatives hardly change along the way: they are taken anew where values have moved since.
-            fresh = system is None or since > (_NEARLY if converged or number == rounds else _FAR)
+            # Derivatives change slowly: they are recomputed only after the values have moved.
+            fresh = system is None or since > (_NEAR if converged or number == rounds else _FAR)
             reused = None if fresh else system
-            system, prior = self.system(hypothesis, theta, path, jacobian=reused)
+            system, prior = self.system(hypothesis, theta, trajectory, jacobian=reused)
             since = 0.0 if fresh else since
             sd = prior.at(noise)
             seen = innovations(system, covariances)
@@ -195,22 +196,22 @@ class Fitter:
             evidence = -np.inf
             if np.all(np.isfinite(scaled)) and np.all(np.isfinite(gradient)):
                 full = np.asarray(np.linalg.solve(scaled, gradient))
-                # More than there is cannot be explained: then the numbers have lost their digits.
+                # More cannot be explained than there is: otherwise the result is numerically invalid.
                 if gradient @ full < (1 + _DIGITS) * (np.sum(seen.e**2) + offset @ offset):
-                    full = possible(hypothesis, theta, full, sd, scaled)
+                    full = project_to_bounds(hypothesis, theta, full, sd, scaled)
                     evidence = float(
                         log_likelihood(seen) - 0.5 * offset @ offset + gradient @ full
                         - 0.5 * full @ scaled @ full - 0.5 * np.linalg.slogdet(scaled)[1]
                     )  # fmt: skip
-            if before is not None and evidence < before[0] - _DROP * abs(before[0]):
-                if number == rounds or share < _SMALLEST:
-                    evidence, theta, path = before
+            if before is not None and evidence < before[0] - _MAX_LOSS * abs(before[0]):
+                if number == rounds or share < _MIN_SHARE:
+                    evidence, theta, trajectory = before
                     converged = False
                     break
-                # The step went too far.
+                # The step was too long.
                 share /= 4
                 theta = before[1] + share * step
-                path = self.simulator.tangent.add(before[2], share * delta)
+                trajectory = self.simulator.tangent.add(before[2], share * delta)
                 continue
             if not np.isfinite(evidence):
                 break
@@ -220,39 +221,39 @@ class Fitter:
             precision = own / np.outer(sd[:p], sd[:p])
             if converged or number == rounds:
                 break
-            before, share = (evidence, theta, path), 1.0
+            before, share = (evidence, theta, trajectory), 1.0
             full = full * sd
-            target, step = hypothesis.within(theta + full[:p]), full[:p]
+            target, step = hypothesis.clipped(theta + full[:p]), full[:p]
             delta, *_ = smooth(system.moved(full).without_columns(), covariances)
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
             moved = float(np.max(np.abs(step) / spread, initial=0.0))
-            theta, path = target, self.simulator.tangent.add(path, delta)
+            theta, trajectory = target, self.simulator.tangent.add(trajectory, delta)
             since += moved
-            converged = moved < STILL and number >= 1
-        return Fit(hypothesis, theta, path, evidence, precision, converged, moved)
+            converged = moved < CONVERGED_SD and number >= 1
+        return Fit(hypothesis, theta, trajectory, evidence, precision, converged, moved)
 
 
-def possible(hypothesis: Hypothesis, theta: Array, full: Array, sd: Array, scaled: Array) -> Array:
-    """A step towards values that are possible, all others being the best beside those at their limits."""
+def project_to_bounds(hypothesis: Hypothesis, theta: Array, full: Array, sd: Array, scaled: Array) -> Array:
+    """Project a step onto the bounds, and re-optimise all other values."""
     p = len(theta)
-    step = (hypothesis.within(theta + full[:p] * sd[:p]) - theta) / sd[:p]
+    step = (hypothesis.clipped(theta + full[:p] * sd[:p]) - theta) / sd[:p]
     held = np.flatnonzero(np.abs(step - full[:p]) > _DIGITS)
     if not len(held):
         return full
     rest = np.setdiff1d(np.arange(len(full)), held)
-    # What the others do of their own accord, and what they do since these are held elsewhere.
+    # The free step of the others, and its correction for the values held at bounds.
     moved = full.copy()
     moved[held] = step[held]
     further = scaled[np.ix_(rest, held)] @ (moved - full)[held]
     moved[rest] -= np.linalg.solve(scaled[np.ix_(rest, rest)], further)
-    moved[:p] = (hypothesis.within(theta + moved[:p] * sd[:p]) - theta) / sd[:p]
+    moved[:p] = (hypothesis.clipped(theta + moved[:p] * sd[:p]) - theta) / sd[:p]
     return moved
 
 
-def _wider(
+def _append_columns(
     system: Linear, prior: Prior, more: Sequence[tuple[Prior, Array | None, Array | None]]
 ) -> tuple[Linear, Prior]:
-    """A system with columns more, each with its W and psi; where there is none, they change nothing."""
+    """A system with further columns, each with its W and psi, where None is zero."""
     first = len(prior.sd)
     for added, *_ in more:
         prior = prior.and_of(added)

@@ -1,7 +1,7 @@
-"""Free forms: forces and readings without a law, over the variable that they follow.
+"""Free forms: nonparametric forces and reading errors over one variable.
 
-They are hypotheses like any other. Where one explains what no named effect does, something is missing that is
-not in the catalogue, and the form says where it is and what it follows.
+They are hypotheses like any other. Where one explains what no named effect does, an effect outside the
+catalogue is missing, and the form shows where it is and on which variable it depends.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,7 +16,7 @@ from slapshot.effects.joints.effect import (
     JointEffect,
     Observed,
     Parameter,
-    Situation,
+    RigMotion,
     State,
     on_joint,
 )
@@ -84,7 +84,7 @@ class FreeReading(JointEffect):
         return added
 
 
-def free_forms(rig: Situation, segments: Segments) -> Iterator[JointEffect]:
+def free_forms(rig: RigMotion, segments: Segments) -> Iterator[JointEffect]:
     """All free forms of a rig's joints."""
     longest = float(segments.time[segments.inside].max(initial=0.0))
     several = rig.episodes >= 4
@@ -108,6 +108,6 @@ def free_forms(rig: Situation, segments: Segments) -> Iterator[JointEffect]:
 def _bumps(at: Array, low: float, high: float) -> Array:
     centres = np.linspace(low, high, BUMPS)
     width = _WIDTH * (centres[1] - centres[0])
-    # What lies beyond is as at the end.
+    # Constant extrapolation.
     inside = np.clip(at, low, high)
     return np.exp(-0.5 * ((inside[:, None] - centres) / width) ** 2)

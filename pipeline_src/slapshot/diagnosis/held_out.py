@@ -1,7 +1,7 @@
-"""How well are motions predicted that took no part in fitting?
+"""Prediction of held-out motions.
 
-A window is predicted from a state that the model itself estimates from the data before it, and from the
-recorded controls; nothing that was recorded within the window is used.
+A window is predicted from a state that the model estimates from the preceding data, and from the recorded
+controls; observations within the window are not used.
 """
 
 from dataclasses import dataclass, replace
@@ -13,22 +13,22 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations, smooth
 from slapshot.diagnosis.fit import Fitter, prior_of
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.linear import Look, residuals
+from slapshot.diagnosis.linear import Perturbation, residuals
 from slapshot.diagnosis.noise import CLIP, Noise, fit_noise
-from slapshot.diagnosis.path import recorded_path
 from slapshot.diagnosis.problem import NUISANCE, Problem
+from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.shooting import shoot, simulate
-from slapshot.diagnosis.structure import moved_path
+from slapshot.diagnosis.structure import transferred_trajectory
 
 WINDOW_S = 0.5
 _ROUNDS = 5
-_STILL = 1e-3  # of the noise, by which a path may still move
-_MOVING = 1.0  # of the noise, by which the last step of a path may still move it
-_SHOT_ROUNDS = 15
-_WORSE = 2.0  # factor by which errors of a segment may grow in a step
+_CONVERGED = 1e-3  # convergence of a trajectory, relative to the noise
+_MAX_STEP = 1.0  # largest accepted last step, relative to the noise
+_SHOOTING_ROUNDS = 15
+_MAX_GROWTH = 2.0  # largest growth of a segment's errors in a step
 _RESAMPLES = 1000
-_NO_WEIGHT = 1e12  # factor on the variance of what is not to be used
+_NO_WEIGHT = 1e12  # factor on the variance of unused observations
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ class Predictions:
     """Predictions of W windows.
 
     Attributes:
-        error: (W, nodes, ny) recorded less predicted, and less what is known of coloured noise from the data
-            before; NaN where nothing was recorded.
+        error: (W, nodes, ny) recorded less predicted, and less coloured noise estimated from the preceding
+            data; NaN where nothing was recorded.
         predicted: (W, nodes, ny).
-        floor: (W, nodes, ny) standard deviation of the error that noise alone would make.
-        expected: (W, nodes, ny) the same with errors of the time step, of laws and of fitted values.
+        floor: (W, nodes, ny) standard deviation of the error from noise alone.
+        expected: (W, nodes, ny) the same including errors of the time step, of laws and of fitted values.
         log_likelihood: (W,) of what was recorded in the windows, given the data before.
     """
 
@@ -60,7 +60,7 @@ class Predictions:
         return float(np.sqrt(np.mean(self.floor[..., columns][there] ** 2)))
 
     def excess(self, rng: np.random.Generator) -> tuple[float, float]:
-        """Mean square of errors over what is expected: 99 % bootstrap interval over windows.
+        """Reduced chi² of the errors: 99 % bootstrap interval over windows.
 
         Errors beyond four standard deviations, as of outliers, count as four.
         """
@@ -81,7 +81,7 @@ def predict(
     theta: Array,
     windows: Segments,
     noise: Noise,
-    path: Array,
+    trajectory: Array,
     precision: Array | None = None,
 ) -> Predictions:
     """Predict the second half of every segment from its first.
@@ -92,26 +92,28 @@ def predict(
         theta: their values.
         windows: held-out segments of two window lengths.
         noise: of the hypothesis, fitted elsewhere.
-        path: (W, 2 n, nx) where the first states are looked for.
+        trajectory: (W, 2 n, nx) initial guess.
         precision: (p, p) of the values; None where they are given.
     """
     windows, half = problem.in_steps(windows), windows.shape[1] // 2
     masked = windows.y.copy()
     masked[:, half:] = np.nan
     before = replace(windows, y=masked)
-    own = noise.elsewhere(problem.rates(windows, path))
+    own = noise.elsewhere(problem.rates(windows, trajectory))
     fitter = Fitter(problem.fitter.simulator, before, problem.torque)
-    if _rough(hypothesis):
-        path = _shot(fitter, hypothesis, theta, path, own)
-    path, coloured = _without_parameters(fitter, hypothesis, theta, path, own)
-    later, _ = simulate(fitter.simulator, hypothesis, theta, windows.later(half), path[:, half])
-    path = np.concatenate([path[:, :half], np.where(np.isfinite(later), later, path[:, half:])], axis=1)
-    found = fitter.linearise(hypothesis, theta, path)
+    if _has_hidden_state(hypothesis):
+        trajectory = _shooting_fit(fitter, hypothesis, theta, trajectory, own)
+    trajectory, coloured = _smoothed(fitter, hypothesis, theta, trajectory, own)
+    later, _ = simulate(fitter.simulator, hypothesis, theta, windows.later(half), trajectory[:, half])
+    trajectory = np.concatenate(
+        [trajectory[:, :half], np.where(np.isfinite(later), later, trajectory[:, half:])], axis=1
+    )
+    found = fitter.linearise(hypothesis, theta, trajectory)
     system, predicted = found.system.without_columns(), found.predicted
     quiet = replace(own, force=1e-6)
     floor = np.sqrt(innovations(system, quiet.covariances(windows.interval)).variance)
     whole = replace(fitter, segments=windows)
-    there = whole.linearise(hypothesis, theta, path).system.without_columns()
+    there = whole.linearise(hypothesis, theta, trajectory).system.without_columns()
     covariances = own.covariances(windows.interval)
     all_of_it, first = innovations(there, covariances), innovations(system, covariances)
     log_likelihoods = -0.5 * (
@@ -119,13 +121,13 @@ def predict(
         - np.sum(first.e**2, axis=(1, 2)) - first.logdet
     )  # fmt: skip
     error = residuals(problem.rig, windows, predicted + coloured)[:, half:]
-    # All columns' responses to what is known at the windows' beginning: what comes then is given no weight.
+    # Responses of all columns given the data before the windows: observations within them get no weight.
     blind = quiet.weight.copy()
     blind[:, half:] = _NO_WEIGHT
-    laws = problem.law_columns.on(fitter.simulator, hypothesis, theta, windows, path)
+    laws = problem.law_columns.on(fitter.simulator, hypothesis, theta, windows, trajectory)
     drifts = problem.drifts(windows)
-    wide = Fitter(fitter.simulator, windows, problem.torque, NUISANCE, problem.situation, laws, drifts)
-    columns, prior = wide.system(hypothesis, theta, path, jacobian=system)
+    wide = Fitter(fitter.simulator, windows, problem.torque, NUISANCE, problem.rig_motion, laws, drifts)
+    columns, prior = wide.system(hypothesis, theta, trajectory, jacobian=system)
     seen = innovations(columns, replace(quiet, weight=blind).covariances(windows.interval))
     response = (seen.Z * np.sqrt(seen.variance)[..., None])[:, half:]
     p = len(theta)
@@ -137,83 +139,85 @@ def predict(
     return Predictions(error, predicted[:, half:], floor[:, half:], expected, log_likelihoods)
 
 
-def _rough(hypothesis: Hypothesis) -> bool:
-    """Whether a model has states that smoothing does not find from afar: on which side a gear's teeth lie."""
+def _has_hidden_state(hypothesis: Hypothesis) -> bool:
+    """Whether a model has hidden states that smoothing cannot find, such as the side of a backlash."""
     return any(effect.hidden_state for effect in hypothesis.effects)
 
 
-def _shot(fitter: Fitter, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise) -> Array:
-    """A path from the first states that explain each segment best by themselves."""
-    path = path.copy()
-    for one in np.arange(len(path))[:, None]:
+def _shooting_fit(
+    fitter: Fitter, hypothesis: Hypothesis, theta: Array, trajectory: Array, noise: Noise
+) -> Array:
+    """A trajectory from initial states that are fitted to each segment by shooting."""
+    trajectory = trajectory.copy()
+    for one in np.arange(len(trajectory))[:, None]:
         segments, own = fitter.segments.select(one), noise.select(one)
-        path[one] = shoot(
-            fitter.simulator, hypothesis, theta, segments, path[one], own, _SHOT_ROUNDS, held=True
-        ).path
-    return path
+        trajectory[one] = shoot(
+            fitter.simulator, hypothesis, theta, segments, trajectory[one], own, _SHOOTING_ROUNDS, held=True
+        ).trajectory
+    return trajectory
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _without_parameters(
+def _smoothed(
     fitter: Fitter,
     hypothesis: Hypothesis,
     theta: Array,
-    path: Array,
+    trajectory: Array,
     noise: Noise,
     known: Linear | None = None,
 ) -> tuple[Array, Array]:
-    """Smoothed path and coloured noise with the values held; `known` is a system about a path nearby.
+    """Smoothed trajectory and coloured noise at fixed values; `known` is a system about a nearby trajectory.
 
-    Where a step leads to a path that cannot be, as across a gap of teeth, a segment takes a shorter one.
+    Where a step increases the error, as across a backlash, the segment takes a shorter one.
     """
     system, covariances = known, noise.covariances(fitter.segments.interval)
     there = np.isfinite(fitter.segments.y).sum(axis=(1, 2))
-    best, least, share = path, np.full(len(path), np.inf), np.ones(len(path))
+    best, least, share = trajectory, np.full(len(trajectory), np.inf), np.ones(len(trajectory))
     step, coloured = (
-        np.zeros((*path.shape[:2], fitter.simulator.tangent.dim)),
+        np.zeros((*trajectory.shape[:2], fitter.simulator.tangent.dim)),
         np.zeros(fitter.segments.y.shape),
     )
-    moved = np.zeros(len(path))
+    moved = np.zeros(len(trajectory))
     for number in range(_ROUNDS):
-        # A path nearby has nearly the same derivatives.
+        # A trajectory nearby has nearly the same derivatives.
         jacobian = system if known is not None or number > 1 else None
-        system = fitter.linearise(hypothesis, theta, path, jacobian=jacobian).system.without_columns()
+        system = fitter.linearise(hypothesis, theta, trajectory, jacobian=jacobian).system.without_columns()
         squares = np.sum(innovations(system, covariances).e ** 2, axis=(1, 2))
-        good = (squares < _WORSE * np.maximum(least, there)) | (number == 0)
-        best = np.where(good[:, None, None], path, best)
+        good = (squares < _MAX_GROWTH * np.maximum(least, there)) | (number == 0)
+        best = np.where(good[:, None, None], trajectory, best)
         least, share = np.where(good, np.minimum(squares, least), least), np.where(good, 1.0, share / 4)
         delta, _, smoothed = smooth(system, covariances)
         step[good], coloured[good] = delta[good], smoothed[good]
         taken = share[:, None, None] * step
-        path = fitter.simulator.tangent.add(best, taken)
+        trajectory = fitter.simulator.tangent.add(best, taken)
         moved = np.sqrt(
             np.mean((np.einsum("stcn,stn->stc", system.C, taken) / noise.white) ** 2, axis=(1, 2))
         )
-        if np.sqrt(np.mean(moved**2)) < _STILL:
+        if np.sqrt(np.mean(moved**2)) < _CONVERGED:
             break
-    return np.where((moved < _MOVING)[:, None, None], path, best), coloured
+    return np.where((moved < _MAX_STEP)[:, None, None], trajectory, best), coloured
 
 
-def own_noise(
-    problem: Problem, hypothesis: Hypothesis, theta: Array, path: Array, noise: Noise
+def refitted_noise(
+    problem: Problem, hypothesis: Hypothesis, theta: Array, trajectory: Array, noise: Noise
 ) -> tuple[Noise, Array]:
-    """Noise of a hypothesis whose values are held, and the path under it."""
+    """Refit the noise of a hypothesis at fixed values, and its trajectory."""
     for _ in range(2):
-        system = problem.fitter.linearise(hypothesis, theta, path).system.without_columns()
-        nothing: tuple[Look, ...] = ()
+        system = problem.fitter.linearise(hypothesis, theta, trajectory).system.without_columns()
+        nothing: tuple[Perturbation, ...] = ()
         prior = prior_of(Hypothesis(problem.rig), nothing)
-        noise = fit_noise(system, prior, noise, problem.segments, problem.kinds, near=True)
-        if _rough(hypothesis):
+        noise = fit_noise(system, prior, noise, problem.segments, problem.quantities, near=True)
+        if _has_hidden_state(hypothesis):
             break
-        path, _ = _without_parameters(problem.fitter, hypothesis, theta, path, noise, system)
-    return noise, path
+        trajectory, _ = _smoothed(problem.fitter, hypothesis, theta, trajectory, noise, system)
+    return noise, trajectory
 
 
-def first_path(problem: Problem, nominal: Problem, windows: Segments) -> Array:
-    """Where first states of windows are looked for; restructured rigs begin without deflection."""
-    path = recorded_path(nominal.rig, windows)
+def initial_trajectory(problem: Problem, nominal: Problem, windows: Segments) -> Array:
+    """Initial guess of the windows' trajectory; restructured rigs start without deflection."""
+    trajectory = recorded_trajectory(nominal.rig, windows)
     if problem.rig is nominal.rig:
-        return path
+        return trajectory
     names = {problem.rig.model.joint(j).name for j in range(problem.rig.model.njnt)}
     added = next(e for e in nominal.catalogue if e.hidden_state and e.added_joint in names)
-    return moved_path(nominal.rig, problem.rig, added, windows, path)
+    return transferred_trajectory(nominal.rig, problem.rig, added, windows, trajectory)

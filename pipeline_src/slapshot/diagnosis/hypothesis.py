@@ -33,7 +33,7 @@ _BIASES = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Effects in a rig; their values stand in one vector, in order.
+    """Effects in a rig; their values form one vector, in order.
 
     Attributes:
         rig: nominal, or restructured by effects with states of their own.
@@ -55,7 +55,7 @@ class Hypothesis:
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
-        """Where the values of each effect stand."""
+        """Slice of each effect's values."""
         ends = np.cumsum([len(effect.parameters) for effect in self.effects])
         return tuple(
             slice(int(end) - len(effect.parameters), int(end))
@@ -72,25 +72,25 @@ class Hypothesis:
         """Standard deviations of the priors."""
         return np.array([parameter.scale for parameter in self.parameters])
 
-    def within(self, theta: Array) -> Array:
-        """Values moved inside what is possible."""
+    def clipped(self, theta: Array) -> Array:
+        """Values clipped to their bounds."""
         low = np.array([parameter.low for parameter in self.parameters])
         high = np.array([parameter.high for parameter in self.parameters])
         return np.clip(theta, low, high)
 
     def with_effect(self, effect: JointEffect) -> "Hypothesis":
-        """One effect more."""
+        """The hypothesis with one more effect."""
         return Hypothesis(self.rig, (*self.effects, effect))
 
     def compiled(self, theta: Array, step: float) -> mujoco.MjModel:
-        """The model with all numbers changed, at a time step in s."""
+        """The compiled model with all edits, at a time step in s."""
         model = copy.copy(self.rig.model)
         edited = False
         for effect, part in zip(self.effects, self.slices, strict=True):
             if overrides(effect, "edit"):
                 effect.edit(model, theta[part])
                 edited = True
-        # After edits, which are those that the augmented model has, whatever the step.
+        # After the edits, which must not depend on the step.
         model.opt.timestep = step
         if edited:
             mujoco.mj_setConst(model, mujoco.MjData(model))
@@ -122,7 +122,7 @@ class Hypothesis:
         return total
 
     def observe(self, seen: Observed, theta: Array) -> Array:
-        """What all effects add to observations, (n, ny)."""
+        """Contribution of all effects to the observations, (n, ny)."""
         total = np.zeros_like(seen.y)
         for effect, part in zip(self.effects, self.slices, strict=True):
             if overrides(effect, "observe"):
@@ -182,7 +182,7 @@ class Simulator:
         return state[:, -1, 1 : 1 + x.shape[1]].copy(), first @ self.rig.reading.T, torque
 
     def read(self, delta: Array) -> Array:
-        """What a change of state, (2 nv + na,), does to observations of joints' positions and velocities."""
+        """Effect of a change of state, (2 nv + na,), on observed joint positions and velocities."""
         model, sensed = self.rig.model, np.zeros(self.rig.model.nsensordata)
         for sensor in range(model.nsensor):
             at = {_JOINTPOS: 0, _JOINTVEL: model.nv}.get(int(model.sensor_type[sensor]))
@@ -222,7 +222,7 @@ class Simulator:
         order: Array,
         extra: Array | None = None,
     ) -> tuple[Array, Array, Array]:
-        """One interval with the force laws of a hypothesis, which act anew in every step.
+        """One interval with the force laws of a hypothesis, evaluated in every step.
 
         Args:
             hypothesis: whose forces act.
@@ -271,7 +271,7 @@ def _inputs(model: mujoco.MjModel, u: Array, force: Array | None = None) -> Arra
 def actuator_torque(model: mujoco.MjModel, x: Array, u: Array, loads: NDArray[np.intp]) -> Array:
     """Torque of actuators on each hinge and slide, by their affine laws, (n, nv).
 
-    Actuators on other transmissions, or with other laws, count as none: what needs a load has none there.
+    Actuators with other transmissions or laws are ignored.
     """
     torque, force = np.zeros((len(x), model.nv)), actuator_force(model, x, u)
     for i in range(model.nu):

@@ -1,4 +1,4 @@
-"""Columns of the errors of the nominal model's laws: as many of their shapes as the data can tell apart."""
+"""Columns for errors of the nominal model's laws, reduced to the shapes that the data can identify."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,51 +8,58 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.linear import Look, linearise
+from slapshot.diagnosis.linear import Perturbation, linearise
 from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise
 from slapshot.diagnosis.segments import Segments
 
-# Information on a mixture of shapes at the largest error, over that of its prior, below which it is left out:
-# then its size is not told from none.
-_LEAST = 0.1
-_MOST = 400
-_QUIET = 1e-5  # process force, of which less means that more is told
+# Minimum information on a mixture of shapes at the largest error, relative to its prior: mixtures below it
+# are not identifiable.
+_MIN_INFORMATION = 0.1
+_MAX_COLUMNS = 400
+_LOW_FORCE = 1e-5  # low process force, which maximises the information
 
 
 @dataclass(frozen=True)
 class LawColumns:
-    """Mixtures of the shapes in which laws may err, each of unit size.
+    """Mixtures of the shapes of law errors, each of unit size.
 
     Attributes:
-        laws: looks at the shapes of each law.
+        laws: perturbations for the shapes of each law.
         mixtures: (shapes, k) for each law.
-        information: (k,) for each law, what the data tell of each mixture at the largest error of laws.
-        W: (S, L, dim, k of all) their columns along the path that they were chosen on.
+        information: (k,) for each law, on each mixture at the largest law error.
+        W: (S, L, dim, k of all) their columns along the trajectory that they were chosen on.
     """
 
-    laws: tuple[Sequence[Look], ...]
+    laws: tuple[Sequence[Perturbation], ...]
     mixtures: tuple[Array, ...]
     information: tuple[Array, ...]
     W: Array
 
-    def told_at(self, law_error: float) -> "LawColumns":
-        """Those that the data can tell from none where laws err by so much."""
-        least = _LEAST * (LARGEST_LAW_ERROR / law_error) ** 2
+    def identifiable_at(self, law_error: float) -> "LawColumns":
+        """The mixtures that are identifiable at a given size of law errors."""
+        least = _MIN_INFORMATION * (LARGEST_LAW_ERROR / law_error) ** 2
         keep = [values > least for values in self.information]
         return LawColumns(
             self.laws,
-            tuple(mixture[:, told] for mixture, told in zip(self.mixtures, keep, strict=True)),
-            tuple(values[told] for values, told in zip(self.information, keep, strict=True)),
+            tuple(mixture[:, information] for mixture, information in zip(self.mixtures, keep, strict=True)),
+            tuple(values[information] for values, information in zip(self.information, keep, strict=True)),
             np.ascontiguousarray(self.W[..., np.concatenate([np.zeros(0, bool), *keep])]),
         )
 
     def on(
-        self, simulator: Simulator, hypothesis: Hypothesis, theta: Array, segments: Segments, path: Array
+        self,
+        simulator: Simulator,
+        hypothesis: Hypothesis,
+        theta: Array,
+        segments: Segments,
+        trajectory: Array,
     ) -> Array:
-        """The same columns along another path, (S, L, dim, k)."""
+        """The same columns along another trajectory, (S, L, dim, k)."""
         columns, known = [np.zeros((*segments.shape, simulator.tangent.dim, 0))], None
-        for looks, mixture in zip(self.laws, self.mixtures, strict=True):
-            W, known = _raw(simulator, hypothesis, theta, segments, path, looks, None, known)
+        for perturbations, mixture in zip(self.laws, self.mixtures, strict=True):
+            W, known = _law_columns(
+                simulator, hypothesis, theta, segments, trajectory, perturbations, None, known
+            )
             columns.append(W @ mixture)
         return np.concatenate(columns, axis=-1)
 
@@ -60,51 +67,53 @@ class LawColumns:
 def law_columns(
     simulator: Simulator,
     segments: Segments,
-    path: Array,
+    trajectory: Array,
     torque: Array,
-    laws: Sequence[Sequence[Look]],
+    laws: Sequence[Sequence[Perturbation]],
     noise: Noise,
 ) -> LawColumns:
-    """The mixtures of shapes that the data tell most of.
+    """The mixtures of shapes with the most information.
 
     Args:
         simulator: of the nominal rig.
         segments: data.
-        path: (S, L, nx).
+        trajectory: (S, L, nx).
         torque: (nv,) scale of forces.
-        laws: looks at the shapes of each law.
-        noise: about that of the data.
+        laws: perturbations for the shapes of each law.
+        noise: approximate noise of the data.
     """
     hypothesis, known = Hypothesis(simulator.rig), None
-    quiet = replace(noise, force=_QUIET).covariances(segments.interval)
+    quiet = replace(noise, force=_LOW_FORCE).covariances(segments.interval)
     found: list[tuple[Array, Array, Array]] = []
-    for looks in laws:
-        W, known = _raw(simulator, hypothesis, np.zeros(0), segments, path, looks, torque, known)
-        seen = innovations(known.with_columns(W, np.zeros((*known.r.shape, len(looks)))), quiet)
+    for perturbations in laws:
+        W, known = _law_columns(
+            simulator, hypothesis, np.zeros(0), segments, trajectory, perturbations, torque, known
+        )
+        seen = innovations(known.with_columns(W, np.zeros((*known.r.shape, len(perturbations)))), quiet)
         z = LARGEST_LAW_ERROR * seen.Z.reshape(seen.e.size, -1)
         found.append((*np.linalg.eigh(z.T @ z), W))
     largest = np.sort(np.concatenate([np.zeros(1), *(values for values, *_ in found)]))[::-1]
-    least = max(_LEAST, float(largest[min(_MOST, len(largest) - 1)]))
+    least = max(_MIN_INFORMATION, float(largest[min(_MAX_COLUMNS, len(largest) - 1)]))
     mixtures = [vectors[:, values > least] for values, vectors, _ in found]
-    told = tuple(values[values > least] for values, *_ in found)
+    information = tuple(values[values > least] for values, *_ in found)
     empty = np.zeros((*segments.shape, simulator.tangent.dim, 0))
     columns = [W @ mixture for (*_, W), mixture in zip(found, mixtures, strict=True)]
-    return LawColumns(tuple(laws), tuple(mixtures), told, np.concatenate([empty, *columns], axis=-1))
+    return LawColumns(tuple(laws), tuple(mixtures), information, np.concatenate([empty, *columns], axis=-1))
 
 
-def _raw(
+def _law_columns(
     simulator: Simulator,
     hypothesis: Hypothesis,
     theta: Array,
     segments: Segments,
-    path: Array,
-    looks: Sequence[Look],
+    trajectory: Array,
+    perturbations: Sequence[Perturbation],
     torque: Array | None,
     known: Linear | None,
 ) -> tuple[Array, Linear]:
     """Columns of one law in units of their priors, and the system without them."""
     system = linearise(
-        simulator, hypothesis, theta, segments, path, looks, torque_scale=torque, jacobian=known
+        simulator, hypothesis, theta, segments, trajectory, perturbations, torque_scale=torque, jacobian=known
     ).system
-    own = system.W[..., len(theta) :] * [look.scale for look in looks]
+    own = system.W[..., len(theta) :] * [perturbation.scale for perturbation in perturbations]
     return own, system.without_columns()

@@ -1,8 +1,8 @@
-"""Error of the model's own laws: each is known to some share only, as a smooth function of speed and load.
+"""Errors of the model's own laws: each law holds to some per cent, with an error smooth in speed and load.
 
-A servo, a motor, damping or friction that follows its law to ten per cent is no news. Such errors are random
-effects of every model, with one size for all laws that is fitted by likelihood and bounded; what follows
-place or time is no law error.
+A servo, a motor, damping or friction that follows its law to ten per cent is no finding. Such errors are
+random effects of every model, with one common size that is fitted by likelihood and bounded; errors that
+depend on position or time are not law errors.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,38 +13,40 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear
 from slapshot.diagnosis.hypothesis import Hypothesis, actuator_force
-from slapshot.diagnosis.linear import Look
+from slapshot.diagnosis.linear import Perturbation
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import (
     Joint,
     JointEffect,
     Parameter,
-    Situation,
+    RigMotion,
     State,
     on_joint,
     overrides,
 )
 
-# Smooth functions of speed and load are sums of bumps, in usual speeds and rms loads; one more is narrow.
+# Smooth functions of speed and load are sums of radial basis functions in rms speeds and loads, plus a narrow
+# one.
 _CENTRES, _WIDTH, _NARROW = np.linspace(-6.0, 6.0, 21), 0.6, 0.2
-# Least share of the variance that a component has, and most components of a law. Coarse ones show whether
-# laws err; where they do, a hundredth of their variance, left out, passes for something missing.
+# Minimum share of variance of a component, and maximum number of components of a law. A coarse set shows
+# whether laws have errors; if so, a hundredth of their variance, when neglected, is mistaken for a missing
+# effect.
 _COARSE, _FINE = (0.02, 8), (1e-5, 120)
-_OWN = (1e-4, 40)  # of a law that a hypothesis adds, which may do far more than the noise
-_WHOLE = 0.2  # size of a change of the whole law, over that of the errors in shape
-LATE_S = (0.005, 0.01, 0.02)  # by which a law may follow its state late, as friction does after a reversal
-# Of the usual speed: where a friction may be anything, and where it may be another than farther from rest.
-REST, SLOW = 0.05, 0.2
-_PART = 0.4  # size of an error near rest or in time, over that of the errors in shape
+_ADDED = (1e-4, 40)  # of an added law, whose effect may be far above the noise
+_WHOLE = 0.2  # gain error of a law, relative to its shape errors
+LAGS_S = (0.005, 0.01, 0.02)  # lags of a law behind its state, as of friction after a reversal
+# Relative to the rms speed: friction is arbitrary below the first, and may deviate below the second.
+NEAR_REST, LOW_SPEED = 0.05, 0.2
+_PART = 0.4  # error near rest or in time, relative to shape errors
 _FLAT = 1e-6  # of shapes, which are of size 1
-BENDS = (1e-3, 4e-3)  # of the travel, by which a friction may bend before it slips
-_PARTS = 8  # of an interval
+PRESLIDING_DISTANCES = (1e-3, 4e-3)  # relative to the travel: presliding distances of friction
+_SUBINTERVALS = 8  # of an interval
 
 
 class Shapes:
     """Principal components of the smooth functions of speed and load, along a motion and where a law acts.
 
-    They have no part in common with a change of the whole law, which is an effect.
+    They are orthogonal to a gain error of the law, which is an effect.
 
     Args:
         speed: (n,) in usual speeds.
@@ -86,7 +88,7 @@ class Law:
         self.joint, self.value = joint, value
         self._torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
         self._shapes = Shapes(*self._usual(state), value(state) ** 2, _FINE if fine else _COARSE)
-        # What is wrong in shape is a little wrong as a whole.
+        # A shape error comes with a small gain error.
         self.share = np.append(self._shapes.share, _WHOLE)
         self._last: list[tuple[State, Array]] = []
 
@@ -95,7 +97,7 @@ class Law:
         return state.v[:, v] / self.joint.speed, state.torque[:, v] / self._torque
 
     def errors(self, state: State) -> Array:
-        """The law times each shape, and the law, (n, k); remembered, as shapes are asked for one by one."""
+        """The law times each shape, and the law itself, (n, k); cached, as shapes are requested singly."""
         for known, errors in self._last:
             if known is state:
                 return errors
@@ -123,12 +125,12 @@ class LawError(JointEffect):
         return on_joint(self._law.joint, change, state.v.shape[1])
 
 
-def own_law_errors(
-    system: Linear, hypothesis: Hypothesis, theta: Array, rig: Situation, state: State, interval: float
+def added_law_errors(
+    system: Linear, hypothesis: Hypothesis, theta: Array, rig: RigMotion, state: State, interval: float
 ) -> Array:
-    """Columns of the errors of the laws that a hypothesis adds: what they do, times the same shapes, or late.
+    """Columns for errors of the laws that a hypothesis adds: their action times the shapes, or delayed.
 
-    A friction may also be another near rest.
+    For friction also a deviation near rest.
 
     Args:
         system: with the hypothesis' own columns first.
@@ -150,23 +152,23 @@ def own_law_errors(
             continue
         torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
         usual = state.v[:, joint.v] / joint.speed, state.torque[:, joint.v] / torque
-        shapes = Shapes(*usual, weight, _OWN)
+        shapes = Shapes(*usual, weight, _ADDED)
         errors = shapes(*usual).reshape(S, L, 1, -1)
         columns += [law * errors[..., k] * share for k, share in enumerate(shapes.share)]
-        # Where a friction holds fast it does nothing, and a share of it would be nothing too.
+        # In stiction the column of a friction vanishes, and so would any multiple of it.
         if effect.friction:
             friction = Friction.of(system, law, state, joint)
-            near = friction.level * friction.near_rest(SLOW)
-            columns.append(_sized(system.B[..., joint.v] * near[..., None], total))
-        for nodes in sorted({max(1, round(late / interval)) for late in LATE_S}):
-            columns.append(_sized(_late(law, nodes), total))
+            near = friction.level * friction.near_rest(LOW_SPEED)
+            columns.append(_normalised(system.B[..., joint.v] * near[..., None], total))
+        for nodes in sorted({max(1, round(late / interval)) for late in LAGS_S}):
+            columns.append(_normalised(_lagged_difference(law, nodes), total))
     columns = [column for column in columns if np.any(column)]
     return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
 
 
 @dataclass(frozen=True)
 class Friction:
-    """What a friction that a hypothesis adds does in sliding.
+    """Sliding friction of an added friction effect.
 
     Attributes:
         joint: where.
@@ -182,7 +184,7 @@ class Friction:
     @classmethod
     def of(cls, system: Linear, law: Array, state: State, joint: Joint) -> "Friction":
         """Of the columns (S, L, n) that a law makes."""
-        # The friction is what it does in the direction of a held force, by least squares.
+        # The friction is its projection on the column of a held force, by least squares.
         force = system.B[..., joint.v]
         size = np.abs(np.sum(law * force, axis=-1)) / np.maximum(np.sum(force**2, axis=-1), 1e-300)
         speed = state.v[:, joint.v].reshape(size.shape)
@@ -199,24 +201,24 @@ class Friction:
 
     @property
     def level(self) -> Array:
-        """(S, L) friction of a joint that slides as fast or slowly as it moves."""
+        """(S, L) sliding friction for the sign of the speed."""
         return np.where(self.speed > 0, self.forwards, self.backwards)
 
     def near_rest(self, slow: float) -> Array:
-        """(S, L) a sign of the speed that is 0 away from rest, farther than a share of the usual speed."""
+        """(S, L) sign of the speed, windowed to low speeds (a share of the rms speed)."""
         there = self.speed / self.joint.speed
         return np.asarray(np.tanh(self.speed / self.joint.step_speed) * np.exp(-((there / slow) ** 2)))
 
-    def before_slip(self, interval: float, bend: float) -> tuple[Array, Array]:
-        """Means over the intervals of what lacks of a friction that turns over a distance, as bristles do.
+    def before_slip(self, interval: float, distance: float) -> tuple[Array, Array]:
+        """Mean deficit in each interval of a friction that builds up over a distance, as bristles do.
 
         Args:
             interval: s from node to node.
-            bend: rad or m, over which it turns.
+            distance: presliding distance in rad or m.
 
         Returns:
-            (S, L) of the friction, as much as it does in sliding, less as much as has turned, from the first
-            node on; and the share (S, L) that is left of what it lacked there.
+            (S, L) deficit: sliding friction less presliding friction, from the first node on; and the share
+            (S, L) that remains of the deficit at the first node.
         """
         speed = self.speed
         following = np.concatenate([speed[:, 1:], speed[:, -1:]], axis=1)
@@ -225,29 +227,29 @@ class Friction:
         def sliding(speed: Array) -> Array:
             return np.where(speed > 0, forwards, np.where(speed < 0, backwards, 0.0))
 
-        bent, left = sliding(speed[:, 0]), np.ones(len(speed))
-        lacks, share = np.zeros_like(speed), np.zeros_like(speed)
-        # A reversal takes less than an interval, within which the speed changes evenly.
+        presliding, remaining = sliding(speed[:, 0]), np.ones(len(speed))
+        deficit, share = np.zeros_like(speed), np.zeros_like(speed)
+        # A reversal takes less than an interval, within which the speed is interpolated linearly.
         for t in range(speed.shape[1]):
-            for part in (np.arange(_PARTS) + 0.5) / _PARTS:
+            for part in (np.arange(_SUBINTERVALS) + 0.5) / _SUBINTERVALS:
                 there = (1 - part) * speed[:, t] + part * following[:, t]
-                lacking = sliding(there) - bent
-                lacks[:, t] += lacking / _PARTS
-                share[:, t] += left / _PARTS
-                decay = np.exp(-np.abs(there) * interval / _PARTS / bend)
-                bent = sliding(there) - lacking * decay
-                left = left * decay
-        return lacks, share
+                deficit_now = sliding(there) - presliding
+                deficit[:, t] += deficit_now / _SUBINTERVALS
+                share[:, t] += remaining / _SUBINTERVALS
+                decay = np.exp(-np.abs(there) * interval / _SUBINTERVALS / distance)
+                presliding = sliding(there) - deficit_now * decay
+                remaining = remaining * decay
+        return deficit, share
 
 
 def presliding(
-    system: Linear, hypothesis: Hypothesis, theta: Array, rig: Situation, state: State, interval: float
+    system: Linear, hypothesis: Hypothesis, theta: Array, rig: RigMotion, state: State, interval: float
 ) -> Array:
-    """Columns of what frictions that a hypothesis adds do near rest and before they slip (Dahl 1968).
+    """Columns for added frictions near rest and in presliding (Dahl 1968).
 
-    A friction turns with the distance since the last reversal, not at once, and at rest may be more or less,
-    whatever it does in motion: that is short, but leaves another speed after every reversal, which is seen
-    long after. Where a segment begins near rest, nobody knows how far it has turned.
+    Friction builds up over a distance after a reversal, and its level at rest is not tied to that in motion.
+    Both act briefly, but change the speed after every reversal, which has a lasting effect. Where a segment
+    begins near rest, the presliding state is unknown.
 
     Args:
         system: with the hypothesis' own columns first.
@@ -269,11 +271,11 @@ def presliding(
         friction, force = Friction.of(system, law, state, joint), system.B[..., joint.v]
         if not np.any(friction.level):
             continue
-        columns.append(force * (friction.level * friction.near_rest(REST))[..., None])
-        begins = np.flatnonzero(np.abs(friction.speed[:, 0]) < SLOW * joint.speed)
-        for bend in BENDS:
-            lacks, share = friction.before_slip(interval, bend * joint.travel)
-            columns.append(force * lacks[..., None])
+        columns.append(force * (friction.level * friction.near_rest(NEAR_REST))[..., None])
+        begins = np.flatnonzero(np.abs(friction.speed[:, 0]) < LOW_SPEED * joint.speed)
+        for distance in PRESLIDING_DISTANCES:
+            deficit, share = friction.before_slip(interval, distance * joint.travel)
+            columns.append(force * deficit[..., None])
             for s in begins:
                 first = np.zeros_like(force)
                 first[s] = force[s] * (friction.forwards[s] + friction.backwards[s]) / 2 * share[s][:, None]
@@ -281,8 +283,8 @@ def presliding(
     return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
 
 
-def knees(system: Linear, hypothesis: Hypothesis, theta: Array, x: Array, segments: Segments) -> Array:
-    """Columns of what limits that a hypothesis adds do before they are reached.
+def soft_limit(system: Linear, hypothesis: Hypothesis, theta: Array, x: Array, segments: Segments) -> Array:
+    """Columns for the soft onset of limits that a hypothesis adds.
 
     Args:
         system: with the hypothesis' own columns first.
@@ -297,60 +299,63 @@ def knees(system: Linear, hypothesis: Hypothesis, theta: Array, x: Array, segmen
     S, L, n, _ = system.W.shape
     columns, model = [np.zeros((S, L, n, 0))], hypothesis.rig.model
     parts = zip(hypothesis.effects, hypothesis.slices, strict=True)
-    limits = [(effect, theta[part]) for effect, part in parts if overrides(effect, "knees")]
+    limits = [(effect, theta[part]) for effect, part in parts if overrides(effect, "soft_limit")]
     if limits:
         force = actuator_force(model, x, segments.control()[:, :, 0].reshape(S * L, -1))
         for effect, values in limits:
-            dof, lacking = effect.knees(model, force, values)
-            columns.append(system.B[..., dof][..., None] * lacking.reshape(S, L, 1, -1))
+            dof, deficit_now = effect.soft_limit(model, force, values)
+            columns.append(system.B[..., dof][..., None] * deficit_now.reshape(S, L, 1, -1))
     return np.concatenate(columns, axis=-1)
 
 
 def _added(
-    system: Linear, hypothesis: Hypothesis, theta: Array, rig: Situation
+    system: Linear, hypothesis: Hypothesis, theta: Array, rig: RigMotion
 ) -> Iterator[tuple[JointEffect, Joint, Array]]:
-    """Empirical laws that a hypothesis adds to joints, with what they do, (S, L, n)."""
+    """Empirical laws that a hypothesis adds to joints, with their columns, (S, L, n)."""
     joints = {joint.name: joint for joint in rig.joints}
     for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
         if effect.empirical and effect.part in joints:
-            # Parameters of size alone: what they do is in proportion to them.
+            # Size parameters only: the action is proportional to them.
             sizes = [k for k in range(part.start, part.stop) if effect.parameters[k - part.start].start == 0]
             yield effect, joints[effect.part], system.W[..., sizes] @ theta[sizes]
 
 
-def _sized(column: Array, total: float) -> Array:
-    """A column of a part of a law's size; 0 where there is next to nothing of it."""
+def _normalised(column: Array, total: float) -> Array:
+    """A column scaled to a share of a law's size; 0 where it is negligible."""
     size = np.sqrt(np.sum(column**2) / total)
     return _PART * column / size if size > 1e-9 else np.zeros_like(column)
 
 
-def _late(law: Array, nodes: int) -> Array:
-    """What a law does later, less what it does, (S, L, n): friction gives way before it slips."""
+def _lagged_difference(law: Array, nodes: int) -> Array:
+    """The delayed law less the law, (S, L, n)."""
     later = np.concatenate([np.repeat(law[:, :1], nodes, axis=1), law[:, :-nodes]], axis=1)
     return later - law
 
 
-def law_errors(rig: Situation, state: State, fine: bool = False) -> list[list[Look]]:
-    """Looks at the errors of each law, in shares of its rms error.
+def law_errors(rig: RigMotion, state: State, fine: bool = False) -> list[list[Perturbation]]:
+    """Perturbations for the errors of each law, relative to its rms error.
 
     Args:
         rig: scales.
         state: along the motion.
-        fine: whether laws err enough for all shapes to matter.
+        fine: whether law errors are large enough to need all shapes.
     """
-    looks = []
+    perturbations = []
     for joint in rig.joints:
         for value in _laws(rig, joint):
             if np.sqrt(np.mean(value(state) ** 2)) < 1e-6 * joint.torque:
                 continue
             law = Law(joint, value, state, fine)
-            looks.append(
-                [Look(LawError(law, k), (0.01,), 0.01, float(share)) for k, share in enumerate(law.share)]
+            perturbations.append(
+                [
+                    Perturbation(LawError(law, k), (0.01,), 0.01, float(share))
+                    for k, share in enumerate(law.share)
+                ]
             )
-    return looks
+    return perturbations
 
 
-def _laws(rig: Situation, joint: Joint) -> Iterator[Callable[[State], Array]]:
+def _laws(rig: RigMotion, joint: Joint) -> Iterator[Callable[[State], Array]]:
     damping = float(rig.model.dof_damping[joint.v])
     friction = float(rig.model.dof_frictionloss[joint.v])
     if joint.actuators:

@@ -1,8 +1,8 @@
-"""One linear system about a path: transitions, observations, and one input column for every parameter.
+"""Linearisation about a trajectory: transitions, observations, and one input column for every parameter.
 
-Where the model goes is simulated, many nodes at once; derivatives are those of one step in the middle of each
-interval. A force law that no state of its own belongs to is a product with the effect B of a held force, and
-needs no simulation.
+The model is simulated from all nodes at once; derivatives are those of one step in the middle of each
+interval. The column of a stateless force law is a product with the effect B of a held force, without
+simulation.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import numpy as np
 from mujoco import MjModel
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.derivatives import Middle
+from slapshot.diagnosis.derivatives import Midpoint
 from slapshot.diagnosis.filter import Linear
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
 from slapshot.diagnosis.rig import Rig
@@ -25,14 +25,14 @@ _OF_THE_STATE = (int(mujoco.mjtSensor.mjSENS_JOINTPOS), int(mujoco.mjtSensor.mjS
 
 
 @dataclass(frozen=True)
-class Look:
-    """A first look at an effect that is not in the hypothesis: its column is a difference.
+class Perturbation:
+    """A perturbation by an effect that is not in the hypothesis; its column is a finite difference.
 
     Attributes:
-        effect: what is looked at; None for the error of the model's time step.
+        effect: the effect; None for the error of the model's time step.
         values: of its parameters.
-        probe: by how much one of them differs from its start.
-        scale: prior standard deviation of that one.
+        probe: deviation of one of them from its start.
+        scale: its prior standard deviation.
     """
 
     effect: JointEffect | None
@@ -42,29 +42,29 @@ class Look:
 
 
 # Half the step halves the error of a first-order integrator: twice this difference removes it.
-STEP_ERROR = Look(None, (), 1.0, 2.0)
+STEP_ERROR = Perturbation(None, (), 1.0, 2.0)
 
 
-def looks_at(effects: Sequence[JointEffect]) -> list[Look]:
-    """All first looks at some effects."""
-    looks = []
+def perturbations_of(effects: Sequence[JointEffect]) -> list[Perturbation]:
+    """All perturbations of some effects."""
+    perturbations = []
     for effect in effects:
         start = np.array([parameter.start for parameter in effect.parameters])
-        for values in effect.initial_values:
+        for values in effect.probe_values:
             which = int(np.argmax(np.abs(np.array(values) - start)))
             probe = values[which] - start[which]
-            looks.append(Look(effect, values, float(probe), effect.parameters[which].scale))
-    return looks
+            perturbations.append(Perturbation(effect, values, float(probe), effect.parameters[which].scale))
+    return perturbations
 
 
 @dataclass(frozen=True)
 class Linearised:
-    """A linear system, and what else is known along the path.
+    """A linear system and further results along the trajectory.
 
     Attributes:
-        system: with the columns of the hypothesis' own parameters first, then those of the looks.
+        system: with the columns of the hypothesis' own parameters first, then those of the perturbations.
         torque: (S, L, nv) actuator forces, means over the intervals.
-        predicted: (S, L, ny) observations on the path.
+        predicted: (S, L, ny) observations on the trajectory.
     """
 
     system: Linear
@@ -77,28 +77,28 @@ def linearise(
     hypothesis: Hypothesis,
     theta: Array,
     segments: Segments,
-    path: Array,
-    looks: Sequence[Look] = (),
+    trajectory: Array,
+    perturbations: Sequence[Perturbation] = (),
     *,
     torque_scale: Array | None = None,
     jacobian: Linear | None = None,
 ) -> Linearised:
-    """Linearise a hypothesis about a path.
+    """Linearise a hypothesis about a trajectory.
 
     Args:
         simulator: of the hypothesis' rig.
         hypothesis: effects that are present.
         theta: their values.
         segments: data.
-        path: (S, L, nq + nv + na).
-        looks: further columns.
+        trajectory: (S, L, nq + nv + na).
+        perturbations: further columns.
         torque_scale: (nv,) size of forces, for differences; 1 where it is not known.
-        jacobian: of a path nearby, whose A, B and C are taken, as they are most of the work; where it has
-            columns, the first are those of this hypothesis, and are taken but for those of laws.
+        jacobian: of a trajectory nearby, whose A, B and C are taken, as they are most of the work; where it
+            has columns, the first are those of this hypothesis, and are taken but for those of laws.
     """
     (S, L), tangent = segments.shape, simulator.tangent
     n, nv, dim = S * L, tangent.nv, tangent.dim
-    x = path.reshape(n, -1)
+    x = trajectory.reshape(n, -1)
     time, order = segments.time.reshape(n), np.repeat(segments.order, L)
     model = hypothesis.compiled(theta, segments.step)
     control = hypothesis.control(segments, theta).reshape(n, segments.substeps, -1)
@@ -112,12 +112,12 @@ def linearise(
     def seen(y: Array) -> Observed:
         y = y.reshape(S, L, ny)
         rate = segments.rate(y)
-        bend = segments.rate(rate)
-        flat = (y.reshape(n, ny), rate.reshape(n, ny), bend.reshape(n, ny))
+        second_rate = segments.rate(rate)
+        flat = (y.reshape(n, ny), rate.reshape(n, ny), second_rate.reshape(n, ny))
         return Observed(*flat, order)
 
     base, y, torque = advance(hypothesis, theta, model, x, control)
-    middle = Middle(simulator, hypothesis, theta, model, x, base, control, time, order)
+    middle = Midpoint(simulator, hypothesis, theta, model, x, base, control, time, order)
     plain = _reads_joints(hypothesis.rig)
 
     def observed_at(h: Hypothesis, values: Array, m: MjModel, states: Array) -> Array:
@@ -146,17 +146,17 @@ def linearise(
     observed = seen(y)
     added = hypothesis.observe(observed, theta)
     shift = segments.shift.reshape(n, ny)
-    predicted = y + shift * observed.rate + shift**2 / 2 * observed.bend + added
-    following = np.concatenate([path[:, 1:], path[:, -1:]], axis=1).reshape(n, -1)
+    predicted = y + shift * observed.rate + shift**2 / 2 * observed.second_rate + added
+    following = np.concatenate([trajectory[:, 1:], trajectory[:, -1:]], axis=1).reshape(n, -1)
     defect = tangent.subtract(base, following).reshape(S, L, dim)
-    # Beyond the end of an episode nothing is known and nothing shall grow.
+    # Beyond the end of an episode there are no data, and the defect must not grow.
     defect[:, :-1][~segments.inside[:, 1:]] = 0
 
     p = len(theta)
-    W, psi = np.zeros((n, dim, p + len(looks))), np.zeros((n, ny, p + len(looks)))
+    W, psi = np.zeros((n, dim, p + len(perturbations))), np.zeros((n, ny, p + len(perturbations)))
     known = jacobian is not None and jacobian.W.shape[-1] >= p
 
-    # At both ends of the intervals: a servo's force falls from one to the other, as its command is held.
+    # At both ends of the intervals: a servo's force falls within an interval, since its command is held.
     loads = simulator.rig.load
     there = torque + actuator_torque(model, following, control[:, -1], loads)
     there = there - actuator_torque(model, x, control[:, 0], loads)
@@ -183,13 +183,13 @@ def linearise(
         if edits or forces:
             m = h.compiled(values, segments.step)
         if k < p and (edits or controls or forces):
-            # By the whole interval, since values are read off these.
+            # From the whole interval, since fitted values depend on these.
             W[:, :, k] = tangent.subtract(advance(h, values, m, x, u)[0], base) / step
         else:
             if edits or forces:
                 W[:, :, k] = middle.changed(h, values, m, spread) / step
             if controls:
-                W[:, :, k] += middle.driven(u - control, A, spread) / step
+                W[:, :, k] += middle.control_response(u - control, A, spread) / step
         if (edits or controls) and not plain:
             psi[:, :, k] = (advance(h, values, m, x, u[:, :1])[1] - y) / step
         if overrides(changed_effect, "observe"):
@@ -212,19 +212,21 @@ def linearise(
                 psi[:, :, k] = jacobian.psi[..., k].reshape(n, ny)
             else:
                 column(k, hypothesis, values, step, effect)
-    for k, look in enumerate(looks, start=p):
-        if look.effect is None:
+    for k, perturbation in enumerate(perturbations, start=p):
+        if perturbation.effect is None:
             if halved is None:
                 finer = hypothesis.compiled(theta, segments.step / 2)
                 moved, _, _ = advance(hypothesis, theta, finer, x, np.repeat(control, 2, axis=1))
                 halved = tangent.subtract(moved, base)
             W[:, :, k] = halved
-        elif is_law(look.effect):
-            start = np.array([parameter.start for parameter in look.effect.parameters])
-            law_column(k, look.effect, np.array(look.values), start, look.probe, 0.5)
+        elif is_law(perturbation.effect):
+            start = np.array([parameter.start for parameter in perturbation.effect.parameters])
+            law_column(k, perturbation.effect, np.array(perturbation.values), start, perturbation.probe, 0.5)
         else:
-            h = hypothesis.with_effect(look.effect)
-            column(k, h, np.concatenate([theta, look.values]), look.probe, look.effect)
+            h = hypothesis.with_effect(perturbation.effect)
+            column(
+                k, h, np.concatenate([theta, perturbation.values]), perturbation.probe, perturbation.effect
+            )
     residual = residuals(hypothesis.rig, segments, predicted.reshape(S, L, ny))
     shapes = (S, L)
     W.reshape(*shapes, dim, -1)[:, :-1][~segments.inside[:, 1:]] = 0
@@ -238,14 +240,14 @@ def linearise(
 
 
 def is_law(effect: JointEffect) -> bool:
-    """Whether an effect is a force of the present state and nothing else."""
+    """Whether an effect is only a force law of the current state."""
     return overrides(effect, "force") and not any(
         overrides(effect, other) for other in ("edit", "control", "observe")
     )
 
 
 def residuals(rig: Rig, segments: Segments, predicted: Array) -> Array:
-    """Recorded less predicted, (S, L, ny); of a quaternion's two signs the nearer is taken."""
+    """Recorded less predicted, (S, L, ny); for quaternions with the nearer of both signs."""
     y = segments.y
     for columns in rig.quaternions:
         sign = np.where(np.nansum(y[..., columns] * predicted[..., columns], axis=-1) < 0, -1.0, 1.0)
@@ -255,7 +257,7 @@ def residuals(rig: Rig, segments: Segments, predicted: Array) -> Array:
 
 
 def _reads_joints(rig: Rig) -> bool:
-    """Whether all that is observed are positions and velocities of joints, which are the state itself."""
+    """Whether only positions and velocities of joints are observed, which are part of the state."""
     read = np.flatnonzero(rig.reading.any(0))
     sensors = [int(np.flatnonzero(rig.model.sensor_adr <= address)[-1]) for address in read]
     return all(rig.model.sensor_type[sensor] in _OF_THE_STATE for sensor in sensors)

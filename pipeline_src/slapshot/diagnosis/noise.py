@@ -2,8 +2,8 @@
 
 Each channel has white noise (never less than its quantisation) and coloured noise, an Ornstein-Uhlenbeck
 process; both channels of one quantity share the ratio of the two and the correlation time. Over a session
-readings drift, by less than their noise. What the model leaves out acts as a white process force, in shares
-of the torque that moves each joint.
+readings drift, by less than their noise. Unmodelled forces are a white process force, relative to the torque
+that moves each joint.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,23 +14,24 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import Covariances, Innovations, Linear, innovations, left_out
-from slapshot.diagnosis.inference.scoring import Evaluation, maximise
+from slapshot.diagnosis.filter import Covariances, Innovations, Linear, innovations, leave_one_out
+from slapshot.diagnosis.inference.fisher_scoring import Evaluation, maximise
 from slapshot.diagnosis.segments import Segments
 
-HELD_S = 0.01  # process force is told as the standard deviation of a force held so long
+FORCE_HOLD_S = 0.01  # the process force is given as the sd of a force held for this time
 LARGEST_LAW_ERROR = 0.15  # rms share of a law
-# Of readings over their noise: before it is known, and what is not called noise any more.
+# Drift of readings relative to their noise: initial value, and upper bound.
 TYPICAL_DRIFT, LARGEST_DRIFT = 0.1, 1.0
-TYPICAL_LAW_ERROR = 0.05  # of empirical laws, before any of them is known
-CLIP = 4.0  # standard deviations beyond which an observation counts as an outlier
+TYPICAL_LAW_ERROR = 0.05  # of empirical laws, initial value
+CLIP = 4.0  # standard deviations beyond which an observation is an outlier
 _NO_JITTER, _USUAL_JITTER = 1e-4, 0.02  # of the interval
-_WORTH = 4.0  # nats by which coloured noise must raise the likelihood: twice its two parameters
+_MIN_GAIN_NATS = 4.0  # minimum gain of coloured noise: twice its two parameters
 _SEARCH_SEGMENTS = 8
-_SEARCH_OBSERVATIONS = 6000  # which tell white noise to a per cent, other sizes to some ten
-_STILL, _NEARLY_STILL = 0.01, 0.5  # nats that a round could still gain: at the last, and before
-# The same with all observations, and rounds: from where a part of them led, one is enough in theory (Le Cam).
-_LAST_ROUNDS, _LAST_STILL = 2, 0.2
+_SEARCH_OBSERVATIONS = 6000  # which determine white noise to a per cent, other sizes to about ten
+_TOLERANCE, _LOOSE_TOLERANCE = 0.01, 0.5  # tolerances in nats: of the last fit, and before
+# Rounds and tolerance with all observations: from the estimate of a subset, one is asymptotically enough (Le
+# Cam).
+_LAST_ROUNDS, _LAST_TOLERANCE = 2, 0.2
 _SIZES = 3  # first values: sizes of columns
 _RATIOS = 0.5, 2.0, 10.0  # of coloured to white noise
 _GOOD_LAW, _NO_FORCE = np.log([1e-3]), np.log([1e-4])
@@ -47,13 +48,13 @@ class Noise:
         correlation_s: (ny,) correlation time of the coloured part.
         force: process force over `torque`, as the sd of a force held for `HELD_S`.
         torque: (nv,) N m or N, scale of forces.
-        initial: (n,) variances of a segment's first state about the path.
+        initial: (n,) variances of a segment's first state about the trajectory.
         law_error: size of the errors of the nominal model's laws, as a share.
         added_error: the same of laws that a hypothesis adds.
         weight: (S, L, ny) factor on the white variance; more than 1 for outliers.
         drift: standard deviation of a channel's slow drift over the session, over that of its noise.
-        jitter_s: standard deviation of the times at which samples are really taken.
-        rate: (S, L, ny) derivative by time of what is observed, by which jitter becomes noise; None for none.
+        jitter_s: standard deviation of the actual sampling times.
+        rate: (S, L, ny) time derivative of the observations, which converts jitter to noise; None for none.
         clock: (ny,) index of the clock of each channel; those of one share their jitter.
     """
 
@@ -78,13 +79,13 @@ class Noise:
 
     @property
     def variance(self) -> Array:
-        """(S, L, ny) of what is white: noise of the channel, and of the time."""
+        """(S, L, ny) white variance: noise of the channel, and timing jitter."""
         own = self.weight * self.white**2
         return own if self._shared is None else own + np.sum(self._shared**2, axis=-1)
 
     @property
     def _shared(self) -> Array | None:
-        """(S, L, ny, clocks) what a clock's jitter of unit size does to each channel."""
+        """(S, L, ny, clocks) response of each channel to unit jitter of a clock."""
         if self.rate is None or not self.jitter_s:
             return None
         clock = np.zeros(self.rate.shape[-1], int) if self.clock is None else self.clock
@@ -97,14 +98,14 @@ class Noise:
         return replace(self, weight=self.weight[segments], rate=rate)
 
     def elsewhere(self, rate: Array) -> "Noise":
-        """The same for other segments, of which rates are known, without outliers."""
+        """The noise for other segments with known rates, without outliers."""
         return replace(self, weight=np.ones_like(rate), rate=rate)
 
     def covariances(self, interval: float) -> Covariances:
         """What the filter takes."""
         return Covariances(
             self.initial,
-            (self.force * self.torque) ** 2 * (HELD_S / interval),
+            (self.force * self.torque) ** 2 * (FORCE_HOLD_S / interval),
             self.weight * self.white**2,
             self.coloured**2,
             np.exp(-interval / self.correlation_s),
@@ -127,7 +128,7 @@ def marginal_likelihood(found: Innovations, prior_sd: Array) -> float:
 
 
 def quantisation(values: Array) -> float:
-    """Step of a channel's numbers; 0 where it cannot be seen."""
+    """Quantisation step of a channel; 0 if not detectable."""
     there = np.unique(values[np.isfinite(values)])
     if len(there) < 20:
         return 0.0
@@ -138,14 +139,14 @@ def quantisation(values: Array) -> float:
     return step if regular > 0.95 and np.median(multiples) < 1.5 else 0.0
 
 
-def first_noise(segments: Segments, torque: Array, n: int, position: Array, speed: Array) -> Noise:
-    """Where a fit begins: white noise from third differences of what was recorded.
+def initial_noise(segments: Segments, torque: Array, n: int, position: Array, speed: Array) -> Noise:
+    """Initial noise: white noise from third differences of the recorded values.
 
     Args:
         segments: data.
         torque: (nv,) scale of forces.
         n: length of a change of state.
-        position: (nv,) wide standard deviations of a first position about the path.
+        position: (nv,) wide standard deviations of a first position about the trajectory.
         speed: (nv,) the same of a velocity.
     """
     third = np.diff(segments.y, n=3, axis=1)
@@ -158,8 +159,8 @@ def first_noise(segments: Segments, torque: Array, n: int, position: Array, spee
     return Noise(white, np.zeros(ny), np.full(ny, 0.05), 1e-2, torque, initial, np.ones_like(segments.y))
 
 
-# Columns whose size is one of the noise's: errors of laws of the nominal model and of those that a hypothesis
-# adds, in shares of the law, and drift, in standard deviations of the channel's noise.
+# Columns with a common size that is a noise parameter: errors of nominal and of added laws, relative to the
+# law, and drift, in standard deviations of the channel's noise.
 NOMINAL, ADDED, DRIFT = 1, 2, 3
 
 
@@ -211,21 +212,21 @@ def fit_noise(
     near: bool = False,
     last: bool = True,
 ) -> Noise:
-    """Noise of the highest likelihood, all columns being integrated out.
+    """Maximum likelihood noise, with all columns integrated out.
 
-    What any column explains is no noise: so the columns should be those of everything that might be there.
+    The columns should include all candidate effects, so that what they explain is not counted as noise.
 
     Args:
         system: linearised.
         prior: of its columns.
-        noise: where the search begins; what were outliers then count for less in it.
+        noise: initial value; its outliers keep their reduced weight.
         segments: data.
         kinds: quantity of each channel; those of one kind share ratio and correlation time of coloured noise.
-        near: whether the noise was fitted before to a system much like this one, so that one start suffices.
-        last: whether all segments decide at the end, and jitter is looked for; else it is a first guess.
+        near: whether the noise was fitted to a similar system before, so that one initial point suffices.
+        last: whether all segments are used at the end and jitter is fitted; else it is a first estimate.
     """
     S, L = segments.shape
-    some = _enough(S, L * len(kinds))
+    some = _search_subset(S, L * len(kinds))
     part = system.select(some)
     groups = sorted(set(kinds))
     member = np.array([groups.index(kind) for kind in kinds])
@@ -253,7 +254,7 @@ def fit_noise(
     searched = likelihood(part, noise.select(some))
     every = searched if len(some) == S else likelihood(system, noise)
     zero = np.zeros(count)
-    # Sizes of which no column tells stay what they were.
+    # Sizes without columns are kept fixed.
     size_limits = [
         (np.log(least_size), np.log(largest)) if np.any(prior.kind == kind) else (np.log(size),) * 2
         for kind, size, least_size, largest in (
@@ -265,54 +266,59 @@ def fit_noise(
     longest = max(2 * segments.interval, L * segments.interval / 2)
 
     def scaled(values: Array) -> Array:
-        """The same with so much noise that innovations have the size that they are expected to have."""
+        """Values with white noise scaled so that innovations have unit size."""
         size = np.log(np.sqrt(np.mean(searched(values).e ** 2)))
         return np.concatenate([values[:5], values[5 : 5 + count] + size, values[5 + count :]])
 
-    def likeliest(jitter: float, jitters: tuple[float, float]) -> tuple[Array, list[tuple[float, float]]]:
-        """Values from a jitter, and their limits, with those of the jitter in s."""
+    def maximum_likelihood(
+        jitter: float, jitters: tuple[float, float]
+    ) -> tuple[Array, list[tuple[float, float]]]:
+        """Values for an initial jitter, and their limits, with those of the jitter in s."""
         limits = [*size_limits, _FORCES, tuple(np.log(jitters)), *[(-7.0, 7.0)] * count]
         forces = sorted({1e-5, 1e-3, 1e-2, 1e-1, noise.force})
-        begins = [
+        initial_points = [
             np.log([law, noise.added_error, noise.drift, f, jitter, *np.ones(count)])
             for f in forces
             for law in (1e-3, 0.05)
         ]
         now = np.log([noise.law_error, noise.added_error, noise.drift, noise.force, jitter])
         if near:
-            begins = [np.concatenate([now, zero])]
-        still = _STILL if last else _NEARLY_STILL
-        plain, values = maximise(searched, begins, limits, still=still)
+            initial_points = [np.concatenate([now, zero])]
+        tolerance = _TOLERANCE if last else _LOOSE_TOLERANCE
+        plain, values = maximise(searched, initial_points, limits, tolerance=tolerance)
         limits += [(np.log(0.05), np.log(30.0))] * count
         limits += [(np.log(segments.interval), np.log(longest))] * count
-        begins = []
+        initial_points = []
         if noise.coloured.any():
             ratio = np.maximum(noise.coloured, 1e-12) / noise.white
             own = np.concatenate([zero, np.log(ratio[first]), np.log(noise.correlation_s[first])])
-            begins = [np.concatenate([now, own])]
-        if not (near and begins):
+            initial_points = [np.concatenate([now, own])]
+        if not (near and initial_points):
             usual = [
                 np.concatenate([values[:5], values[5:] - 0.5 * np.log1p(ratio**2), zero + np.log(ratio),
                                 zero + np.log(time)])
                 for ratio in _RATIOS for time in (4 * segments.interval, longest / 3)
             ]  # fmt: skip
-            # A force that moves a joint as its readings wander explains them too: noise without any is
-            # another optimum, far from it, with as much noise as that leaves.
+            # A process force can explain wandering readings too: noise without process force is another,
+            # distant optimum.
             quiet = np.concatenate([_GOOD_LAW, values[1:3], _NO_FORCE])
-            begins += [*usual, *(scaled(np.concatenate([quiet, begin[4:]])) for begin in usual)]
-        coloured, others = maximise(searched, begins, limits, still=still)
-        if coloured - plain > _WORTH:
+            initial_points += [
+                *usual,
+                *(scaled(np.concatenate([quiet, initial_point[4:]])) for initial_point in usual),
+            ]
+        coloured, others = maximise(searched, initial_points, limits, tolerance=tolerance)
+        if coloured - plain > _MIN_GAIN_NATS:
             values = others
         return values, limits[: len(values)]
 
-    def balanced(values: Array) -> Noise:
-        return _balanced(system, prior, of(values), segments, least)
+    def reweighted(values: Array) -> Noise:
+        return _reweighted(system, prior, of(values), segments, least)
 
-    def decided(values: Array, limits: list[tuple[float, float]]) -> Noise:
+    def final_noise(values: Array, limits: list[tuple[float, float]]) -> Noise:
         """By all segments."""
         if last and len(some) < S:
-            _, values = maximise(every, [values], limits, rounds=_LAST_ROUNDS, still=_LAST_STILL)
-        return balanced(values)
+            _, values = maximise(every, [values], limits, rounds=_LAST_ROUNDS, tolerance=_LAST_TOLERANCE)
+        return reweighted(values)
 
     def value(found: Noise) -> float:
         own = found.select(some)
@@ -320,21 +326,24 @@ def fit_noise(
 
     none = _NO_JITTER * segments.interval
     if noise.rate is None or not last or (near and not noise.jitter_s):
-        return replace(decided(*likeliest(none, (none, none))), jitter_s=0.0)
+        return replace(final_noise(*maximum_likelihood(none, (none, none))), jitter_s=0.0)
     limits = none, segments.interval / 2
     if near:
-        return decided(*likeliest(noise.jitter_s, limits))
-    # Outliers pass for jitter until they are given less weight.
-    without, jittery = likeliest(none, (none, none)), likeliest(_USUAL_JITTER * segments.interval, limits)
-    if value(balanced(jittery[0])) > value(replace(balanced(without[0]), jitter_s=0.0)) + _WORTH:
-        return decided(*jittery)
-    return replace(decided(*without), jitter_s=0.0)
+        return final_noise(*maximum_likelihood(noise.jitter_s, limits))
+    # Outliers are mistaken for jitter until they are down-weighted.
+    without, jittery = (
+        maximum_likelihood(none, (none, none)),
+        maximum_likelihood(_USUAL_JITTER * segments.interval, limits),
+    )
+    if value(reweighted(jittery[0])) > value(replace(reweighted(without[0]), jitter_s=0.0)) + _MIN_GAIN_NATS:
+        return final_noise(*jittery)
+    return replace(final_noise(*without), jitter_s=0.0)
 
 
 def fit_process_force(system: Linear, prior: Prior, noise: Noise, interval: float) -> Noise:
-    """The same noise of the readings, with the process force and the errors of laws that a hypothesis leaves.
+    """Fit the process force and law errors that a hypothesis leaves, at fixed noise of the readings.
 
-    Readings are no noisier for what a model lacks; forces that it does not know are.
+    A missing effect does not change the noise of the readings, but leaves unmodelled forces.
 
     Args:
         system: linearised.
@@ -362,18 +371,20 @@ def fit_process_force(system: Linear, prior: Prior, noise: Noise, interval: floa
         likelihood = _Likelihood(part, prior, lambda values: of(values, own), interval)
 
         def evaluate(values: Array) -> Evaluation:
-            # Where forces explain as much as errors of laws, laws are as good as they usually are.
+            # Prior on law errors: where forces explain the data equally well, law errors stay typical.
             found = likelihood(values)
             share = np.exp(2 * values[:2]) / TYPICAL_LAW_ERROR**2
-            told = {index: found.information.get(index, 0.0) + 2 * share[index] for index in (0, 1)}
+            with_prior = {index: found.information.get(index, 0.0) + 2 * share[index] for index in (0, 1)}
             return replace(
-                found, value=found.value - float(share.sum()) / 2, information={**found.information, **told}
+                found,
+                value=found.value - float(share.sum()) / 2,
+                information={**found.information, **with_prior},
             )
 
         return evaluate
 
     S, L, ny = system.r.shape
-    some = _enough(S, L * ny)
+    some = _search_subset(S, L * ny)
     searched = penalised(some)
     forces = (noise.force, 1e-3, 1e-2, 1e-1, 1.0)
     reached = [
@@ -383,18 +394,18 @@ def fit_process_force(system: Linear, prior: Prior, noise: Noise, interval: floa
     _, values = max(reached, key=lambda one: one[0])
     if len(some) < S:
         every = penalised(np.arange(S))
-        _, values = maximise(every, [values], limits, rounds=_LAST_ROUNDS, still=_LAST_STILL)
+        _, values = maximise(every, [values], limits, rounds=_LAST_ROUNDS, tolerance=_LAST_TOLERANCE)
     return of(values, noise)
 
 
-def _enough(segments: int, observations: int) -> NDArray[np.intp]:
-    """Segments of so many observations each that tell sizes of noise well enough to search by."""
+def _search_subset(segments: int, observations: int) -> NDArray[np.intp]:
+    """A subset of segments that determines the noise well enough for a search."""
     count = max(_SEARCH_SEGMENTS, min(segments, _SEARCH_OBSERVATIONS // observations))
     return np.unique(np.linspace(0, segments - 1, count).astype(int))
 
 
 class _Likelihood:
-    """Marginal likelihood of noise, and what its information is made of.
+    """Marginal likelihood of the noise and its Fisher information.
 
     Args:
         system: linearised.
@@ -405,7 +416,7 @@ class _Likelihood:
 
     def __init__(self, system: Linear, prior: Prior, of: Callable[[Array], Noise], interval: float) -> None:
         self._system, self._prior, self._of, self._interval = system, prior, of, interval
-        # Sizes of columns change no innovations: those of a place and of the last beside it are remembered.
+        # Innovations do not depend on sizes of columns: the last two are cached.
         self._seen: dict[bytes, tuple[Innovations, Array, Array]] = {}
 
     def __call__(self, values: Array) -> Evaluation:
@@ -440,11 +451,10 @@ class _Likelihood:
         return self._seen[key]
 
 
-def _balanced(system: Linear, prior: Prior, noise: Noise, segments: Segments, least: Array) -> Noise:
-    """Channels' own sizes, from the variance of their innovations; and outliers given more variance.
+def _reweighted(system: Linear, prior: Prior, noise: Noise, segments: Segments, least: Array) -> Noise:
+    """Rescale each channel from the variance of its innovations, and down-weight outliers.
 
-    An outlier is far from what all other observations of its segment say, those after it too: where a segment
-    begins nothing stands before it.
+    Outliers are judged by leave-one-out residuals, which use later observations too.
     """
     there = np.isfinite(system.r)
     noise = replace(noise, weight=np.ones_like(noise.weight))
@@ -458,7 +468,7 @@ def _balanced(system: Linear, prior: Prior, noise: Noise, segments: Segments, le
              if there[..., c].any() else 1.0 for c in range(there.shape[2])]
         )  # fmt: skip
         factor = np.clip(size, 0.5, 2.0)
-        residual, variance = left_out(system.moved(values).without_columns(), covariances)
+        residual, variance = leave_one_out(system.moved(values).without_columns(), covariances)
         variance = np.where(there, variance * np.maximum(size, 1e-12) ** 2, 1.0)
         lacking = np.maximum((residual / CLIP) ** 2 - variance, 0.0)
         white = np.maximum(noise.white * factor, least)

@@ -1,4 +1,4 @@
-"""All that a diagnosis of joints and bodies writes: the verdict first, then what shows it."""
+"""Output files of a diagnosis of joints and bodies: the verdict first, then figures and models."""
 
 import logging
 import tempfile
@@ -88,6 +88,6 @@ def _draw(module: ModuleType, outcome: Outcome, folder: Path) -> None:
 
 
 def _augment(outcome: Outcome, folder: Path) -> None:
-    fit = outcome.search.final.examination.fit
+    fit = outcome.search.final.scored.fit
     hypothesis = fit.hypothesis
     write_augmented(hypothesis.rig, hypothesis.effects, fit.theta, folder / AUGMENTED)

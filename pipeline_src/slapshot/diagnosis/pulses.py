@@ -1,7 +1,7 @@
-"""When does something push? A constant force in every short window, against all others.
+"""Detection of external pushes: a constant force in every short window, compared with all others.
 
-A window's force is judged by the spread of all windows: what acts always is no push, and neither is what the
-model gets a little wrong everywhere.
+A window's force is judged by the spread over all windows, so that permanent forces and small model errors do
+not count as pushes.
 """
 
 from collections.abc import Sequence
@@ -15,12 +15,12 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.noise import Noise
 from slapshot.diagnosis.segments import Segments
-from slapshot.effects.joints.effect import Situation
+from slapshot.effects.joints.effect import RigMotion
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 WINDOW_S = 0.05
-_LEVEL = 0.01  # chance that any window of a recording without pushes is called one
-_MOST = 40  # pushes of a joint that are fitted
+_SIGNIFICANCE = 0.01  # family-wise significance level
+_MAX_PUSHES = 40  # maximum number of pushes of a joint
 
 
 @dataclass(frozen=True)
@@ -29,30 +29,30 @@ class Scan:
 
     Attributes:
         ratio: (S, windows, joints) force over its spread.
-        nodes: of a window; the last of a segment has what is left over as well.
-        told: (S, windows, joints) whether enough is observed of a window.
+        nodes: of a window; the last one of a segment includes the remainder.
+        observable: (S, windows, joints) whether a window has enough information.
         correlation: (S, k, k) of the forces of a segment's windows, k = windows * joints.
     """
 
     ratio: Array
     nodes: int
-    told: NDArray[np.bool_]
+    observable: NDArray[np.bool_]
     correlation: Array
 
     def p_value(self, rng: np.random.Generator, count: int) -> float:
-        """Chance of a force as large without any push, by draws with the windows' correlations."""
+        """Monte Carlo p-value of the largest force without any push, with the windows' correlations."""
         eigenvalues, vectors = np.linalg.eigh(self.correlation)
         roots = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))[:, None, :]
         largest = float(np.abs(self.ratio).max(initial=0.0))
         exceeding = 0
         for _ in range(count):
             drawn = np.einsum("sij,sj->si", roots, rng.standard_normal(roots.shape[:2]))
-            ratio = _spread(drawn.reshape(self.told.shape), self.told)
+            ratio = _spread(drawn.reshape(self.observable.shape), self.observable)
             exceeding += int(np.abs(ratio).max(initial=0.0) >= largest)
         return (1 + exceeding) / (1 + count)
 
 
-def scan(system: Linear, values: Array, noise: Noise, segments: Segments, rig: Situation) -> Scan:
+def scan(system: Linear, values: Array, noise: Noise, segments: Segments, rig: RigMotion) -> Scan:
     """Scan the joints of a linear system.
 
     Args:
@@ -75,43 +75,47 @@ def scan(system: Linear, values: Array, noise: Noise, segments: Segments, rig: S
     found = innovations(system.with_columns(W, psi), noise.covariances(segments.interval))
     b = np.einsum("stc,stck->sk", found.e, found.Z)
     h = np.einsum("stck,stck->sk", found.Z, found.Z)
-    # Where next to nothing is observed of a window there is nothing to be judged.
-    told = h > 1e-3 * np.median(h[h > 0]) if np.any(h > 0) else h > 0
-    root = np.sqrt(np.maximum(np.where(told, h, np.inf), 1e-300))
+    # Windows with almost no information are not judged.
+    observable = h > 1e-3 * np.median(h[h > 0]) if np.any(h > 0) else h > 0
+    root = np.sqrt(np.maximum(np.where(observable, h, np.inf), 1e-300))
     shape = (S, count, len(joints))
     correlation = np.einsum("stck,stcl->skl", found.Z, found.Z) / (root[:, :, None] * root[:, None, :])
-    told = told.reshape(shape)
-    return Scan(_spread((b / root).reshape(shape), told), nodes, told, correlation)
+    observable = observable.reshape(shape)
+    return Scan(_spread((b / root).reshape(shape), observable), nodes, observable, correlation)
 
 
-def _spread(ratio: Array, told: NDArray[np.bool_]) -> Array:
-    """Forces over the spread of all windows of a joint, where that is larger than it should be."""
+def _spread(ratio: Array, observable: NDArray[np.bool_]) -> Array:
+    """Forces over the robust spread of a joint's windows, where that exceeds one."""
     ratio = ratio.copy()
     for j in range(ratio.shape[-1]):
-        own = ratio[..., j][told[..., j]]
+        own = ratio[..., j][observable[..., j]]
         ratio[..., j] /= max(1.4826 * float(np.median(np.abs(own))) if len(own) else 1.0, 1.0)
     return ratio
 
 
-def pushes(found: Scan, segments: Segments, rig: Situation) -> Sequence[tuple[ExternalPulse, float]]:
-    """Pushes that stand out, one effect a joint, and about how many nats they could gain."""
-    limit = float(norm.isf(_LEVEL / 2 / max(found.ratio.size, 1)))
+def pushes(found: Scan, segments: Segments, rig: RigMotion) -> Sequence[tuple[ExternalPulse, float]]:
+    """Significant pushes, one effect for each joint, and their approximate gain in nats."""
+    limit = float(norm.isf(_SIGNIFICANCE / 2 / max(found.ratio.size, 1)))
     effects = []
     for j, joint in enumerate(rig.joints):
         pulses: list[tuple[float, Pulse]] = []
         for s in range(found.ratio.shape[0]):
-            pulses += _in_segment(found, segments, s, j, limit)
-        joined = _joined(sorted(pulses, key=lambda item: (item[1].episode, item[1].begin)))
-        strongest = sorted(joined, key=lambda item: -abs(item[0]))[:_MOST]
+            pulses += _pushes_in_segment(found, segments, s, j, limit)
+        joined = _merge_adjacent(sorted(pulses, key=lambda item: (item[1].episode, item[1].begin)))
+        strongest = sorted(joined, key=lambda item: -abs(item[0]))[:_MAX_PUSHES]
         if strongest:
             ordered = sorted((p for _, p in strongest), key=lambda p: (p.episode, p.begin))
-            told = np.abs(found.ratio[..., j])
-            effects.append((ExternalPulse(joint, ordered), float(0.5 * np.sum(told[told > limit] ** 2))))
+            observable = np.abs(found.ratio[..., j])
+            effects.append(
+                (ExternalPulse(joint, ordered), float(0.5 * np.sum(observable[observable > limit] ** 2)))
+            )
     return effects
 
 
-def _in_segment(found: Scan, segments: Segments, s: int, j: int, limit: float) -> list[tuple[float, Pulse]]:
-    """Runs of windows that stand out, those beside them that lean the same way, and how much (signed)."""
+def _pushes_in_segment(
+    found: Scan, segments: Segments, s: int, j: int, limit: float
+) -> list[tuple[float, Pulse]]:
+    """Runs of significant windows with neighbours of the same sign, and their signed strength."""
     ratio = found.ratio[s, :, j]
     out = []
     w = 0
@@ -136,8 +140,8 @@ def _in_segment(found: Scan, segments: Segments, s: int, j: int, limit: float) -
     return out
 
 
-def _joined(pulses: Sequence[tuple[float, Pulse]]) -> list[tuple[float, Pulse]]:
-    """Pulses the same way that touch, as where a segment ends, are one."""
+def _merge_adjacent(pulses: Sequence[tuple[float, Pulse]]) -> list[tuple[float, Pulse]]:
+    """Merge adjacent pulses of the same sign, as at the end of a segment."""
     out: list[tuple[float, Pulse]] = []
     for strength, pulse in pulses:
         before = out[-1] if out else None

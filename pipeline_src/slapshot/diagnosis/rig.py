@@ -1,4 +1,4 @@
-"""A rig: a MuJoCo model, and which recorded channel is which part of it.
+"""A rig: a MuJoCo model with recorded channels bound to its parts.
 
 Controls go to actuators, as a torque or force to a joint without one (which gets a motor), or as a pose to a
 mocap body. Observations are sensors that are added to the model: what a simulation step returns beside the
@@ -24,7 +24,7 @@ _QUATERNIONS = (int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjS
 
 @dataclass(frozen=True)
 class Control:
-    """What an input of the model follows.
+    """Binding of an input of the model.
 
     Attributes:
         input: name of an actuator, or of a mocap body and a component of its pose.
@@ -41,7 +41,7 @@ class Control:
 
 @dataclass(frozen=True)
 class Observation:
-    """What a recorded channel observes.
+    """Binding of an observed channel.
 
     Attributes:
         channel: its name.
@@ -72,7 +72,7 @@ class Rig:
         free: names of effects (`name` or `name@part`) that belong to the nominal model: refitted with every
             hypothesis.
         reading: (ny, sensor data) what each observation reads: one sensor, or a sum where joints were split.
-        load: addresses of the sensors that tell each dof's actuator force; -1 for free and ball joints.
+        load: addresses of the sensors of each dof's actuator force; -1 for free and ball joints.
     """
 
     name: str
@@ -247,7 +247,7 @@ def _input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Chann
     if channel.quantity not in ("torque", "force"):
         raise InputError(
             f"channel {name}: controls joint {channel.joint} with a {channel.quantity}; name the actuator "
-            "that it is told to, or record the torque"
+            "that receives it, or record the torque"
         )
     motor = f"{OWN}{channel.joint}" + (f":{channel.component}" if channel.component else "")
     if spec.actuator(motor) is None:  # a restructured rig has it
@@ -271,7 +271,7 @@ def _transmission(model: mujoco.MjModel, name: str, channel: Channel) -> tuple[m
         if servos:
             raise InputError(
                 f"channel {name}: a torque at joint {channel.joint}, which {servos[0]} drives by a law of "
-                "its own; remove that actuator from the model, or record what it is told"
+                "its own; remove that actuator from the model, or record its command"
             )
         return mujoco.mjtTrn.mjTRN_JOINT, [1.0, 0, 0, 0, 0, 0]
     if channel.component is None:

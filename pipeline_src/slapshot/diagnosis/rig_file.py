@@ -1,4 +1,4 @@
-"""A rig file: the model that a recording is held against, and what its channels are, in YAML.
+"""A rig file: the model of a recording and the binding of its channels, in YAML.
 
 model: robot.xml                       # MJCF or URDF, beside this file
 channels:                              # where a recording's channels do not name parts of the model
@@ -27,7 +27,7 @@ Part = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class Binding(Model):
-    """What of the model a channel is."""
+    """The model element of a channel."""
 
     joint: Part | None = None
     actuator: Part | None = None
@@ -89,7 +89,7 @@ def read_rig_file(file: Path) -> RigFile:
 
 
 def rig_of_model(model: Path) -> RigFile:
-    """The rig file that a model by itself is: the recording's channels name its parts."""
+    """The rig file of a bare model, where the recording's channels name its parts."""
     return RigFile(model, model, RigSettings(model=model.name), {})
 
 

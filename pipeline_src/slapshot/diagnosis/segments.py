@@ -1,8 +1,8 @@
-"""Recorded signals on a regular grid of nodes, cut into segments.
+"""Recorded signals on a regular grid of nodes, divided into segments.
 
-Nodes lie one interval apart. A sample between two nodes is read at the nearer one and brought there along
-the path (its distance in time is kept in `shift`), so that clocks need neither agree nor tick evenly. Between
-nodes the model takes `substeps` steps; each has the mean of the controls over its time.
+Nodes lie one interval apart. A sample between two nodes is assigned to the nearer one (its offset in time is
+kept in `shift` and corrected along the trajectory), so that clocks need neither be synchronous nor regular.
+Between nodes the model takes `substeps` steps; each has the mean of the controls over its time.
 """
 
 from collections.abc import Callable
@@ -16,13 +16,13 @@ from slapshot.diagnosis.rig import Control, Rig
 from slapshot.errors import InputError
 from slapshot.recordings.signals import SignalRecording
 
-SHORTEST_INTERVAL_S = 1e-3  # no mechanism of a robot moves faster than can be told at that
+SHORTEST_INTERVAL_S = 1e-3  # faster sampling adds no information about a robot's mechanics
 SEGMENT_S = 0.5
 
 
 @dataclass(frozen=True)
 class ControlSignal:
-    """What one input was told in one episode.
+    """The control signal of one input in one episode.
 
     Attributes:
         t: (n,) s, of the samples.
@@ -69,7 +69,7 @@ class Segments:
         substeps: steps of the model in an interval.
         y: (S, L, ny) recorded; NaN where nothing was.
         shift: (S, L, ny) s from the node to the sample.
-        inside: (S, L) whether the node belongs to the episode; others fill the last segment up.
+        inside: (S, L) whether the node belongs to the episode; others are padding.
         time: (S, L) s from the episode's start.
         episode: (S,) index of the episode.
         first: (S,) node of the episode at which the segment begins.
@@ -101,14 +101,14 @@ class Segments:
         return self.y.shape[0], self.y.shape[1]
 
     def runs(self) -> list[NDArray[np.intp]]:
-        """Segments that follow each other without a gap, in order of time."""
+        """Runs of consecutive segments, in order of time."""
         order = np.lexsort([self.first, self.episode])
         follows = np.diff(self.episode[order]) == 0
         follows &= np.diff(self.first[order]) == self.shape[1]
         return np.split(order, np.flatnonzero(~follows) + 1)
 
     def rate(self, values: Array) -> Array:
-        """Derivative by time of values at the nodes, of second order, from what is inside alone.
+        """Time derivative of values at the nodes, second order, from inside nodes only.
 
         Args:
             values: (S, L, ...).
@@ -173,14 +173,16 @@ def median_interval(recording: SignalRecording, rig: Rig) -> float:
     return max(min(intervals), SHORTEST_INTERVAL_S)
 
 
-def cut(recording: SignalRecording, rig: Rig, *, segment_s: float = SEGMENT_S, finer: int = 1) -> Segments:
-    """Put a recording on a grid and cut it.
+def segment_recording(
+    recording: SignalRecording, rig: Rig, *, segment_s: float = SEGMENT_S, finer: int = 1
+) -> Segments:
+    """Resample a recording to a grid and divide it into segments.
 
     Args:
         recording: of the rig's channels.
         rig: what they are.
         segment_s: length of a segment in s.
-        finer: factor by which model steps are shorter than the model says.
+        finer: factor by which model steps are shorter than the model's own.
 
     Raises:
         InputError: an episode has no observation.
@@ -206,7 +208,7 @@ def cut(recording: SignalRecording, rig: Rig, *, segment_s: float = SEGMENT_S, f
         ids.append(int(episode))
         for start in range(0, len(t), L):
             length = min(L, len(t) - start)
-            if start and length < L // 4:  # a few samples cannot tell a state of their own
+            if start and length < L // 4:  # a few samples cannot determine an initial state
                 continue
             pad = ((0, L - length), (0, 0))
             y.append(np.pad(values[start : start + L], pad, constant_values=np.nan))

@@ -1,4 +1,4 @@
-"""Sensors that stand for observed channels.
+"""Sensors for observed channels.
 
 A hinge, slide or actuator reads one number. A ball joint reads its own quaternion and angular velocity, as
 qpos and qvel have them; sites, bodies and free joints read place, quaternion and velocities in the world
@@ -45,7 +45,7 @@ def check_part(model: mujoco.MjModel, kind: str, part: str, channel: str) -> Non
 
 
 def add_sensor(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Channel) -> tuple[str, int]:
-    """Add the sensor that a channel stands for, where the model has none.
+    """Add a sensor for a channel, if the model has none.
 
     Args:
         spec: which gets it.
@@ -69,7 +69,9 @@ def add_sensor(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: C
             (_OF_JOINT, _OBJECT.mjOBJ_JOINT) if kind == "joint" else (_OF_ACTUATOR, _OBJECT.mjOBJ_ACTUATOR)
         )
         if channel.quantity not in table:
-            raise InputError(f"channel {name}: a {channel.quantity} is told, not observed; make it a control")
+            raise InputError(
+                f"channel {name}: a {channel.quantity} is an input, not an observation; make it a control"
+            )
         if component is not None:
             raise InputError(f"channel {name}: {kind} {part} has one number; remove component {component!r}")
         sensor = table[channel.quantity]

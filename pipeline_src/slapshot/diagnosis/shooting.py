@@ -1,8 +1,7 @@
-"""Fit by shooting: every segment is simulated from a first state of its own, without process force.
+"""Fit by multiple shooting: every segment is simulated from its own initial state, without process force.
 
-What rattles in a gap or slips cannot be linearised about a smoothed path: a small change of a state may hit
-or miss a tooth. Simulated over whole segments, and differenced with steps that are not small, it can. Without
-process force this is the same likelihood as that of the filter.
+Backlash and stick-slip cannot be linearised about a smoothed trajectory. Simulation over whole segments with
+finite differences of moderate step can. Without process force the likelihood equals that of the filter.
 """
 
 from collections.abc import Callable
@@ -11,7 +10,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit import STILL, Fit
+from slapshot.diagnosis.fit import CONVERGED_SD, Fit
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.noise import Noise
 from slapshot.diagnosis.segments import Segments
@@ -19,7 +18,7 @@ from slapshot.diagnosis.segments import Segments
 _POSITION_STEP, _VELOCITY_STEP = 1e-4, 1e-2
 _PARAMETER_STEP = 0.03  # prior standard deviations
 _DAMPINGS = 8
-_LEAST = 1e-3  # of its start, for what is positive
+_LEAST = 1e-3  # minimum relative to the start, for positive values
 
 
 def simulate(
@@ -60,7 +59,7 @@ def shoot(
     hypothesis: Hypothesis,
     theta: Array,
     segments: Segments,
-    path: Array,
+    trajectory: Array,
     noise: Noise,
     rounds: int = 12,
     held: bool = False,
@@ -72,14 +71,14 @@ def shoot(
         hypothesis: what to fit.
         theta: first values.
         segments: data.
-        path: (S, L, nx), whose first states are those of the segments, with the noise's initial variances.
-        noise: of the observations; its process force counts as none.
+        trajectory: (S, L, nx), whose first nodes are the prior means of initial states.
+        noise: of the observations; its process force is ignored.
         rounds: at most.
-        held: whether the values are given, and first states alone are fitted.
+        held: whether values are fixed and only initial states are fitted.
     """
     tangent, S = simulator.tangent, segments.shape[0]
     p, dim = 0 if held else len(theta), tangent.dim
-    theta, start = hypothesis.within(theta), path[:, 0]
+    theta, start = hypothesis.clipped(theta), trajectory[:, 0]
     first = start.copy()
     whiten, logdet = _whitening(segments, noise)
     spread = np.sqrt(noise.initial)
@@ -136,12 +135,12 @@ def shoot(
             if p:
                 schur = information + damping * np.diag(np.diag(information))
                 schur = schur - np.einsum("sik,sil->kl", cross, solved[..., :p])
-                # What is positive by nature, such as a compliance, is moved by factors.
+                # Positive parameters, such as a compliance, are updated by factors.
                 grade = np.where(positive, np.maximum(theta, _LEAST * hypothesis.start), 1.0)
                 ahead = b - np.einsum("sik,si->k", cross, solved[..., p])
                 step = np.linalg.solve(schur * np.outer(grade, grade), ahead * grade)
                 factor = np.exp(np.where(positive, np.clip(step, -1.0, 1.0), 0.0))
-                target = hypothesis.within(np.where(positive, grade * factor, theta + step))
+                target = hypothesis.clipped(np.where(positive, grade * factor, theta + step))
                 delta = (solved[..., p] - solved[..., :p] @ (target - theta)) * spread
             states = tangent.add(first, delta)
             tried, trace = residual(target, states)
@@ -149,19 +148,19 @@ def shoot(
             if value < now:
                 sd = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
                 moved = float(np.max(np.abs(target - theta)[:p] / sd, initial=0.0))
-                converged = now - value < STILL and moved < 1
+                converged = now - value < CONVERGED_SD and moved < 1
                 theta, first, e, x, now = target, states, tried, trace, value
                 damping = max(damping / 10, 1e-8)
                 break
             damping *= 10
         else:
-            # No step improves: what is left is rougher than the differences.
+            # No step improves the cost: the limit of the finite differences is reached.
             converged = True
     return Fit(hypothesis, theta, x, float(evidence), precision, converged, moved)
 
 
 def _whitening(segments: Segments, noise: Noise) -> tuple[Callable[[Array], Array], float]:
-    """What whitens residuals (S, L, ny) to (S, L * ny), and the log determinant of their covariance."""
+    """A whitening function, (S, L, ny) to (S, L * ny), and the log determinant of the covariance."""
     S, L = segments.shape
     ny = segments.y.shape[2]
     lags = np.abs(np.arange(L)[:, None] - np.arange(L))

@@ -7,7 +7,7 @@ from slapshot.config.cases import JointVerdictSettings
 from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.rig_file import bound_rig, read_rig_file
 from slapshot.diagnosis.verdict import versioned, write_verdict
-from slapshot.recordings.signal_quality import warnings_of
+from slapshot.recordings.signal_quality import quality_warning_lines
 from slapshot.recordings.signals import read_signals
 
 
@@ -21,7 +21,7 @@ def produce(run: Run) -> None:
         rig,
         seed=run.settings(JointVerdictSettings).seed,
         threads=run.cores,
-        findings=warnings_of(recording),
+        findings=quality_warning_lines(recording),
     )
     write_verdict(versioned(found.verdict, {"slapshot": version("slapshot"), "case": case.name}), run.out)
 

@@ -1,4 +1,4 @@
-"""A URDF as MuJoCo can read it without the files and conventions that other programs have."""
+"""Conversion of a URDF for MuJoCo's reader, without meshes and conventions of other programs."""
 
 import re
 from xml.etree import ElementTree
@@ -25,8 +25,9 @@ def is_urdf(text: str) -> bool:
 def readable_urdf(text: str) -> str:
     """The same robot for MuJoCo's reader.
 
-    Left out is what a robot looks like, and collision meshes: neither moves it without contact, and mesh
-    files seldom travel with a recording. The link `world` is added where it is only named, as Drake allows.
+    Visuals and collision meshes are removed: they do not affect the motion without contact, and mesh files
+        are
+    often missing. The link `world` is added where it is only named, as Drake allows.
 
     Raises:
         ElementTree.ParseError: the text is no XML.

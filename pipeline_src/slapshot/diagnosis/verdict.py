@@ -1,4 +1,4 @@
-"""verdict.json of a recording of joints and bodies: what it holds."""
+"""Schema of verdict.json for recordings of joints and bodies."""
 
 import json
 from collections.abc import Mapping
@@ -51,7 +51,7 @@ class NamedEffect(Model):
     phrase: Text
     gain_nats: float = Field(description="log evidence by which it raised the model that lacked it")
     rivals: dict[str, float] = Field(
-        description="others that cannot be told from it, and by how many nats they are worse; less "
+        description="equivalent effects, and by how many nats they are worse; less "
         "than 0 for better ones of more parameters"
     )
     same_as: str = Field(default="", description="what else the law with these values is called")
@@ -138,7 +138,7 @@ class Verdict(Model):
     seconds: float = Field(description="recorded in all")
     held_out_episodes: list[int]
     cannot_tell: str | None
-    findings: list[str] = Field(description="what is odd about recording or model")
+    findings: list[str] = Field(description="quality warnings about recording or model")
     mismatch: Mismatch | None
     location: Location | None
     effects: list[NamedEffect]

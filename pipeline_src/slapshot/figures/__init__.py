@@ -1,1 +1,1 @@
-"""Figures: one file a figure, each drawn from a table that is saved beside it."""
+"""Figures: one file for each figure, drawn from a table that is saved beside it."""

@@ -16,15 +16,15 @@ _LINES = ("-", "--", "-.", ":")
 
 
 def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
-    """Error against samples seen, a line a way to choose; 95 % intervals over rigs; the oracle's level."""
+    """Error against samples seen, one line for each action optimiser; 95 % intervals over rigs."""
     table = pd.concat([read_frame(f / "acting.parquet") for f in inputs.values()], ignore_index=True)
-    # Of the method that believes: others than the oracle belong to figure A4.
+    # Only the method with an inverse model; other methods belong to figure A4.
     believing = table.loc[table["chooser"] == INVERSE, "method"].iloc[0]
     table = table[table["method"].isin([believing, ""])]
     summary = summarise(table.dropna(subset="error_m"), ["chooser"], unit="rig")
     figure, axes = plt.subplots(figsize=(5.6, 3.9))
     choosers = [c for c in dict.fromkeys(table["chooser"]) if c != ORACLE]
-    # Evenly spaced: numbers of samples that double.
+    # Evenly spaced, since numbers of samples double.
     places = {n: i for i, n in enumerate(sorted(table.loc[table["samples"] >= 0, "samples"].unique()))}
     for number, (chooser, colour, line) in enumerate(
         zip(choosers, ("#0072B2", *OTHER_COLOURS), _LINES, strict=False)

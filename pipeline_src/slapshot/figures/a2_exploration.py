@@ -1,4 +1,4 @@
-"""A2: error against samples, with hits that the belief chooses and with sampled latents (their proposal)."""
+"""A2: error against samples, for informed exploration and for sampled latents (proposed in the paper)."""
 
 from collections.abc import Mapping
 from pathlib import Path

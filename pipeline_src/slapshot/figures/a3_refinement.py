@@ -1,4 +1,4 @@
-"""A3: ranges that beliefs about recorded rigs leave of the randomisation, and the truth (their proposal)."""
+"""A3: randomisation ranges refined by beliefs about recorded rigs, and the truth (proposed in the paper)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +21,7 @@ _COLOURS = {"red": "#D62728", "blue": "#1F4FB4"}
 
 
 def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
-    """A panel a parameter: 5 to 95 % of every rig and puck, its median, the truth; what was drawn from."""
+    """One panel for each parameter: 5 to 95 % range and median of every rig and puck, truth, prior range."""
     (folder,) = inputs.values()
     table = read_frame(folder / "coverage.parquet")
     simulated = read_frame(folder / "simulated.parquet").groupby("parameter")["inside"]
@@ -30,7 +30,7 @@ def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
 
 
 def draw_table(table: pd.DataFrame, domain: str) -> Drawing:
-    """The same from one table, which is the figure's own: rigs, with the share inside in simulation beside.
+    """Draw from the figure's own table: rigs, with the share inside in simulation.
 
     Args:
         table: of coverage.parquet, with simulated_share and simulated_n (conditions) of each parameter.
@@ -65,11 +65,11 @@ def draw_table(table: pd.DataFrame, domain: str) -> Drawing:
 
 
 def _inside(own: pd.DataFrame) -> str:
-    """How many truths about one parameter lie in their range, of those that training can draw."""
+    """Count of true values inside their range, of those within the training prior."""
     drawable = own[own["drawable"].astype(bool)]
     inside, count = int(drawable["inside"].sum()), len(drawable)
-    told = f"{inside} of {count} ({100 * inside / count:.0f} %)" if count else "none could be drawn"
+    counted = f"{inside} of {count} ({100 * inside / count:.0f} %)" if count else "none could be drawn"
     outside = len(own) - count
     beyond = f"; {outside} left out" if outside and count else ""
     share, conditions = own["simulated_share"].iloc[0], int(own["simulated_n"].iloc[0])
-    return f"truths inside: {told}{beyond}\nin simulation: {100 * share:.0f} % of {conditions} conditions"
+    return f"truths inside: {counted}{beyond}\nin simulation: {100 * share:.0f} % of {conditions} conditions"

@@ -1,4 +1,4 @@
-"""A4: hits at targets by policy adaptation and by adapted models, after as many hits (paper, C6 and S4)."""
+"""A4: distance to targets for policy adaptation and for adapted models, against hits (paper, C6 and S4)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,7 +19,7 @@ Settings = PolicyFigureSettings
 
 
 def draw(inputs: Mapping[str, Path], settings: PolicyFigureSettings) -> Drawing:
-    """Panels (a) hits at targets, of everybody; (b) policy hits beside predictions, as the paper has it.
+    """Panels (a) distance to targets of all methods; (b) policy hits and predictions, as in the paper.
 
     Bars are 95 % intervals over rigs. Models act by gradient.
     """
@@ -76,7 +76,7 @@ def _hits(inputs: Mapping[str, Path]) -> list[pd.DataFrame]:
 def _bars(
     axes: Axes, rows: pd.DataFrame, places: Mapping[int, int], shift: float, label: str, method: str
 ) -> None:
-    """Against numbers of hits, evenly spaced."""
+    """Error bars against numbers of hits, evenly spaced."""
     below, above = rows["error_m"] - rows["mean_low_m"], rows["mean_high_m"] - rows["error_m"]
     axes.errorbar(
         rows["samples"].map(places) + shift, 100 * rows["error_m"], yerr=[100 * below, 100 * above],

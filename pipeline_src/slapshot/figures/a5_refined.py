@@ -1,4 +1,4 @@
-"""A5: predictions on new hits of a rig, by models of all ranges and of its refined ones (their proposal)."""
+"""A5: predictions on new hits of a rig, with models of full and refined ranges (proposed in the paper)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,7 +19,7 @@ _ARMS = {
 
 
 def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
-    """A panel a rig (role): error against samples, with 95 % bands of the mean over models."""
+    """One panel for each rig (role): error against samples, with 95 % bands of the mean over models."""
     figure, grid = plt.subplots(
         1, len(inputs), figsize=(max(4.6, 3.4 * len(inputs)), 3.6), squeeze=False, sharey=True
     )

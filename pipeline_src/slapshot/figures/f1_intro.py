@@ -67,9 +67,9 @@ def _level(column: str) -> float:
 
 
 def _typical(predictions: pd.DataFrame) -> pd.DataFrame:
-    """All rows of the hit whose errors before and after, and whose travel, are the most ordinary.
+    """All rows of the hit whose errors before and after adaptation are closest to the median.
 
-    Ordinary is close to the median in each: a picture of the best hit would mislead.
+    The best hit would be misleading.
     """
     off = np.hypot(predictions["x_m"] - predictions["true_x_m"], predictions["y_m"] - predictions["true_y_m"])
     keys = ["condition", "hit"]

@@ -1,7 +1,7 @@
-"""F2: the architecture, drawn from the shapes of the code's own tensors (paper, figure 2).
+"""F2: the architecture, drawn from the shapes of the code's tensors (paper, figure 2).
 
-The method is built as the configuration says, and its parameters and results are asked for their shapes:
-nothing in the picture but its layout is written here.
+The method is built from the configuration, and the shapes of its parameters and outputs are shown; only the
+layout is defined here.
 """
 
 from collections.abc import Mapping
@@ -45,7 +45,7 @@ _CHIP = (0.5, 0.32)  # width, height of a box that names one tensor
 
 @dataclass(frozen=True)
 class Shapes:
-    """What is drawn of a method: its tensors, and the sizes of those that pass between its parts.
+    """Shapes of a method's parameters and of the tensors between its parts.
 
     Attributes:
         parameters: part, layer, shape, parameters; one row a trained tensor of one model.
@@ -63,7 +63,7 @@ class Shapes:
 
     @classmethod
     def of(cls, method: Kalman) -> "Shapes":
-        """Ask the parameters, and the results of one step on zeros, for their shapes."""
+        """Collect the shapes of parameters, and of the outputs of one step on zeros."""
         rows = []
         for name, value in method.named_parameters():
             # prediction_net.weights.0 of a network, prior_mean of the filter
@@ -122,7 +122,7 @@ Settings = MethodFigureSettings
 
 def draw(inputs: Mapping[str, Path], settings: MethodFigureSettings) -> Drawing:
     """Measurement network, Kalman filter, prediction network, and what passes between them."""
-    generator = torch.Generator().manual_seed(0)  # of weights that nobody sees
+    generator = torch.Generator().manual_seed(0)  # of weights that are not shown
     method = Kalman(Sizes(**settings.sizes.model_dump()), settings.kalman, 1, generator)
     shapes = Shapes.of(method)
     figure = plt.figure(figsize=_SIZE)

@@ -1,4 +1,4 @@
-"""T1, T2: what was randomised, from the configuration that ran (paper, tables I and II)."""
+"""T1, T2: randomised parameters, from the configuration (paper, tables I and II)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +20,7 @@ Settings = RandomisationFigureSettings
 
 
 def draw(inputs: Mapping[str, Path], settings: RandomisationFigureSettings) -> Drawing:
-    """A table of parameters, distributions and units; what is the same in every condition is left out."""
+    """A table of parameters, distributions and units; constant parameters are omitted."""
     rows = []
     for name in Randomisation.model_fields:
         spec: Distribution = getattr(settings.randomisation, name)

@@ -1,4 +1,4 @@
-"""Pictures of a MuJoCo model. The only place that needs a GL library, so the only one that looks for it."""
+"""Rendering of MuJoCo models; the only module that needs a GL library."""
 
 import ctypes
 import os

@@ -1,4 +1,4 @@
-"""U1: what prediction intervals from sampled phi cover, raw and calibrated."""
+"""U1: coverage of prediction regions from sampled phi, raw and calibrated."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""U2: how surprising each sample is to the filter, in simulation and on recordings."""
+"""U2: normalised innovations of the filter, in simulation and on recordings."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -73,7 +73,7 @@ def _bands(axes: Axes, bands: pd.DataFrame) -> None:
 
 
 def _rigs(axes: Axes, rigs: pd.DataFrame) -> None:
-    """A point a puck of a rig, beside what simulated samples would give."""
+    """One point for each puck of a rig, and the simulated reference."""
     order = sorted(rigs["object"].unique())
     spread = np.random.default_rng(0)
     for i, name in enumerate(order):

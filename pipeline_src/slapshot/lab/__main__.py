@@ -14,7 +14,7 @@ from slapshot.errors import InputError
 from slapshot.lab.camera import observe
 from slapshot.lab.commands import Diverse, Latents, Pool, Session, Source, draw_session
 from slapshot.lab.concealed.draw import draw_concealed
-from slapshot.lab.concealed.effect_size_calibration import Rehearsal
+from slapshot.lab.concealed.effect_size_calibration import EffectSizeCalibration
 from slapshot.lab.hit import BATCH_SIZE, RigSimulator
 from slapshot.lab.hit_types import Hit, HitNoise, HitSpec, draw_hit_noise
 from slapshot.lab.rig import Rig, draw_rig, truth_dict
@@ -94,11 +94,13 @@ def record(
     strokes = [_stroke(rig, session, i, streams[i][0]) for i in range(count)]
     truths: list[dict[str, Any]] = []
     if settings.concealed:
-        rehearsal = Rehearsal(scene, rig, strokes, stream_for(concealed_rng, "scatter"), cores)
-        concealed = draw_concealed(settings.concealed, rehearsal, concealed_rng)
+        size_calibration = EffectSizeCalibration(
+            scene, rig, strokes, stream_for(concealed_rng, "scatter"), cores
+        )
+        concealed = draw_concealed(settings.concealed, size_calibration, concealed_rng)
         rig = replace(rig, concealed=concealed)
         strokes = [_with_quirks(strokes[i], rig, streams[i][3]) for i in range(count)]
-        truths = [c.truth() | {"scatter_m": rehearsal.scatter} for c in concealed]
+        truths = [c.truth() | {"scatter_m": size_calibration.scatter} for c in concealed]
 
     keep, bench = settings.keep, RigSimulator(scene, rig, cores=cores)
     hits: list[Hit] = []
@@ -147,7 +149,7 @@ def _stroke(rig: Rig, session: Session, i: int, rng: np.random.Generator) -> Hit
 
 def _with_quirks(stroke: HitSpec, rig: Rig, rng: np.random.Generator) -> HitSpec:
     """With a random number for every concealed kind, whatever the others are."""
-    quirk = {c.kind.name: float(stream_for(rng, c.kind.name).normal()) for c in rig.concealed}
+    quirk = {c.effect.name: float(stream_for(rng, c.effect.name).normal()) for c in rig.concealed}
     return replace(stroke, chance=replace(stroke.chance, quirk=quirk))
 
 

@@ -110,61 +110,61 @@ class Rig:
     @property
     def striker(self) -> BladeTruth | None:
         """How the striker bends; None where it does not."""
-        found = [c.kind.blade(c.amplitude, c.shape) for c in self.acting]
+        found = [c.effect.blade(c.amplitude, c.shape) for c in self.acting]
         return next((blade for blade in found if blade is not None), self.blade)
 
     @property
     def edits(self) -> list[Edit]:
         """Changes of the scene's model."""
-        return [partial(c.kind.edit, c.amplitude, c.shape) for c in self.acting if c.kind.has("edit")]
+        return [partial(c.effect.edit, c.amplitude, c.shape) for c in self.acting if c.effect.has("edit")]
 
     @property
     def filters(self) -> list[Filter]:
         """Through which commands pass."""
-        return [partial(c.kind.follow, c.amplitude, c.shape) for c in self.acting if c.kind.has("follow")]
+        return [partial(c.effect.follow, c.amplitude, c.shape) for c in self.acting if c.effect.has("follow")]
 
     @property
     def ground(self) -> Ground:
         """On which objects slide."""
         ground = Ground(height=self.height, log_friction=self.log_friction)
         for c in self.acting:
-            ground = c.kind.ground(c.amplitude, c.shape, ground)
+            ground = c.effect.ground(c.amplitude, c.shape, ground)
         return ground
 
     def delay(self, quirk: Mapping[str, float]) -> float:
         """S by which commands come late in a hit; `quirk` is concealed kind -> a standard normal number."""
-        return sum(c.kind.delay(c.amplitude, c.shape, quirk.get(c.kind.name, 0.0)) for c in self.acting)
+        return sum(c.effect.delay(c.amplitude, c.shape, quirk.get(c.effect.name, 0.0)) for c in self.acting)
 
     @property
     def settling(self) -> float:
         """S that the filters go on after commands have stopped."""
-        return sum(c.kind.settling(c.amplitude, c.shape) for c in self.acting)
+        return sum(c.effect.settling(c.amplitude, c.shape) for c in self.acting)
 
     def yaw(self, quirk: Mapping[str, float]) -> float:
         """Rad by which the object is turned before a hit."""
-        return sum(c.kind.yaw(c.amplitude, c.shape, quirk.get(c.kind.name, 0.0)) for c in self.acting)
+        return sum(c.effect.yaw(c.amplitude, c.shape, quirk.get(c.effect.name, 0.0)) for c in self.acting)
 
     def friction_factor(self, place: float) -> float:
         """On friction, at a place in the session from 0 to 1."""
-        return float(np.exp(sum(c.kind.log_friction(c.amplitude, c.shape, place) for c in self.acting)))
+        return float(np.exp(sum(c.effect.log_friction(c.amplitude, c.shape, place) for c in self.acting)))
 
     @property
     def bounces(self) -> bool:
         """Whether the contact of striker and object is another than the scene's."""
-        return any(c.kind.has("bounce") for c in self.acting)
+        return any(c.effect.has("bounce") for c in self.acting)
 
     def bounce(self, solref: Array, speed: float) -> Array:
         """Time constant and damping ratio (2,) of that contact at the striker's speed in m/s."""
         for c in self.acting:
-            solref = c.kind.bounce(c.amplitude, c.shape, solref, speed)
+            solref = c.effect.bounce(c.amplitude, c.shape, solref, speed)
         return solref
 
     def seen(self, track: Array, place: float) -> Array:
         """A track (n, 3 or more) t, x, y as a perfect camera with this one's faults reports it."""
         seen = track[:, :3].copy()
         for c in self.acting:
-            seen[:, 0] += c.kind.camera_delay(c.amplitude, c.shape, place)
-            seen[:, 1:] = c.kind.see(c.amplitude, c.shape, seen[:, 1:])
+            seen[:, 0] += c.effect.camera_delay(c.amplitude, c.shape, place)
+            seen[:, 1:] = c.effect.see(c.amplitude, c.shape, seen[:, 1:])
         return seen
 
 

@@ -1,4 +1,4 @@
-"""What is odd in two channels that measure the same thing, on one clock or two: `odd_pairs`.
+"""Quality warnings about two channels of the same quantity, on one clock or two: `channel_pair_warnings`.
 
 Position a and position or velocity b of one joint (or site, or body) must agree up to noise. With b
 integrated where it is a velocity, a is fitted in short windows by
@@ -18,38 +18,42 @@ from scipy.integrate import cumulative_trapezoid
 from slapshot.arrays import Array
 from slapshot.recordings.channels import QUATERNION, Channel
 from slapshot.recordings.quality_warning import QualityWarning
-from slapshot.recordings.signal_measures import MAD_TO_SD, Measured, Series
+from slapshot.recordings.signal_statistics import MAD_TO_SD, ChannelStatistics, Series
 
-_WINDOW, _FEWEST_WINDOWS, _MOST_WINDOWS = 100, 4, 20  # samples; windows; windows of an episode
+_WINDOW, _MIN_WINDOWS, _MAX_WINDOWS = 100, 4, 20  # samples; windows; windows of an episode
 _ITERATIONS = 4
-_FOLLOWS = 0.9  # share of a window's variance that the fit explains
-_LATE, _SURE = 1.5, 4.0  # intervals, and standard errors
+_FOLLOWS = 0.9  # share of a window's variance that the fit must explain
+_DELAYED, _SIGNIFICANT = 1.5, 4.0  # intervals, and standard errors
 _OTHER_SCALE = 0.1
-_LAGS, _FEWEST, _MOST = 20, 500, 40_000  # samples on either side; samples of a pair that are enough
-_OWN = 0.5  # share of a velocity's noise that is not that of the position
+_LAGS, _MIN_SAMPLES, _MAX_SAMPLES = (
+    20,
+    500,
+    40_000,
+)  # lags; samples of a pair
+_MIN_INDEPENDENT = 0.5  # share of a velocity's noise that is independent of the position
 _ROUNDING = 1.5  # times what rounding leaves
 
 
-def odd_pairs(channels: Sequence[Measured]) -> Iterator[QualityWarning]:
-    """What is odd between channels that measure the same."""
+def channel_pair_warnings(channels: Sequence[ChannelStatistics]) -> Iterator[QualityWarning]:
+    """Quality warnings about pairs of channels that measure the same quantity."""
     for first, second in combinations(channels, 2):
-        if _same_thing(first.channel, second.channel):
+        if _same_quantity(first.channel, second.channel):
             a, b = (first, second) if first.channel.quantity == "position" else (second, first)
-            if a.channel.quantity == "position" and min(np.ptp(a.values), np.ptp(b.values)) > 0:
-                yield from _odd_pair(a, b)
+            if a.channel.quantity == "position" and min(np.ptp(a.samples), np.ptp(b.samples)) > 0:
+                yield from _pair_warnings(a, b)
 
 
-def derived_velocities(channels: Sequence[Measured]) -> list[str]:
-    """Names of velocities that were differentiated from a recorded position, and say nothing of their own."""
+def differentiated_velocities(channels: Sequence[ChannelStatistics]) -> list[str]:
+    """Names of velocity channels that were differentiated from a recorded position and add no information."""
     names = set()
     for a, b in permutations(channels, 2):
         pair = (a.channel.quantity, b.channel.quantity) == ("position", "velocity")
-        if pair and a.channel.clock == b.channel.clock and _same_thing(a.channel, b.channel):
-            names |= {b.name for _ in _no_own_velocity(a, b)}
+        if pair and a.channel.clock == b.channel.clock and _same_quantity(a.channel, b.channel):
+            names |= {b.name for _ in _differentiated_velocity(a, b)}
     return sorted(names)
 
 
-def _same_thing(a: Channel, b: Channel) -> bool:
+def _same_quantity(a: Channel, b: Channel) -> bool:
     if a.target is None or a.target != b.target or a.component != b.component or a.component in QUATERNION:
         return False
     if {a.role, b.role} != {"observation"} or not {a.quantity, b.quantity} <= {"position", "velocity"}:
@@ -57,11 +61,11 @@ def _same_thing(a: Channel, b: Channel) -> bool:
     return a.unit.removesuffix("/s") == b.unit.removesuffix("/s")
 
 
-def _odd_pair(a: Measured, b: Measured) -> Iterator[QualityWarning]:
+def _pair_warnings(a: ChannelStatistics, b: ChannelStatistics) -> Iterator[QualityWarning]:
     windows = list(_windows(a, b))
     if a.channel.clock == b.channel.clock and b.channel.quantity == "velocity":
-        yield from _no_own_velocity(a, b)
-    if len(windows) < _FEWEST_WINDOWS:
+        yield from _differentiated_velocity(a, b)
+    if len(windows) < _MIN_WINDOWS:
         return
     gain, delay = (np.array([getattr(window, of) for window in windows]) for of in ("gain", "delay"))
     scale = 1 / float(np.median(gain))
@@ -71,21 +75,21 @@ def _odd_pair(a: Measured, b: Measured) -> Iterator[QualityWarning]:
             "scale_differs",
             f"{b.name} is {scale:.3g} times {of}{a.name}",
             (),
-            "one of them has another unit, sign, gear or joint: correct it, or name what it is of",
+            "one of them has another unit, sign, gear ratio or joint: correct it, or name its joint",
             "episode",
         )
         return
-    yield from _odd_times(a, b, windows, delay)
+    yield from _delay_warnings(a, b, windows, delay)
 
 
 class _Window(NamedTuple):
-    """What b says of a in a stretch of an episode.
+    """Fit of a by b in one window of an episode.
 
     Attributes:
         episode: number of it.
         t: middle of the stretch in s.
         gain: of b in a.
-        delay: s by which b is late.
+        delay: s by which b lags a.
     """
 
     episode: int
@@ -94,22 +98,22 @@ class _Window(NamedTuple):
     delay: float
 
 
-def _windows(a: Measured, b: Measured) -> Iterator[_Window]:
-    """Fits of a by b in windows in which b explains a."""
+def _windows(a: ChannelStatistics, b: ChannelStatistics) -> Iterator[_Window]:
+    """Fits of a by b in the windows in which b explains a."""
     of_b = {one.episode: one for one in b.series}
     for one in a.series:
         other = of_b.get(one.episode)
         if other is None or len(other.t) < _WINDOW or len(one.t) < _WINDOW:
             continue
-        place, speed = _place_and_speed(other, b.channel.quantity == "velocity")
-        count = min(len(one.t) // _WINDOW, _MOST_WINDOWS)
+        place, speed = _position_and_speed(other, b.channel.quantity == "velocity")
+        count = min(len(one.t) // _WINDOW, _MAX_WINDOWS)
         for rows in np.array_split(np.arange(len(one.t)), count):
             fitted = _fit(one.t[rows], one.x[rows], other.t, place, speed, b.channel.quantity == "velocity")
             if fitted is not None:
                 yield _Window(one.episode, float(one.t[rows].mean()), *fitted)
 
 
-def _place_and_speed(one: Series, is_velocity: bool) -> tuple[Array, Array]:
+def _position_and_speed(one: Series, is_velocity: bool) -> tuple[Array, Array]:
     if is_velocity:
         return cumulative_trapezoid(one.x, one.t, initial=0), one.x
     return one.x, np.gradient(one.x, one.t)
@@ -134,7 +138,7 @@ def _fit(
         if gain == 0:
             return None
         delay += float(coefficients[1]) / gain
-    # Of what the offset and the drift leave, since these explain any slow motion.
+    # After removal of offset and drift, which would explain any slow motion.
     rest, *_ = np.linalg.lstsq(design[:, 2:], seen, rcond=None)
     moved = seen - design[:, 2:] @ rest
     left = seen - design @ coefficients
@@ -143,18 +147,20 @@ def _fit(
     return gain, delay
 
 
-def _odd_times(a: Measured, b: Measured, windows: list[_Window], delay: Array) -> Iterator[QualityWarning]:
-    """Delays of one channel behind the other, and clocks that drift apart."""
+def _delay_warnings(
+    a: ChannelStatistics, b: ChannelStatistics, windows: list[_Window], delay: Array
+) -> Iterator[QualityWarning]:
+    """Delays between the channels, and drift between their clocks."""
     interval = max(a.sampling.interval_s, b.sampling.interval_s)
     typical = float(np.median(delay))
     error = MAD_TO_SD * float(np.median(np.abs(delay - typical))) * 1.25 / np.sqrt(len(delay))
-    if abs(typical) > max(_LATE * interval, _SURE * error):
+    if abs(typical) > max(_DELAYED * interval, _SIGNIFICANT * error):
         late, early = (b, a) if typical > 0 else (a, b)
         yield QualityWarning(
             "late_channel",
             f"{late.name} is {1000 * abs(typical):.3g} ms (+- {1000 * error:.1g}) later than {early.name}",
             (),
-            "its clock, its filter or its bus is late: model the delay, or it looks like damping",
+            "its clock, filter or bus adds a delay: model it, or it is mistaken for damping",
             "episode",
         )
     if a.channel.clock == b.channel.clock:
@@ -163,7 +169,7 @@ def _odd_times(a: Measured, b: Measured, windows: list[_Window], delay: Array) -
     t = np.array([window.t for window in windows])
     first = [episodes == episode for episode in np.unique(episodes)]
     delay = delay.copy()
-    for rows in first:  # clocks may begin apart, in each episode anew
+    for rows in first:  # clocks may have an offset that differs between episodes
         t[rows] -= t[rows].mean()
         delay[rows] -= delay[rows].mean()
     freedom = len(t) - len(first) - 1
@@ -173,46 +179,51 @@ def _odd_times(a: Measured, b: Measured, windows: list[_Window], delay: Array) -
     rest = delay - rate * t
     rate_error = float(np.sqrt(rest @ rest / freedom / (t @ t)))
     longest = max(float(one.t[-1] - one.t[0]) for one in a.series)
-    if abs(rate) * longest > interval and abs(rate) > _SURE * rate_error:
+    if abs(rate) * longest > interval and abs(rate) > _SIGNIFICANT * rate_error:
         yield QualityWarning(
             "clock_drift",
-            f"clock {b.channel.clock} loses {-1000 * rate:.3g} ms a second on clock {a.channel.clock}, as "
-            f"{a.name} and {b.name} tell",
+            f"clock {b.channel.clock} drifts by {-1000 * rate:.3g} ms per second against clock "
+            f"{a.channel.clock}, "
+            f"according to {a.name} and {b.name}",
             (),
-            "what happened at once stands at different times: stamp both by one clock, or stretch one",
+            "simultaneous samples have different time stamps: use one clock for both, or rescale one",
             "episode",
         )
 
 
-def _no_own_velocity(a: Measured, b: Measured) -> Iterator[QualityWarning]:
-    """A velocity that somebody computed from the recorded position.
+def _differentiated_velocity(a: ChannelStatistics, b: ChannelStatistics) -> Iterator[QualityWarning]:
+    """A velocity that was computed from the recorded position.
 
-    It follows the position's difference quotient, its noise included, at some lags. So noise is what tells:
-    both are differenced four times, which leaves little of a motion, and the velocity is predicted from the
-    quotient within 20 samples on either side, fitted in one half of the samples and judged in the other.
+    Such a velocity is a filtered difference quotient of the position, including its noise. The noise is
+    therefore compared: both are differenced four times, which removes most of the motion, and the velocity is
+    predicted from the quotient within 20 samples on either side, fitted in one half and validated in the
+    other.
     """
     quotient, velocity = _quotients(a, b)
-    if sum(map(len, velocity)) < _FEWEST:
+    if sum(map(len, velocity)) < _MIN_SAMPLES:
         return
-    own = 1 - _explained([_rough(x) for x in quotient], [_rough(x) for x in velocity])[0]
+    own = (
+        1
+        - _explained([_fourth_difference(x) for x in quotient], [_fourth_difference(x) for x in velocity])[0]
+    )
     left = _explained(quotient, velocity)[1]
     rounding = b.grid / np.sqrt(12)
-    if own < _OWN or left < _ROUNDING * rounding:
+    if own < _MIN_INDEPENDENT or left < _ROUNDING * rounding:
         how = (
             f"{1 - own:.0%} of its noise is that of {a.name}"
-            if own < _OWN
-            else f"but for its rounding it is a filter of {a.name}"
+            if own < _MIN_INDEPENDENT
+            else f"except for rounding it is a filtered {a.name}"
         )
         yield QualityWarning(
             "no_own_velocity",
             f"{b.name} looks like the difference quotient of {a.name}: {how}",
             (),
-            "it says nothing that the position does not: weighed as a second sensor, it counts errors twice",
+            "it adds no information to the position: treated as a second sensor, errors count twice",
             "episode",
         )
 
 
-def _quotients(a: Measured, b: Measured) -> tuple[list[Array], list[Array]]:
+def _quotients(a: ChannelStatistics, b: ChannelStatistics) -> tuple[list[Array], list[Array]]:
     """Difference quotients of a and values of b at the same samples, by episode."""
     of_b = {one.episode: one for one in b.series}
     quotients, velocities = [], []
@@ -227,16 +238,16 @@ def _quotients(a: Measured, b: Measured) -> tuple[list[Array], list[Array]]:
     return quotients, velocities
 
 
-def _rough(x: Array) -> Array:
+def _fourth_difference(x: Array) -> Array:
     return np.diff(x, 4)
 
 
 def _explained(inputs: list[Array], outputs: list[Array]) -> tuple[float, float]:
-    """Share of an output's variance that a filter of the input explains, and robust sd of the rest.
+    """Share of the output's variance that a filter of the input explains, and robust sd of the residual.
 
-    Both of samples that the filter was not fitted to.
+    Both are computed on samples that the filter was not fitted to.
     """
-    every = 1 + sum(map(len, outputs)) // _MOST
+    every = 1 + sum(map(len, outputs)) // _MAX_SAMPLES
     lagged, wanted = [], []
     for x, y in zip(inputs, outputs, strict=True):
         lagged.append(np.lib.stride_tricks.sliding_window_view(x, 2 * _LAGS + 1)[::every])

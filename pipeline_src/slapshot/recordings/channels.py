@@ -1,4 +1,4 @@
-"""Channels of a recording of signals: what each recorded column means, and which meanings hold together."""
+"""Channels of a recording of signals: what each recorded column means, and which combinations are valid."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -38,15 +38,15 @@ class Channel(Model):
 
     Attributes:
         clock: which table it stands in, signals-<clock>.parquet: channels of one clock are sampled together.
-        role: a control is an input that simulation is given, an observation is what it is compared with.
-        quantity: a command is what an actuator is told (its ctrl); the others are physical.
+        role: a control is an input of the simulation, an observation is what it is compared with.
+        quantity: a command is the input of an actuator (its ctrl); the others are physical.
         joint, actuator, sensor, site, body: name in the MuJoCo model of what the channel is of; at most one.
-            With none, a rig file says it.
+            With none, a rig file defines it.
         component: of what has several: places x, y, z in the world frame and a unit quaternion qw to qz as
             positions, x, y, z of velocities (linear in m/s, angular in rad/s), torques and forces.
         unit: SI.
         hold: of a control: "previous" keeps each value until the next sample, "linear" goes straight to it.
-        noise: standard deviation of its white noise in `unit`; None where nobody knows it.
+        noise: standard deviation of its white noise in `unit`; None if unknown.
     """
 
     clock: Name = Field(description="name of the table that it stands in, signals-<clock>.parquet")
@@ -77,13 +77,13 @@ class Channel(Model):
 
     @property
     def target(self) -> tuple[Target, str] | None:
-        """What it is of, and the name of that in the model; None where a rig file says it."""
+        """Type and name of the model element; None where a rig file defines it."""
         named = [(kind, name) for kind in TARGETS if (name := getattr(self, kind)) is not None]
         return named[0] if named else None
 
     @property
     def of(self) -> str:
-        """What it is of, in words."""
+        """Description of the quantity and model element."""
         component = f" {self.component}" if self.component else ""
         target = self.target
         return f"{self.quantity}{component} of {target[0]} {target[1]}" if target else self.quantity
@@ -193,7 +193,7 @@ def _check_quaternions(channels: Mapping[str, Channel]) -> None:
         count = Counter(parts.values())
         for name, part in parts.items():
             if count[part] > 1:
-                raise ProblemAtError((name,), f"component {part} stands there twice on its clock; remove one")
+                raise ProblemAtError((name,), f"component {part} is duplicated on its clock; remove one")
         missing = [part for part in QUATERNION if part not in count]
         if missing:
             raise ProblemAtError(

@@ -1,4 +1,4 @@
-"""What every recording must satisfy beyond its columns' types and units; one function a check.
+"""Validity checks of a recording beyond its columns' types and units, one function for each check.
 
 The functions take tables as `tables.frame_from_table` returns them and raise InputError with one
 line: file, row or hit, and what to do. Rows are counted from 0, as pandas does.
@@ -20,7 +20,7 @@ from slapshot.recordings.format import (
     Recording,
     joint_columns,
 )
-from slapshot.recordings.units import (
+from slapshot.recordings.plausibility import (
     IMPOSSIBLE_JOINT_RAD,
     IMPOSSIBLE_M,
     IMPOSSIBLE_S,
@@ -39,8 +39,8 @@ from slapshot.validation import short
 
 # Repeats of one command are the same numbers; this leaves room for a text file in between.
 COMMAND_TOLERANCE = 1e-9
-_MOST_HITS = 100_000
-_LONGEST_LATENT, _LARGEST_LATENT = 1000, 1e3
+_MAX_HITS = 100_000
+_MAX_LATENT_SIZE, _MAX_LATENT = 1000, 1e3
 
 
 def check_recording(recording: Recording, folder: Path) -> None:
@@ -97,9 +97,9 @@ def check_hit_numbers(hits: pd.DataFrame, file: Path) -> None:
     """Refuse a table without hits, and hit numbers that stand twice."""
     if hits.empty:
         raise InputError(f"{file}: has no hits: record some")
-    if len(hits) > _MOST_HITS:
+    if len(hits) > _MAX_HITS:
         raise InputError(
-            f"{file}: has {len(hits):,} hits, and {_MOST_HITS:,} are allowed: split it into several"
+            f"{file}: has {len(hits):,} hits, and {_MAX_HITS:,} are allowed: split it into several"
         )
     numbers = hits["hit"].to_numpy()
     second = hits["hit"].duplicated().to_numpy()
@@ -149,10 +149,10 @@ def check_latents(hits: pd.DataFrame, trajectory_model: str | None, file: Path) 
             "name there the model that decodes the latents"
         )
     first = given.index(True)
-    if len(latents[first]) > _LONGEST_LATENT:
+    if len(latents[first]) > _MAX_LATENT_SIZE:
         raise InputError(
             f"{file}: row {first} (the first is 0): the latent has {len(latents[first]):,} numbers, and "
-            f"{_LONGEST_LATENT} are allowed: give the latent, not what is decoded from it"
+            f"{_MAX_LATENT_SIZE} are allowed: give the latent, not what is decoded from it"
         )
     for row, (hit, latent) in enumerate(zip(hits["hit"], latents, strict=True)):
         where = f"{file}: row {row} (the first is 0), hit {hit}: the latent"
@@ -165,14 +165,14 @@ def check_latents(hits: pd.DataFrame, trajectory_model: str | None, file: Path) 
             )
         if not np.isfinite(latent).all():
             raise InputError(f"{where} holds NaN, null or an infinite value: correct it")
-        if np.abs(latent).max() > _LARGEST_LATENT:
+        if np.abs(latent).max() > _MAX_LATENT:
             raise InputError(
                 f"{where} holds {np.abs(latent).max():.6g}, which no model decodes: latents are about -3 to 3"
             )
 
 
 def check_usable(recording: Recording, folder: Path) -> None:
-    """Refuse a recording that says nothing: no outcome, or rest points without their cause."""
+    """Refuse a recording without information: no outcome, or rest points without commands or latents."""
     latents = recording.hits["latent"].notna().any()
     rests = recording.hits["rest_x"].notna().any()
     if recording.tracks is None and not rests:
@@ -242,7 +242,7 @@ def check_shows_motion(table: pd.DataFrame, file: Path, of: str = "hit") -> None
 
 
 def check_joint_counts(commands: pd.DataFrame | None, joints: pd.DataFrame | None, file: Path) -> None:
-    """Refuse measured joints that are not those that were commanded."""
+    """Refuse measured joints that differ from the commanded ones."""
     if commands is None or joints is None:
         return
     commanded, measured = len(joint_columns(commands)), len(joint_columns(joints))

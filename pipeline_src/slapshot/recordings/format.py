@@ -8,7 +8,7 @@
 | commands.parquet | one joint command of a hit | see joint_schema                             |
 | joints.parquet   | one joint reading of a hit | see joint_schema                             |
 
-It is of an object that was hit and slid. Only recording.json and hits.parquet are always there. The world
+It describes hits of a sliding object. Only recording.json and hits.parquet are required. The world
 frame is right-handed with z up. Version 2, of joints and bodies of any MuJoCo model, stands in `signals`.
 """
 
@@ -32,7 +32,7 @@ JOINTS_FILE = "joints.parquet"
 Kind = Literal["full", "tracks only", "rest points only"]
 
 
-# Bounds beyond any rig: what lies outside is another unit, or memory that nobody wrote to.
+# Bounds beyond any rig: values outside are in another unit, or uninitialised memory.
 SMALLEST_OBJECT_M, LARGEST_OBJECT_M = 1e-4, 2.0
 LONGEST_ID = 64  # characters of an object_id
 LIGHTEST_OBJECT_KG, HEAVIEST_OBJECT_KG = 1e-4, 20.0
@@ -61,7 +61,7 @@ class ObjectInfo(Model):
         size_m: Full extents in m: diameter and height of a cylinder, three edges of a box, or a sphere's
             diameter.
         mass_kg: Measured mass in kg.
-        mass_sd_kg: Standard deviation of that measurement in kg; 0 where nobody knows it.
+        mass_sd_kg: Standard deviation of that measurement in kg; 0 if unknown.
     """
 
     shape: Literal["box", "cylinder", "sphere"] = Field(description="the one that comes nearest")
@@ -89,7 +89,7 @@ class ObjectInfo(Model):
         if self.mass_sd_kg > self.mass_kg:
             raise ValueError(
                 f"mass_sd_kg is {self.mass_sd_kg:g}, more than mass_kg itself ({self.mass_kg:g}); correct "
-                "it, or write 0 if nobody knows"
+                "it, or write 0 if unknown"
             )
         return self
 
@@ -97,7 +97,7 @@ class ObjectInfo(Model):
 # No generated equality: comparing two DataFrames with == gives a table, not an answer.
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Hits of a rig that somebody recorded.
+    """A recording of hits.
 
     The tables have the columns and units of the schemas below, optional ones included (null where
     nothing was recorded). Rows of one hit are in order of time, but hits may be interleaved: group
@@ -134,7 +134,7 @@ class Recording:
 
     @property
     def kind(self) -> Kind:
-        """What can be learnt from the recording, told from the files that it has."""
+        """What can be identified from the recording, depending on the files it has."""
         if self.tracks is None:
             return "rest points only"
         return "tracks only" if self.commands is None else "full"

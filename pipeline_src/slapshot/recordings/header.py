@@ -1,4 +1,4 @@
-"""recording.json: what it may say in each version of the format, and to and from it."""
+"""recording.json: its schema in each version of the format, reading and writing."""
 
 import json
 from pathlib import Path
@@ -11,9 +11,9 @@ from slapshot.recordings.channels import Channel, Name, check_channels
 from slapshot.recordings.format import FORMAT_VERSION, LONGEST_ID, ObjectInfo, Recording
 from slapshot.validation import Model, ProblemAtError, read_json, short, validated
 
-_LONGEST_LINE, _LONGEST_NOTE = 200, 20_000  # characters
-_LONGEST_FILE = 4_000_000  # bytes
-_MOST_OBJECTS, _MOST_CHANNELS = 1000, 500
+_MAX_LINE, _MAX_NOTE = 200, 20_000  # characters
+_MAX_FILE_BYTES = 4_000_000  # bytes
+_MAX_OBJECTS, _MAX_CHANNELS = 1000, 500
 
 
 def one_line(text: str) -> str:
@@ -27,39 +27,39 @@ def one_line(text: str) -> str:
     return text
 
 
-# People's names for things have blanks, dots and letters of any language.
+# Names given by users contain blanks, dots and letters of any language.
 ObjectId = Annotated[
     str,
     Field(min_length=1, max_length=LONGEST_ID, description="object_id, as in the table of hits"),
     AfterValidator(one_line),
 ]
-Line = Annotated[str, Field(min_length=1, max_length=_LONGEST_LINE), AfterValidator(one_line)]
-Note = Annotated[str, Field(max_length=_LONGEST_NOTE)]
+Line = Annotated[str, Field(min_length=1, max_length=_MAX_LINE), AfterValidator(one_line)]
+Note = Annotated[str, Field(max_length=_MAX_NOTE)]
 FreeText = Annotated[Note, Field(description="free text")]
 
 
-class Described(Model):
-    """What a recording says of a rig, whoever made it."""
+class RigDescription(Model):
+    """Description of the rig, in recordings and in mappings."""
 
     rig: Line = Field(description="name of the set-up")
     objects: dict[ObjectId, ObjectInfo] = Field(
         min_length=1,
-        max_length=_MOST_OBJECTS,
+        max_length=_MAX_OBJECTS,
         description="object_id -> shape, size_m, mass_kg, mass_sd_kg",
     )
     camera_rate_hz: float = Field(gt=0, le=1e6, description="frames a second")
     frame_note: Note = Field(description="where the world frame lies on the rig")
 
 
-Stand = Annotated[bool, Field(description="true for a simulated stand-in, false for a real robot")]
-Seal = Annotated[
+StandIn = Annotated[bool, Field(description="true for a simulated stand-in, false for a real robot")]
+SealedDigest = Annotated[
     str | None,
     Field(default=None, pattern="^[0-9a-f]{64}$", description="SHA-256 of the sealed truth, 64 hex digits"),
 ]
 
 
 class _Json(Model):
-    """What every version's recording.json can do."""
+    """Behaviour shared by all versions of recording.json."""
 
     @property
     def fields(self) -> dict[str, Any]:
@@ -73,16 +73,16 @@ class _Json(Model):
         return json.dumps(first | values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-class Header(Described, _Json):
+class Header(RigDescription, _Json):
     """recording.json of version 1: all of a recording of hits but its tables."""
 
     format_version: Literal[1] = Field(description="1: hits of a sliding object")
-    stand_in: Stand
+    stand_in: StandIn
     note: FreeText = ""
     trajectory_model: Line | None = Field(
         default=None, description="version of the trajectory model, if latents are given"
     )
-    sealed_truth_sha256: Seal
+    sealed_truth_sha256: SealedDigest
 
 
 class SignalHeader(_Json):
@@ -90,11 +90,11 @@ class SignalHeader(_Json):
 
     format_version: Literal[2] = Field(description="2: joints and bodies of any model")
     rig: Line = Field(description="name of the set-up")
-    stand_in: Stand
+    stand_in: StandIn
     note: FreeText = ""
-    sealed_truth_sha256: Seal
+    sealed_truth_sha256: SealedDigest
     channels: dict[Name, Channel] = Field(
-        min_length=1, max_length=_MOST_CHANNELS, description="name of a column -> what stands in it"
+        min_length=1, max_length=_MAX_CHANNELS, description="name of a column -> what stands in it"
     )
 
     @model_validator(mode="after")
@@ -145,7 +145,7 @@ def check_header(values: Any, file: Path, model: type[H]) -> H:
     Raises:
         InputError: A key is unknown, missing, of the wrong type or out of range, or the version is another.
     """
-    # The version comes first: another version has other keys, which are then no mistakes.
+    # The version is checked first: another version has other keys, which are not errors then.
     version = _version_of(values, file, default=next(v for v, m in _OF_VERSION.items() if m is model))
     if _OF_VERSION[version] is not model:
         wanted = next(v for v, m in _OF_VERSION.items() if m is model)
@@ -158,11 +158,11 @@ def check_header(values: Any, file: Path, model: type[H]) -> H:
 
 def _read(file: Path) -> Any:
     remedy = f"put the recording's {file.name} there, or name the folder that holds it"
-    return read_json(file, remedy, _LONGEST_FILE)
+    return read_json(file, remedy, _MAX_FILE_BYTES)
 
 
 def _version_of(values: Any, file: Path, default: int = 1) -> int:
-    """The version that a file says; the default where it says none, which its check then tells."""
+    """The version that a file says; the default where it says none, which its check then reports."""
     version = values.get("format_version", default) if isinstance(values, dict) else default
     if type(version) is not int or version not in _OF_VERSION:
         raise InputError(

@@ -1,4 +1,4 @@
-"""What is odd in the samples of one position: `odd_positions`."""
+"""Quality warnings about the samples of one position channel: `position_warnings`."""
 
 from collections.abc import Iterator
 
@@ -7,24 +7,24 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.recordings.quality_warning import QualityWarning
 from slapshot.recordings.sample_quality import STANDS_OUT, STEPS, of_samples, stuck_samples
-from slapshot.recordings.signal_measures import Measured, Series, residuals, robust_sd
+from slapshot.recordings.signal_statistics import ChannelStatistics, Series, residuals, robust_sd
 
 _FAR, _STAYS = 3.0, 0.5  # times the steps around a jump; of it that is left some samples later
 _BESIDE = (-2, -1, 2, 3)  # samples before a jump, and after
 _TURN, _TURN_ERR = 2 * np.pi, 0.5
 _SMOOTH, _COARSE = -0.5, 1e-3  # correlation of neighbouring residuals (white: -0.8); of the channel's sd
-_MANY_JITTER, _LEAST_JITTER = 3.0, 0.02  # times the noise of slow samples, and of the interval
+_MAX_JITTER_RATIO, _MIN_JITTER = 3.0, 0.02  # times the noise of slow samples, and of the interval
 
 
-def odd_positions(measured: Measured) -> Iterator[QualityWarning]:
-    """What is odd in an observed position, besides what may be odd in any channel."""
+def position_warnings(measured: ChannelStatistics) -> Iterator[QualityWarning]:
+    """Quality warnings specific to an observed position."""
     if measured.channel.role == "observation" and measured.channel.quantity == "position":
         yield from _jumps(measured)
-        yield from _odd_motion(measured)
+        yield from _sampling_warnings(measured)
 
 
-def _jumps(measured: Measured) -> Iterator[QualityWarning]:
-    """Changes of a position from one sample to the next that its speed before and after does not explain."""
+def _jumps(measured: ChannelStatistics) -> Iterator[QualityWarning]:
+    """Jumps of a position between samples that its speed before and after does not explain."""
     turns, others = [], []
     for one in measured.series:
         excess = _excess(one, max(STANDS_OUT * measured.noise, STEPS * measured.grid))
@@ -38,7 +38,7 @@ def _jumps(measured: Measured) -> Iterator[QualityWarning]:
             "wraps",
             turns,
             f"{measured.name} jumps by a whole turn, {count} times",
-            "an angle that wraps does not move so: unwrap it (numpy.unwrap), for simulated joints turn on",
+            "the angle wraps: unwrap it (numpy.unwrap), because simulated joints turn on continuously",
         )
     if other_count:
         yield of_samples(
@@ -46,19 +46,19 @@ def _jumps(measured: Measured) -> Iterator[QualityWarning]:
             "jumps",
             others,
             f"{measured.name} jumps {other_count} times by more than its speed before and after explains",
-            "an encoder slipped, samples are lost, or two recordings were joined: split the episode there",
+            "an encoder slipped, samples were lost, or two recordings were joined: split the episode there",
         )
 
 
 def _excess(one: Series, least: float) -> Array:
-    """How far a sample and those after it lie from where those before it lead.
+    """Offset of each sample and its successors from the extrapolation of its predecessors.
 
     Args:
         one: samples.
-        least: of a distance that counts.
+        least: smallest offset that counts.
 
     Returns:
-        (n,) distance, 0 where there is none.
+        (n,) offset, 0 where there is none.
     """
     found = np.zeros(len(one.x))
     if len(one.x) < 6:
@@ -80,28 +80,28 @@ def _excess(one: Series, least: float) -> Array:
     return found
 
 
-def _odd_motion(measured: Measured) -> Iterator[QualityWarning]:
-    """Positions that scatter more at speed, since their times err, or change too much between samples."""
+def _sampling_warnings(measured: ChannelStatistics) -> Iterator[QualityWarning]:
+    """Scatter that grows with speed, which indicates timing errors, and sampling that is too coarse."""
     parts = [(residuals(one.t, one.x), *_speed(one)) for one in measured.series if len(one.t) > 4]
     if not parts:
         return
     left, speed, interval = (np.concatenate(part) for part in zip(*parts, strict=True))
-    most = 3 * robust_sd(left)  # a stop or a wrong reading tells nothing of the others
+    most = 3 * robust_sd(left)  # a stop or an outlier must not dominate
     neighbours = np.stack(
         [
             np.concatenate([np.clip(part[0][rows], -most, most) for part in parts])
             for rows in (slice(None, -1), slice(1, None))
         ]
     )
-    # Of less, rounding is all there is, or a simulation without noise.
-    large = robust_sd(left) > max(measured.grid, _COARSE * float(measured.values.std()))
+    # Below it there is only rounding, or a simulation without noise.
+    large = robust_sd(left) > max(measured.grid, _COARSE * float(measured.samples.std()))
     if large and np.corrcoef(neighbours)[0, 1] > _SMOOTH:
         yield QualityWarning(
             "coarse_sampling",
-            f"{measured.name} bends between samples: what a cubic through its neighbours misses "
-            f"({robust_sd(left):.2g} {measured.channel.unit}) is no noise",
+            f"{measured.name} is undersampled: the residual of a cubic through its neighbours "
+            f"({robust_sd(left):.2g} {measured.channel.unit}) is not noise",
             (),
-            "noise cannot be told, and motion between samples is not seen: record more often",
+            "noise cannot be estimated, and motion between samples is not observed: record at a higher rate",
             "episode",
         )
         return
@@ -109,15 +109,16 @@ def _odd_motion(measured: Measured) -> Iterator[QualityWarning]:
     rounding = measured.grid / np.sqrt(12)
     still, moving = (max(robust_sd(left[rows], rounding), rounding) for rows in (slow, fast))
     typical = float(np.median(speed[fast]))
-    if moving > _MANY_JITTER * still and typical > 0:
+    if moving > _MAX_JITTER_RATIO * still and typical > 0:
         jitter = np.sqrt(moving**2 - still**2) / typical
-        if jitter > _LEAST_JITTER * float(np.median(interval)):
+        if jitter > _MIN_JITTER * float(np.median(interval)):
             yield QualityWarning(
                 "moving_noise",
                 f"{measured.name} scatters by {moving:.2g} {measured.channel.unit} where it is fast and by "
                 f"{still:.2g} where it is slow, as if its times erred by {1000 * jitter:.2g} ms",
                 (),
-                "noise that grows with speed is none of place: weighed alike, all samples show it as physics",
+                "noise that grows with speed is a timing error: with equal weights it is mistaken for "
+                "physics",
                 "episode",
             )
 

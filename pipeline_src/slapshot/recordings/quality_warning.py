@@ -1,13 +1,13 @@
-"""A finding: something odd in a recording that is valid all the same."""
+"""A quality warning about a valid recording."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-_NAMED = 6  # hits or episodes that a text names one by one
+_NAMED = 6  # hits or episodes that a text lists individually
 
 
-# Programs go by these, people by the texts: a kind keeps its name when its text changes.
+# Programs rely on these slugs: a kind keeps its name when its text changes.
 WarningKind = Literal[
     "few_hits",
     # how the object moves
@@ -74,14 +74,14 @@ WarningKind = Literal[
 
 @dataclass(frozen=True)
 class QualityWarning:
-    """What is odd, in which hits or episodes, and why a diagnosis should know.
+    """A quality warning, the hits or episodes concerned, and the consequence for a diagnosis.
 
     Attributes:
-        kind: slug that says what sort of oddity it is.
+        kind: slug of the type of warning.
         what: one sentence with numbers.
-        hits: numbers of the hits or episodes; empty where the whole recording is meant.
-        why: what a diagnosis may take it for, or cannot tell because of it.
-        of: what the numbers are of.
+        hits: numbers of the hits or episodes; empty for the whole recording.
+        why: consequence for a diagnosis, or remedy.
+        of: whether `hits` are hits or episodes.
     """
 
     kind: WarningKind

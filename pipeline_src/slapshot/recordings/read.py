@@ -1,10 +1,12 @@
-"""Read a recording of hits from its folder and check all of it; tell the version of any recording."""
+"""Read and check a recording of hits; detect the version of any recording."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
 
+from slapshot.config.sources import Source
 from slapshot.errors import InputError
 from slapshot.recordings.checks import check_recording
 from slapshot.recordings.format import (
@@ -88,3 +90,22 @@ def _read_table(file: Path, schema: pa.Schema | None) -> pd.DataFrame | None:
     if schema is None:
         schema = joint_schema_for(table.column_names, file)
     return frame_from_table(conform(table, schema, file))
+
+
+def recording_folders(
+    sources: Mapping[str, Source], inputs: Mapping[str, Path]
+) -> dict[tuple[str, int], Path]:
+    """(recording, rig) -> folder; a recording of one's own is rig 0.
+
+    Args:
+        sources: recording -> where it comes from.
+        inputs: role -> version folder; a stand-in rig's is lab/<recording>/<rig>.
+    """
+    folders = {}
+    for name, source in sources.items():
+        if source.path is not None:
+            folders[name, 0] = Path(source.path)
+        else:
+            rigs = range(source.rigs or 0)
+            folders |= {(name, rig): inputs[f"lab/{name}/{rig}"] / "recording" for rig in rigs}
+    return folders

@@ -1,4 +1,4 @@
-"""What is odd in the samples of one channel of signals: `odd_samples`."""
+"""Quality warnings about the samples of one channel: `sample_warnings`."""
 
 from collections.abc import Iterator, Sequence
 
@@ -7,31 +7,34 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.recordings.quality_warning import QualityWarning, WarningKind
-from slapshot.recordings.signal_measures import Measured, Series, residuals, runs
+from slapshot.recordings.signal_statistics import ChannelStatistics, Series, residuals, runs
 
 Mask = NDArray[np.bool_]
 
-_LONG_RUN, _AROUND = 5, 10  # samples and times the usual run of equal values; runs that tell the usual one
+_LONG_RUN, _AROUND = (
+    5,
+    10,
+)  # samples, and factor on the usual length of runs of equal values; runs that define the usual one
 _CUT_RUN = 3  # samples that are equal only if cut off, where numbers lie on no grid
 _FAR = 3.0  # times the usual change between runs
-_MANY_SAME, _FEWEST_MOVING, _REACH = 0.15, 50, 5  # share, samples, and samples on either side
+_MAX_EQUAL, _MIN_MOVING, _REACH = 0.15, 50, 5  # share, samples, and samples on either side
 _RECURS = 1.1  # times that a number comes again, on average, where numbers lie on some grid
 STANDS_OUT, STEPS = 8.0, 4.0  # times the noise, and steps of the numbers
-_AGREE, _LATE = 0.5, 0.1  # of an outlier's height; intervals by which times may err
+_AGREE, _DELAYED = 0.5, 0.1  # of an outlier's height; intervals by which times may err
 _OF_CUBIC = 1.394  # sd of what a cubic through four neighbours of a regular series misses of white noise
-_LEAST_CUT, _FEW_NUMBERS, _LEAST_END = 0.002, 10, 0.5  # share of samples, numbers, of the largest size
+_MIN_SATURATED, _MAX_SET_POINTS, _MIN_LIMIT = 0.002, 10, 0.5  # share of samples, numbers, of the largest size
 _FAST = 3.0  # steps of the numbers with which a channel that is cut off reaches its end
 _OTHER_NOISE = 3.0  # times
 
 
-def odd_samples(measured: Measured) -> Iterator[QualityWarning]:
-    """What is odd in a channel's samples."""
-    if np.ptp(measured.values) == 0:
+def sample_warnings(measured: ChannelStatistics) -> Iterator[QualityWarning]:
+    """Quality warnings about the samples of a channel."""
+    if np.ptp(measured.samples) == 0:
         yield _constant(measured)
         return
     yield from _saturated(measured)
     if measured.channel.role == "control":
-        return  # what was commanded may stand still, jump and wrap
+        return  # a command may stand still, jump and wrap
     stuck = [stuck_samples(one, measured.grid) for one in measured.series]
     if any(mask.any() for mask in stuck):
         yield of_samples(
@@ -39,8 +42,9 @@ def odd_samples(measured: Measured) -> Iterator[QualityWarning]:
             "stuck_samples",
             stuck,
             f"{measured.name} stands still {sum(_stretches(mask) for mask in stuck)} times, "
-            f"{sum(int(mask.sum()) for mask in stuck)} samples in all, and then jumps to where it would be",
-            "sensor or bus stopped meanwhile: leave these samples out, or they look like friction",
+            f"{sum(int(mask.sum()) for mask in stuck)} samples in total, and then jumps to the expected "
+            "value",
+            "sensor or bus stopped meanwhile: exclude these samples, or they are mistaken for friction",
         )
     yield from _repeated(measured, stuck)
     yield from _outliers(measured)
@@ -48,57 +52,58 @@ def odd_samples(measured: Measured) -> Iterator[QualityWarning]:
 
 
 def of_samples(
-    measured: Measured, kind: WarningKind, masks: Sequence[Mask], what: str, why: str
+    measured: ChannelStatistics, kind: WarningKind, masks: Sequence[Mask], what: str, why: str
 ) -> QualityWarning:
-    """A finding of the episodes in which a mask holds anywhere."""
+    """A warning for the episodes in which a mask is true anywhere."""
     where = tuple(one.episode for one, mask in zip(measured.series, masks, strict=True) if mask.any())
     return QualityWarning(kind, what, where if len(measured.series) > 1 else (), why, "episode")
 
 
-def _constant(measured: Measured) -> QualityWarning:
-    value = f"{measured.values[0]:g} {measured.channel.unit}"
+def _constant(measured: ChannelStatistics) -> QualityWarning:
+    value = f"{measured.samples[0]:g} {measured.channel.unit}"
     if measured.channel.role == "control":
         return QualityWarning(
             "constant_control",
             f"control {measured.name} never changes from {value}",
             (),
-            "neither its gain nor its delay can be told from a constant",
+            "neither its gain nor its delay can be identified from a constant",
             "episode",
         )
     return QualityWarning(
         "constant_channel",
-        f"{measured.name} reads {value} in all {len(measured.values)} samples",
+        f"{measured.name} reads {value} in all {len(measured.samples)} samples",
         (),
-        "a sensor that is not connected, or what it measures is locked: it tells nothing",
+        "the sensor is not connected, or the joint is locked: the channel carries no information",
         "episode",
     )
 
 
-def _saturated(measured: Measured) -> Iterator[QualityWarning]:
-    """Stretches at the largest or smallest number that a channel reaches with speed."""
-    values = measured.values
-    if len(np.unique(values)) <= _FEW_NUMBERS:
-        return  # steps between a few set points
+def _saturated(measured: ChannelStatistics) -> Iterator[QualityWarning]:
+    """Runs at the largest or smallest value of a channel, entered with a jump."""
+    values = measured.samples
+    if len(np.unique(values)) <= _MAX_SET_POINTS:
+        return  # switches between a few set points
     for end, word in ((float(values.max()), "largest"), (float(values.min()), "smallest")):
-        if abs(end) < _LEAST_END * float(np.abs(values).max()):
+        if abs(end) < _MIN_LIMIT * float(np.abs(values).max()):
             continue
         masks = [_cut_off(one.x, end, measured.grid) for one in measured.series]
         share = sum(int(mask.sum()) for mask in masks) / len(values)
-        if share >= _LEAST_CUT:
+        if share >= _MIN_SATURATED:
             yield of_samples(
                 measured,
                 "saturated",
                 masks,
                 f"{share:.1%} of the samples of {measured.name} sit at its {word} value, {end:.4g} "
                 f"{measured.channel.unit}",
-                "it is cut off there: what went beyond is not seen, or a limit acted that must be modelled",
+                "it saturates there: the range of the sensor is exceeded, or a limit acted that must be "
+                "modelled",
             )
 
 
 def _cut_off(x: Array, end: float, grid: float) -> Mask:
-    """(n,) samples of long runs at `end` that were reached, or left, with a jump of several steps.
+    """(n,) mask of long runs at `end` that were entered or left with a jump of several quantisation steps.
 
-    A smooth signal comes to its largest value slowly, by one step of its numbers at last.
+    A smooth signal approaches its extremum slowly, in single quantisation steps.
     """
     mask = np.zeros(len(x), dtype=bool)
     firsts, lasts = runs(x)
@@ -111,7 +116,7 @@ def _cut_off(x: Array, end: float, grid: float) -> Mask:
 
 
 def stuck_samples(one: Series, grid: float) -> Mask:
-    """(n,) samples of runs that last much longer than those around them and end with a far jump."""
+    """(n,) mask of runs that last much longer than those around them and end with a large jump."""
     mask = np.zeros(len(one.x), dtype=bool)
     firsts, lasts = runs(one.x)
     lengths, changes = lasts - firsts + 1, np.abs(np.diff(one.x[firsts]))
@@ -130,15 +135,15 @@ def _stretches(mask: Mask) -> int:
     return int(np.diff(mask.astype(int), prepend=0).clip(min=0).sum())
 
 
-def _repeated(measured: Measured, stuck: Sequence[Mask]) -> Iterator[QualityWarning]:
-    """Samples that repeat the one before them while the channel changes by more than its step.
+def _repeated(measured: ChannelStatistics, stuck: Sequence[Mask]) -> Iterator[QualityWarning]:
+    """Samples that repeat their predecessor while the channel changes by more than its resolution.
 
     Of two readings with normal noise of sd s, rounded to steps q << s, a share q / (2 s sqrt(pi)) is equal.
     """
-    values = measured.values
+    values = measured.samples
     changes = sum(len(runs(one.x)[0]) for one in measured.series)
     if not measured.grid and changes > _RECURS * len(np.unique(values)):
-        return  # numbers of a grid that nobody knows: equal ones may be neighbours on it
+        return  # unknown quantisation: equal values may be neighbours
     same, moving = 0, 0
     for one, mask in zip(measured.series, stuck, strict=True):
         if len(one.x) > 2 * _REACH:
@@ -147,27 +152,27 @@ def _repeated(measured: Measured, stuck: Sequence[Mask]) -> Iterator[QualityWarn
             moving += int(moves.sum())
             same += int((moves & (np.diff(one.x) == 0)[_REACH - 1 : -_REACH]).sum())
     chance = measured.grid / (2 * np.sqrt(np.pi) * measured.noise) if measured.noise > 0 else 0.0
-    if moving >= _FEWEST_MOVING and same / moving > _MANY_SAME + chance:
+    if moving >= _MIN_MOVING and same / moving > _MAX_EQUAL + chance:
         rate = (1 - same / moving) / measured.sampling.interval_s
         yield QualityWarning(
             "repeated_samples",
-            f"{same / moving:.0%} of the samples of {measured.name} repeat the one before them while it "
+            f"{same / moving:.0%} of the samples of {measured.name} repeat their predecessor while it "
             f"changes, as if it were read {rate:.3g} times a second",
             (),
-            "rows are written more often than the sensor is read, so what they say is old: give it a clock",
+            "rows are written more often than the sensor is read, so values are old: give it a clock",
             "episode",
         )
 
 
-def _outliers(measured: Measured) -> Iterator[QualityWarning]:
-    """Single samples far from neighbours that agree with each other."""
+def _outliers(measured: ChannelStatistics) -> Iterator[QualityWarning]:
+    """Single samples far from neighbours that are consistent with each other."""
     masks = []
     for one in measured.series:
         mask = np.zeros(len(one.x), dtype=bool)
         if len(one.x) > 4:
             height, spread, late = _above_line(one)
             least = np.maximum(max(STANDS_OUT * measured.noise, STEPS * measured.grid), late)
-            bends = np.abs(residuals(one.t, one.x)) < least / _OF_CUBIC  # and does not stand out
+            bends = np.abs(residuals(one.t, one.x)) < least / _OF_CUBIC  # and is no outlier
             mask[2:-2] = (height > least) & (spread < _AGREE * height) & ~bends
         masks.append(mask)
     count = sum(int(mask.sum()) for mask in masks)
@@ -176,27 +181,27 @@ def _outliers(measured: Measured) -> Iterator[QualityWarning]:
             measured,
             "outliers",
             masks,
-            f"{count} of {len(measured.values)} samples of {measured.name} stand out from their neighbours",
-            f"readings or times off by {STANDS_OUT:g} times the noise outweigh all others: leave them out",
+            f"{count} of {len(measured.samples)} samples of {measured.name} are outliers",
+            f"readings or times off by {STANDS_OUT:g} times the noise dominate a fit: exclude them",
         )
 
 
 def _above_line(one: Series) -> tuple[Array, Array, Array]:
-    """How far each sample lies from the line through its four neighbours, which is told with each.
+    """Distance of each sample from the line through its four neighbours.
 
     Returns:
-        (n - 4,) distance from the line, spread of the neighbours about it, and what the line does in a tenth
-        of an interval: as far off is a time that errs, and no wrong reading.
+        (n - 4,) distance from the line, spread of the neighbours about it, and the line's change in a tenth
+        of an interval, which is the tolerance for timing errors.
     """
     t, x = (np.stack([part[:-4], part[1:-3], part[3:-1], part[4:]]) for part in (one.t, one.x))  # (4, n - 4)
     middle, since = x.mean(axis=0), t - t.mean(axis=0)
     slope = (since * x).sum(axis=0) / (since**2).sum(axis=0)
     height = one.x[2:-2] - middle - slope * (one.t[2:-2] - t.mean(axis=0))
-    return np.abs(height), np.ptp(x - slope * since, axis=0), np.abs(slope) * np.ptp(t, axis=0) / 4 * _LATE
+    return np.abs(height), np.ptp(x - slope * since, axis=0), np.abs(slope) * np.ptp(t, axis=0) / 4 * _DELAYED
 
 
-def _other_noise(measured: Measured) -> Iterator[QualityWarning]:
-    """Noise that is not what the recording says."""
+def _other_noise(measured: ChannelStatistics) -> Iterator[QualityWarning]:
+    """Noise that differs from the value in the recording."""
     given = measured.channel.noise
     if given is None or np.isnan(measured.noise) or measured.noise == 0:
         return
@@ -206,6 +211,6 @@ def _other_noise(measured: Measured) -> Iterator[QualityWarning]:
             f"the noise of {measured.name} is said to be {given:.2g} {measured.channel.unit}, but samples "
             f"scatter by {measured.noise:.2g}",
             (),
-            "what is left over is weighed with it: too small a noise makes everything significant",
+            "residuals are weighted by it: with too small a noise level everything becomes significant",
             "episode",
         )

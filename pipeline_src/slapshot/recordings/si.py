@@ -1,7 +1,7 @@
-"""Units that people record in, and what they are in SI: `to_si`, `check_si`.
+"""Conversion of common units to SI: `to_si`, `check_si`.
 
-A unit has one spelling in a recording ("N m", not "Nm"). Of others only those are known that mean one thing:
-"m" is a metre and never a minute.
+A unit has one spelling in a recording ("N m", not "Nm"). Only unambiguous spellings are known: "m" is a metre
+and never a minute.
 """
 
 import math

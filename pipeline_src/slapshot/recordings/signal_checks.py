@@ -1,4 +1,4 @@
-"""What every recording of signals must satisfy beyond its columns' types and units; one function a check.
+"""Validity checks of a recording of signals beyond its columns' types and units, one function for each check.
 
 As in `checks`, each takes tables in the format's types and raises InputError with one line. Rows are counted
 from 0, as pandas does, in the order of episodes.
@@ -13,15 +13,15 @@ import pandas as pd
 from slapshot.errors import InputError
 from slapshot.recordings.channels import Channel, Role, quaternions
 from slapshot.recordings.checks import check_shows_motion, check_timed_rows
+from slapshot.recordings.plausibility import check_begin, check_dates, check_possible
 from slapshot.recordings.signal_tables import EPISODES_FILE, clocks, signals_file
-from slapshot.recordings.units import check_begin, check_dates, check_possible
 
-# Beyond any rig, in any SI unit: memory that nobody wrote to.
+# Beyond any rig, in any SI unit: uninitialised memory.
 _IMPOSSIBLE = 1e9
-_MOST_EPISODES = 100_000
-# Motion that is seen less often than once a second is no motion of joints: times are in another unit.
-_LONGEST_INTERVAL_S = 1.0
-_MUCH_LONGER = 100.0  # controls that go on so many times as long as the observations are in another unit
+_MAX_EPISODES = 100_000
+# Joint motion sampled less than once per second: times are in another unit.
+_MAX_INTERVAL_S = 1.0
+_MAX_CONTROL_RATIO = 100.0  # controls longer than the observations by this factor are in another unit
 _UNIT_NORM = 0.05
 
 
@@ -64,16 +64,16 @@ def check_episodes(episodes: pd.DataFrame, file: Path) -> None:
     """Refuse a table without episodes, numbers that stand twice, impossible dates, repeats of nothing."""
     if episodes.empty:
         raise InputError(f"{file}: has no episodes: record some")
-    if len(episodes) > _MOST_EPISODES:
+    if len(episodes) > _MAX_EPISODES:
         raise InputError(
-            f"{file}: has {len(episodes):,} episodes, and {_MOST_EPISODES:,} are allowed: split it"
+            f"{file}: has {len(episodes):,} episodes, and {_MAX_EPISODES:,} are allowed: split it"
         )
     numbers = episodes["episode"]
     second = numbers.duplicated().to_numpy()
     if second.any():
         row = int(np.flatnonzero(second)[0])
         raise InputError(
-            f"{file}: row {row} (the first is 0): episode {numbers.iloc[row]} stands there twice: give every "
+            f"{file}: row {row} (the first is 0): episode {numbers.iloc[row]} is duplicated: give every "
             "episode its own number"
         )
     check_dates(episodes, file, "episode")
@@ -98,9 +98,9 @@ def check_all_episodes(table: pd.DataFrame, episodes: pd.DataFrame, file: Path) 
 
 
 def check_interval(table: pd.DataFrame, file: Path) -> None:
-    """Refuse observations so rare that their times can only be in another unit."""
+    """Refuse sampling intervals so long that times must be in another unit."""
     interval = float(np.nanmedian(table.groupby("episode")["t"].diff().to_numpy()))
-    if interval > _LONGEST_INTERVAL_S:
+    if interval > _MAX_INTERVAL_S:
         raise InputError(
             f"{file}: column 't': samples are {interval:.4g} apart (median), too rare for seconds: if t is "
             "in milliseconds, divide by 1000; if in microseconds, by 1e6"
@@ -132,7 +132,7 @@ def check_values(table: pd.DataFrame, channels: Mapping[str, Channel], file: Pat
 
 
 def check_unit_norm(table: pd.DataFrame, names: list[str], file: Path) -> None:
-    """Refuse quaternions that are none: of another length than 1."""
+    """Refuse quaternions that are not of unit norm."""
     norm = np.linalg.norm(table[names].to_numpy(), axis=1)
     seen = norm[~np.isnan(norm)]
     typical = float(np.median(seen)) if len(seen) else 1.0
@@ -172,7 +172,7 @@ def check_times_together(
             )
         several = signals[clock].groupby("episode").size() > 1
         over = several & (spans[clock]["max"] < begin)
-        endless = spans[clock]["max"] > _MUCH_LONGER * end.clip(lower=1e-3)
+        endless = spans[clock]["max"] > _MAX_CONTROL_RATIO * end.clip(lower=1e-3)
         for wrong in (over, endless):
             if wrong.any():
                 episode = wrong.index[wrong][0]

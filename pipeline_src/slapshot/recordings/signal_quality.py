@@ -1,49 +1,58 @@
-"""What is odd in a recording of signals though it is valid: `odd_signals`."""
+"""Quality warnings for a valid recording of signals: `signal_warnings`."""
 
 from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from slapshot.recordings.channel_pair_quality import odd_pairs
-from slapshot.recordings.hit_quality import odd_order
-from slapshot.recordings.position_quality import odd_positions
+from slapshot.recordings.channel_pair_quality import channel_pair_warnings
+from slapshot.recordings.data_quality import order_warnings
+from slapshot.recordings.position_quality import position_warnings
 from slapshot.recordings.quality_warning import QualityWarning, WarningKind
-from slapshot.recordings.sample_quality import odd_samples
-from slapshot.recordings.signal_measures import Measured, Sampling, measure_all, sampling
+from slapshot.recordings.sample_quality import sample_warnings
+from slapshot.recordings.signal_statistics import (
+    ChannelStatistics,
+    Sampling,
+    all_channel_statistics,
+    sampling,
+)
 from slapshot.recordings.signals import SignalRecording
 from slapshot.text import printable
 
-_MANY_MISSING, _LONG_GAP_S, _LONG_GAP = 0.05, 0.1, 5.5  # share of samples; s and intervals
+_MAX_MISSING, _LONG_GAP_S, _LONG_GAP = 0.05, 0.1, 5.5  # share of samples; s and intervals
 _UNEVEN = 0.2  # intervals
-_NAMED = 6  # channels of which a finding is told one by one
+_NAMED = 6  # channels that a warning lists individually
 _REGULAR = 0.5  # intervals; controls that are written when they change are less so
 
 
-def odd_signals(recording: SignalRecording, channels: Mapping[str, Measured]) -> list[QualityWarning]:
-    """Everything odd in a recording, as far as it can be seen without a model; empty if nothing is.
+def signal_warnings(
+    recording: SignalRecording, channels: Mapping[str, ChannelStatistics]
+) -> list[QualityWarning]:
+    """All quality warnings that need no model; empty if there are none.
 
     Args:
         recording: that has passed its checks.
-        channels: name -> measure of the channel, of all of them.
+        channels: name -> statistics, for every channel.
     """
-    found = [*odd_order(recording.episodes, "episode"), *same_episodes(recording)]
+    found = [*order_warnings(recording.episodes, "episode"), *duplicate_episode_warnings(recording)]
     for clock in recording.signals:
-        found += odd_clock(recording, clock)
-    found += controls_end(recording)
+        found += clock_warnings(recording, clock)
+    found += control_end_warnings(recording)
     for measured in channels.values():
-        found += more_gaps(recording, measured)
-        found += [*odd_samples(measured), *odd_positions(measured)]
-    found += odd_pairs(list(channels.values()))
+        found += channel_gap_warnings(recording, measured)
+        found += [*sample_warnings(measured), *position_warnings(measured)]
+    found += channel_pair_warnings(list(channels.values()))
     return _merged(found)
 
 
-def warnings_of(recording: SignalRecording) -> list[str]:
-    """Everything odd in a recording, as `slapshot check` says it: one line a finding."""
-    return [printable(str(finding)) for finding in odd_signals(recording, measure_all(recording))]
+def quality_warning_lines(recording: SignalRecording) -> list[str]:
+    """All quality warnings as printed by `slapshot check`, one line each."""
+    return [
+        printable(str(finding)) for finding in signal_warnings(recording, all_channel_statistics(recording))
+    ]
 
 
 def _merged(findings: Iterable[QualityWarning]) -> list[QualityWarning]:
-    """One finding a kind and reason, with what was said of each channel."""
+    """Merge warnings of the same kind and reason into one that lists the channels."""
     alike: dict[tuple[WarningKind, str], list[QualityWarning]] = {}
     for finding in findings:
         alike.setdefault((finding.kind, finding.why), []).append(finding)
@@ -61,8 +70,8 @@ def clock_sampling(recording: SignalRecording, clock: str) -> Sampling:
     return sampling([rows["t"].to_numpy() for _, rows in recording.signals[clock].groupby("episode")])
 
 
-def same_episodes(recording: SignalRecording) -> Iterator[QualityWarning]:
-    """Episodes whose samples are the same to the last digit."""
+def duplicate_episode_warnings(recording: SignalRecording) -> Iterator[QualityWarning]:
+    """Episodes with identical samples."""
     first: dict[bytes, int] = {}
     same = []
     parts = [dict(iter(table.groupby("episode"))) for table in recording.signals.values()]
@@ -75,52 +84,53 @@ def same_episodes(recording: SignalRecording) -> Iterator[QualityWarning]:
             "same_episodes",
             f"{len(set(same))} of {len(recording.episodes)} episodes have the same samples as another",
             tuple(sorted(set(same))),
-            "one recording was copied: it counts twice, and held-out episodes are no longer held out",
+            "an episode was duplicated: it counts twice, and held-out episodes are no longer independent",
             "episode",
         )
 
 
-def odd_clock(recording: SignalRecording, clock: str) -> Iterator[QualityWarning]:
-    """Rows that are missing, or follow each other unevenly."""
+def clock_warnings(recording: SignalRecording, clock: str) -> Iterator[QualityWarning]:
+    """Missing rows and uneven sampling of a clock."""
     channels = [channel for channel in recording.channels.values() if channel.clock == clock]
     found = clock_sampling(recording, clock)
     if all(channel.role == "control" for channel in channels):
         return  # controls hold between samples
     if _has_gaps(found):
-        yield QualityWarning("gaps", f"clock {clock} has gaps: {_said(found)}", (), _GAP_MEANS, "episode")
+        yield QualityWarning("gaps", f"clock {clock} has gaps: {_gap_text(found)}", (), _GAP_MEANS, "episode")
     if found.jitter > _UNEVEN:
         yield QualityWarning(
             "uneven_clock",
             f"intervals of clock {clock} scatter by {found.jitter:.0%} (standard deviation)",
             (),
-            "if times are those of writing, not of measuring, they err by as much: fast motion looks noisy",
+            "if the stamps are write times rather than measurement times, their error makes fast motion "
+            "noisy",
             "episode",
         )
 
 
-def more_gaps(recording: SignalRecording, measured: Measured) -> Iterator[QualityWarning]:
-    """A channel that lacks samples which its clock has."""
+def channel_gap_warnings(recording: SignalRecording, measured: ChannelStatistics) -> Iterator[QualityWarning]:
+    """A channel with gaps that its clock does not have."""
     table = recording.signals[measured.channel.clock]
-    if len(measured.values) < len(table) and _has_gaps(measured.sampling):
+    if len(measured.samples) < len(table) and _has_gaps(measured.sampling):
         yield QualityWarning(
-            "gaps", f"{measured.name} has gaps: {_said(measured.sampling)}", (), _GAP_MEANS, "episode"
+            "gaps", f"{measured.name} has gaps: {_gap_text(measured.sampling)}", (), _GAP_MEANS, "episode"
         )
 
 
-_GAP_MEANS = "what happens in a gap is not seen: split the episode there, or simulation must bridge it"
+_GAP_MEANS = "motion within a gap is not observed: split the episode there, or the simulation must bridge it"
 
 
 def _has_gaps(found: Sampling) -> bool:
     longest = max(_LONG_GAP_S, _LONG_GAP * found.interval_s)
-    return found.missing > _MANY_MISSING or found.longest_gap_s > longest
+    return found.missing > _MAX_MISSING or found.longest_gap_s > longest
 
 
-def _said(found: Sampling) -> str:
-    return f"{found.missing:.1%} of samples are missing, up to {found.longest_gap_s:.2g} s on end"
+def _gap_text(found: Sampling) -> str:
+    return f"{found.missing:.1%} of samples are missing, up to {found.longest_gap_s:.2g} s at a time"
 
 
-def controls_end(recording: SignalRecording) -> Iterator[QualityWarning]:
-    """Controls that are given at a rate and end before the observations do."""
+def control_end_warnings(recording: SignalRecording) -> Iterator[QualityWarning]:
+    """Regularly sampled controls that end before the observations."""
     roles = {
         clock: {channel.role for channel in recording.channels.values() if channel.clock == clock}
         for clock in recording.signals
@@ -139,6 +149,6 @@ def controls_end(recording: SignalRecording) -> Iterator[QualityWarning]:
                 "controls_end",
                 f"controls of clock {clock} end up to {short:.2g} s before the observations",
                 tuple(map(int, last[clock].index[early])),
-                "their last value is taken to hold: crop the observations if it did not",
+                "their last value is held: crop the observations if that is wrong",
                 "episode",
             )

@@ -9,8 +9,8 @@
 
 An episode is a stretch of time that was recorded without a break and can be simulated by itself. Quantities
 that are sampled together share a clock, and so a table; each clock has rows of every episode. Controls have
-no gap and begin no later than the observations. Without controls a recording is one of bodies that are left
-to themselves. Version 1, of an object that is hit and slides, stands in `format`, and is read as ever.
+no gap and begin no later than the observations. Without controls a recording shows passive
+bodies. Version 1, for hits of a sliding object, is defined in `format`.
 """
 
 import dataclasses
@@ -48,7 +48,7 @@ SIGNAL_FORMAT_VERSION = 2
 # No generated equality: comparing two DataFrames with == gives a table, not an answer.
 @dataclass(frozen=True, eq=False)
 class SignalRecording:
-    """Joints and bodies that somebody recorded, as `read_signals` returns it.
+    """A recording of joints and bodies.
 
     Attributes:
         rig: name of the physical set-up.

@@ -1,4 +1,4 @@
-"""What is odd in a recording's commands and joints: rows that lack, clocks that differ, units, jumps."""
+"""Quality warnings about commands and joints: missing rows, clock offsets, units, jumps."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,17 +8,17 @@ import pandas as pd
 
 from slapshot.arrays import Array
 from slapshot.recordings.format import Recording, joint_columns
+from slapshot.recordings.plausibility import LARGEST_ANGLE_RAD
 from slapshot.recordings.quality_warning import QualityWarning, WarningKind
-from slapshot.recordings.units import LARGEST_ANGLE_RAD
 
-_FEWEST_ROWS = 3
+_MIN_ROWS = 3
 _FASTEST_RAD_S = 30.0  # twice as fast as any arm turns
 _JUMP_RAD = np.pi  # between two rows; an encoder that starts over jumps by twice that
-# Joints that follow their commands lie nearer to them than this share of the swing, and of a radian.
-_FOLLOWS, _LEAST_APART_RAD = 0.5, 0.05
-_EXPLAINS = 0.3  # of the difference, and of the swing, may be left where another clock is the reason
-_LEAST_OVERLAP = 0.5  # of the shorter one of commands and joints; less says nothing
-_LEAST_LATE_S = 0.1
+# Joints that follow their commands deviate by less than this share of the swing, and of a radian.
+_FOLLOWS, _MIN_ERROR_RAD = 0.5, 0.05
+_EXPLAINS = 0.3  # of the error, and of the swing, may remain where a clock offset is the reason
+_MIN_OVERLAP = 0.5  # of the shorter of commands and joints
+_MIN_DELAY_S = 0.1
 _LAGS = 100
 
 
@@ -36,15 +36,17 @@ class Swing:
     commanded: Array
     measured: Array
 
-    def apart(self, late_s: float = 0.0) -> float:
+    def tracking_rms(self, delay_s: float = 0.0) -> float:
         """Root mean square of measured less commanded positions in rad, commands `late_s` later."""
-        return _apart(self.commanded, self.measured, late_s)
+        return _tracking_rms(self.commanded, self.measured, delay_s)
 
     @property
     def reversed(self) -> float:
-        """As `apart`, with the joints backwards in time."""
+        """As `tracking_rms`, with the joints reversed in time."""
         t = self.measured[:, :1]
-        return _apart(self.commanded, np.hstack([t[0] + t[-1] - t[::-1], self.measured[::-1, 1:]]), 0.0)
+        return _tracking_rms(
+            self.commanded, np.hstack([t[0] + t[-1] - t[::-1], self.measured[::-1, 1:]]), 0.0
+        )
 
     @property
     def size(self) -> float:
@@ -57,23 +59,23 @@ class Swing:
         """Time in s by which the joints follow their commands best."""
         length = self.commanded[-1, 0] - self.commanded[0, 0]
         lags = np.linspace(-length, length, 2 * _LAGS + 1)
-        return float(lags[np.argmin([self.apart(lag) for lag in lags])])
+        return float(lags[np.argmin([self.tracking_rms(lag) for lag in lags])])
 
 
-def odd_swings(recording: Recording) -> Iterator[QualityWarning]:
-    """What is odd in commands and joints."""
+def swing_warnings(recording: Recording) -> Iterator[QualityWarning]:
+    """Quality warnings about commands and joints."""
     commands, joints = recording.commands, recording.joints
     for table, word in ((commands, "commands"), (joints, "joints")):
         if table is not None:
-            yield from odd_angles(table, word)
+            yield from joint_angle_warnings(table, word)
     if commands is None or joints is None:
         return
-    yield from lacking_rows(recording.hits["hit"], commands, joints)
-    yield from odd_following(_swings(commands, joints))
+    yield from unmatched_row_warnings(recording.hits["hit"], commands, joints)
+    yield from tracking_warnings(_swings(commands, joints))
 
 
-def odd_angles(table: pd.DataFrame, word: str) -> Iterator[QualityWarning]:
-    """Hits with hardly a row, angles and speeds of another unit, and jumps.
+def joint_angle_warnings(table: pd.DataFrame, word: str) -> Iterator[QualityWarning]:
+    """Hits with too few rows, angles and speeds in a wrong unit, and jumps.
 
     Args:
         table: of commands or joints.
@@ -82,13 +84,13 @@ def odd_angles(table: pd.DataFrame, word: str) -> Iterator[QualityWarning]:
     rows = table.sort_values(["hit", "t"], kind="stable")
     of_hit = rows.groupby("hit")
     few = of_hit.size()
-    few = few[few < _FEWEST_ROWS]
+    few = few[few < _MIN_ROWS]
     if len(few):
         yield QualityWarning(
             "few_rows",
-            f"{len(few)} of {of_hit.ngroups} hits have fewer than {_FEWEST_ROWS} rows of {word}",
+            f"{len(few)} of {of_hit.ngroups} hits have fewer than {_MIN_ROWS} rows of {word}",
             tuple(map(int, few.index)),
-            "how the arm moved between them is not known",
+            "the motion of the arm between them is unknown",
         )
     names = joint_columns(table)
     q = rows[names].to_numpy()
@@ -103,7 +105,7 @@ def odd_angles(table: pd.DataFrame, word: str) -> Iterator[QualityWarning]:
             f"in {len(degrees)} of {of_hit.ngroups} hits {word} reach {wide[degrees].max():.3g} rad and turn "
             f"at {fastest[degrees].max():.3g} rad/s (95 % of rows are slower)",
             tuple(map(int, degrees)),
-            "no arm turns so far or so fast: these look like degrees, or times are in another unit",
+            "no arm turns this far or fast: these may be degrees, or times are in another unit",
         )
     jumps = pd.Series(steps.max(axis=1) > _JUMP_RAD, index=rows["hit"]).groupby(level=0).sum()
     jumps = jumps[(jumps > 0) & ~jumps.index.isin(degrees)]
@@ -113,12 +115,14 @@ def odd_angles(table: pd.DataFrame, word: str) -> Iterator[QualityWarning]:
             f"{word} jump by more than {_JUMP_RAD:.1f} rad between two rows in {len(jumps)} of "
             f"{of_hit.ngroups} hits, {jumps.sum()} times",
             tuple(map(int, jumps.index)),
-            "an encoder that starts over, or rows that are lost: the swing between them is not known",
+            "an encoder reset or lost rows: the swing between them is unknown",
         )
 
 
-def lacking_rows(hits: pd.Series, commands: pd.DataFrame, joints: pd.DataFrame) -> Iterator[QualityWarning]:
-    """Hits whose swing was only commanded or only measured."""
+def unmatched_row_warnings(
+    hits: pd.Series, commands: pd.DataFrame, joints: pd.DataFrame
+) -> Iterator[QualityWarning]:
+    """Hits with commands but no joints, or joints but no commands."""
     commanded, measured = set(commands["hit"]), set(joints["hit"])
     cases: tuple[tuple[WarningKind, set[int], str, str], ...] = (
         ("no_joints", commanded - measured, "commands", "joints"),
@@ -130,47 +134,48 @@ def lacking_rows(hits: pd.Series, commands: pd.DataFrame, joints: pd.DataFrame) 
                 kind,
                 f"{len(lacking)} of {len(hits)} hits have {there}, but no {word}",
                 tuple(int(hit) for hit in hits if hit in lacking),
-                "how well the arm followed is not known in these; export their rows, or leave the hits out",
+                "tracking cannot be evaluated for these; export their rows, or exclude the hits",
             )
 
 
-def odd_following(swings: list[Swing]) -> Iterator[QualityWarning]:
-    """Joints that do not go where the commands send them, and whether another clock explains it."""
-    late: dict[int, float] = {}
-    backwards, astray = [], {}
+def tracking_warnings(swings: list[Swing]) -> Iterator[QualityWarning]:
+    """Joints that do not follow their commands, and whether a clock offset explains it."""
+    delays: dict[int, float] = {}
+    time_reversed, off_track = [], {}
     for swing in swings:
-        apart = swing.apart()
-        if apart < max(_FOLLOWS * swing.size, _LEAST_APART_RAD):
+        tracking_rms = swing.tracking_rms()
+        if tracking_rms < max(_FOLLOWS * swing.size, _MIN_ERROR_RAD):
             continue
-        lag, explained = swing.lag, _EXPLAINS * min(apart, swing.size)
+        lag, explained = swing.lag, _EXPLAINS * min(tracking_rms, swing.size)
         if swing.reversed < explained:
-            backwards.append(swing.hit)
-        elif abs(lag) > _LEAST_LATE_S and swing.apart(lag) < explained:
-            late[swing.hit] = lag
+            time_reversed.append(swing.hit)
+        elif abs(lag) > _MIN_DELAY_S and swing.tracking_rms(lag) < explained:
+            delays[swing.hit] = lag
         else:
-            astray[swing.hit] = swing.apart(lag)
-    if backwards:
+            off_track[swing.hit] = swing.tracking_rms(lag)
+    if time_reversed:
         yield QualityWarning(
             "joints_reversed",
-            f"in {len(backwards)} of {len(swings)} hits joints follow their commands only backwards in time",
-            tuple(backwards),
-            "the rows are in the wrong order: what the arm did is told the wrong way round",
+            f"in {len(time_reversed)} of {len(swings)} hits joints follow their commands only backwards in "
+            "time",
+            tuple(time_reversed),
+            "the rows are in the wrong order: the motion is reversed",
         )
-    if late:
+    if delays:
         yield QualityWarning(
             "joints_late",
-            f"in {len(late)} of {len(swings)} hits joints follow their commands "
-            f"{np.median(list(late.values())):.2g} s late (median)",
-            tuple(late),
-            "two clocks, or times that begin at different moments: it looks like a slow arm",
+            f"in {len(delays)} of {len(swings)} hits joints follow their commands "
+            f"{np.median(list(delays.values())):.2g} s late (median)",
+            tuple(delays),
+            "two clocks, or different time zeros: it is mistaken for a slow arm",
         )
-    if astray:
+    if off_track:
         yield QualityWarning(
             "joints_astray",
-            f"in {len(astray)} of {len(swings)} hits joints are not where the commands send them: at "
-            f"best {np.median(list(astray.values())):.2g} rad off (root mean square, median over hits)",
-            tuple(astray),
-            "another hit's rows, joints in another order or unit, or an arm that did not move",
+            f"in {len(off_track)} of {len(swings)} hits joints do not follow their commands: at "
+            f"best {np.median(list(off_track.values())):.2g} rad off (root mean square, median over hits)",
+            tuple(off_track),
+            "rows of another hit, joints in another order or unit, or an arm that did not move",
         )
 
 
@@ -183,17 +188,17 @@ def _swings(commands: pd.DataFrame, joints: pd.DataFrame) -> list[Swing]:
     return [
         Swing(hit, rows, measured[hit])
         for hit, rows in commanded.items()
-        if hit in measured and min(len(rows), len(measured[hit])) >= _FEWEST_ROWS
+        if hit in measured and min(len(rows), len(measured[hit])) >= _MIN_ROWS
     ]
 
 
-def _apart(commanded: Array, measured: Array, late_s: float) -> float:
-    """Of the rows measured while there are commands; infinite where these are too few."""
-    t = measured[:, 0] - late_s
+def _tracking_rms(commanded: Array, measured: Array, delay_s: float) -> float:
+    """Tracking error over the rows measured while there are commands; infinite if there are too few."""
+    t = measured[:, 0] - delay_s
     begin, end = max(t[0], commanded[0, 0]), min(t[-1], commanded[-1, 0])
     during = (t >= begin) & (t <= end)
     shorter = min(np.ptp(t), np.ptp(commanded[:, 0]))
-    if during.sum() < _FEWEST_ROWS or end - begin < _LEAST_OVERLAP * shorter:
+    if during.sum() < _MIN_ROWS or end - begin < _MIN_OVERLAP * shorter:
         return float("inf")
     t = t[during]
     wanted = np.stack([np.interp(t, commanded[:, 0], q) for q in commanded[:, 1:].T], axis=1)

@@ -24,10 +24,10 @@ from slapshot.validation import short
 
 _ROWS_PER_GROUP = 128 * 1024
 _INT64_LIMIT = 2.0**63
-_LONGEST_FILE, _LONGEST_FOOTER = 8_000_000_000, 16_000_000  # bytes
+_MAX_FILE_BYTES, _MAX_FOOTER_BYTES = 8_000_000_000, 16_000_000  # bytes
 # A damaged or hostile file of some kilobytes can unfold to more than any memory holds.
-_MOST_COLUMNS, _MOST_VALUES, _MOST_BYTES = 1000, 100_000_000, 2_000_000_000
-_MOST_JOINTS = 100
+_MAX_COLUMNS, _MAX_VALUES, _MAX_BYTES = 1000, 100_000_000, 2_000_000_000
+_MAX_JOINTS = 100
 _TEXTS = {field.name for field in HITS_SCHEMA if pa.types.is_string(field.type)}
 
 
@@ -37,7 +37,7 @@ def read_parquet(file: Path) -> pa.Table:
     Raises:
         InputError: If the file is no regular file, truncated, damaged, no Parquet at all, or too large.
     """
-    with reading(file, "put a Parquet file there, or remove it", _LONGEST_FILE):
+    with reading(file, "put a Parquet file there, or remove it", _MAX_FILE_BYTES):
         _check_footer(file)
         try:
             with open_table(file) as parquet:
@@ -68,25 +68,25 @@ def _check_footer(file: Path) -> None:
     with file.open("rb") as stream:
         stream.seek(max(0, size - 8))
         footer, magic = int.from_bytes(stream.read(4), "little"), stream.read(4)
-    if magic == b"PAR1" and _LONGEST_FOOTER < footer < size:
+    if magic == b"PAR1" and _MAX_FOOTER_BYTES < footer < size:
         raise InputError(
-            f"{file}: its list of row groups has {footer:,} bytes, and {_LONGEST_FOOTER:,} are allowed: "
+            f"{file}: its list of row groups has {footer:,} bytes, and {_MAX_FOOTER_BYTES:,} are allowed: "
             "write it again with fewer, larger row groups"
         )
 
 
 def _check_extent(metadata: FileMetaData, file: Path) -> None:
     """Refuse what would not fit into memory."""
-    if metadata.num_columns > _MOST_COLUMNS:
+    if metadata.num_columns > _MAX_COLUMNS:
         raise InputError(
-            f"{file}: has {metadata.num_columns:,} columns, and {_MOST_COLUMNS:,} are allowed: remove those "
+            f"{file}: has {metadata.num_columns:,} columns, and {_MAX_COLUMNS:,} are allowed: remove those "
             "that are not in the format"
         )
     groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
     columns = [group.column(i) for group in groups for i in range(metadata.num_columns)]
     for count, most, what in (
-        (sum(column.num_values for column in columns), _MOST_VALUES, "values"),
-        (sum(column.total_uncompressed_size for column in columns), _MOST_BYTES, "bytes when unpacked"),
+        (sum(column.num_values for column in columns), _MAX_VALUES, "values"),
+        (sum(column.total_uncompressed_size for column in columns), _MAX_BYTES, "bytes when unpacked"),
     ):
         if count > most:
             raise InputError(
@@ -139,8 +139,8 @@ def joint_schema_for(names: Sequence[str], file: Path) -> pa.Schema:
     numbers = sorted({int(name[1:]) for name in names if re.fullmatch(r"q(0|[1-9]\d{0,3})", name)})
     if not numbers:
         raise InputError(f"{file}: column 'q0' is missing: add one column a joint, q0, q1, ...")
-    if len(numbers) > _MOST_JOINTS:
-        raise InputError(f"{file}: has {len(numbers)} joints, and {_MOST_JOINTS} are allowed: remove some")
+    if len(numbers) > _MAX_JOINTS:
+        raise InputError(f"{file}: has {len(numbers)} joints, and {_MAX_JOINTS} are allowed: remove some")
     for expected, number in enumerate(numbers):
         if number != expected:
             raise InputError(
@@ -185,7 +185,7 @@ def conform(
 def _check_names_unique(names: Sequence[str], file: Path) -> None:
     for name, count in Counter(names).items():
         if count > 1:
-            raise InputError(f"{file}: column {short(name)} stands there twice: remove one of them")
+            raise InputError(f"{file}: column {short(name)} is duplicated: remove one of them")
 
 
 def _check_column_names(

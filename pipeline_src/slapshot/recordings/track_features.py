@@ -1,11 +1,11 @@
-"""What each hit's track says on its own: launch, friction and noise, before any model is fitted.
+"""Launch, friction and noise of each hit, estimated from its track alone, before any model is fitted.
 
-The slide is taken from its last peak of speed on, so that a second push of the arm is left out, to where
-it has slowed to a tenth. Along its chord s, with the speed v and the deceleration a at its beginning,
+The slide is evaluated from its last speed peak, which excludes a second push of the arm, until the speed has
+fallen to a tenth. Along its chord s, with the speed v and the deceleration a at its beginning,
 
     s(t) = v t - a t^2 / 2,    friction = a / g,    stopping friction = v^2 / (2 g d)
 
-with d the distance to the rest point. Where friction is Coulomb's, both agree.
+with d the distance to the rest point. For Coulomb friction both agree.
 """
 
 from dataclasses import dataclass
@@ -18,27 +18,33 @@ from scipy.signal import find_peaks
 
 from slapshot.arrays import GRAVITY, Array
 from slapshot.recordings.format import Recording
-from slapshot.recordings.motion import Episode, find_episodes, find_slide, half_window, windowed_speed
+from slapshot.recordings.motion_detection import (
+    MotionInterval,
+    find_motion_intervals,
+    find_slide,
+    half_window,
+    windowed_speed,
+)
 
-_FAR_NOISE, _FAR_M = 8.0, 0.005  # beyond both, a frame at rest is no noise but elsewhere
-_SLOW_SHARE = 0.1  # of the launch speed: below, friction at creeping speed is another matter
-_FEWEST_FRAMES = 6
-_FAR_RESIDUAL = 4.0  # times the typical one: such a frame is a mistrack
-_PUSH_S = 0.07  # a push speeds the object up for longer than half of this
+_FAR_NOISE, _FAR_M = 8.0, 0.005  # beyond both, a frame at rest is an outlier
+_SLOW_SHARE = 0.1  # of the launch speed: below it, creep dominates
+_MIN_FRAMES = 6
+_FAR_RESIDUAL = 4.0  # times the typical residual: such a frame is a mistrack
+_PUSH_S = 0.07  # a push accelerates the object for longer than half of this
 _SECOND_PUSH = 0.15  # share of the highest speed by which it rises again
 
 
 @dataclass(frozen=True)
 class HitTrack:
-    """A hit as the camera saw it.
+    """The track of a hit.
 
     Attributes:
         hit: its number.
         t: (n,) s.
         xy: (n, 2) m.
         speed: (n,) m/s, over a window.
-        episodes: all times in which it moves.
-        slide: the one that is the hit, or None.
+        motion_intervals: all intervals in which it moves.
+        slide: the interval that is the hit, or None.
         pushes: frames of the peaks of speed within it, at least one with a slide.
     """
 
@@ -46,21 +52,21 @@ class HitTrack:
     t: Array
     xy: Array
     speed: Array
-    episodes: tuple[Episode, ...]
-    slide: Episode | None
+    motion_intervals: tuple[MotionInterval, ...]
+    slide: MotionInterval | None
     pushes: tuple[int, ...]
 
     @property
     def before(self) -> Array:
         """(k, 2) m, the frames at rest before it first moves."""
-        return self.xy[: self.episodes[0].begin] if self.episodes else self.xy
+        return self.xy[: self.motion_intervals[0].begin] if self.motion_intervals else self.xy
 
     @property
     def after(self) -> Array:
         """(k, 2) m, the frames at rest after the slide."""
         if self.slide is None:
             return self.xy[:0]
-        later = [e.begin for e in self.episodes if e.begin >= self.slide.end]
+        later = [e.begin for e in self.motion_intervals if e.begin >= self.slide.end]
         return self.xy[self.slide.end : min(later, default=len(self.t))]
 
 
@@ -74,22 +80,24 @@ def hit_tracks(recording: Recording) -> list[HitTrack]:
 
 
 def hit_track(hit: int, frames: pd.DataFrame) -> HitTrack:
-    """One hit's track with its motion found; `frames` has columns t, x, y."""
+    """Track of one hit with its motion detected; `frames` has columns t, x, y."""
     t, xy = frames["t"].to_numpy(np.float64), frames[["x", "y"]].to_numpy(np.float64)
-    episodes = tuple(find_episodes(t, xy))
-    slide, speed = find_slide(list(episodes)), windowed_speed(t, xy)
+    motions = tuple(find_motion_intervals(t, xy))
+    slide, speed = find_slide(list(motions)), windowed_speed(t, xy)
     pushes: tuple[int, ...] = ()
     if slide is not None:
         pushes = _find_pushes(t, speed, slide)
-    return HitTrack(hit, t, xy, speed, episodes, slide, pushes)
+    return HitTrack(hit, t, xy, speed, motions, slide, pushes)
 
 
-def _find_pushes(t: Array, speed: Array, slide: Episode) -> tuple[int, ...]:
-    """Frames at which the speed peaks, two wrong frames in a row left out by a running median."""
+def _find_pushes(t: Array, speed: Array, slide: MotionInterval) -> tuple[int, ...]:
+    """Frames at which the speed peaks; a running median rejects up to two consecutive outliers."""
     moving = speed[slide.begin : slide.end]
-    half = min(_PUSH_S / 2 / float(np.median(np.diff(t))), len(moving))  # a clock may err as it likes
+    half = min(
+        _PUSH_S / 2 / float(np.median(np.diff(t))), len(moving)
+    )  # clock errors may be arbitrarily large
     inside = median_filter(moving, size=max(5, 2 * round(half) + 1), mode="nearest")
-    # Padded, for the peak of a track that begins with the launch is its first frame.
+    # Padded, because a track that begins at the launch has its peak in the first frame.
     peaks, _ = find_peaks(np.r_[0.0, inside, 0.0], prominence=_SECOND_PUSH * inside.max())
     return tuple(int(slide.begin + peak - 1) for peak in peaks)
 
@@ -103,8 +111,8 @@ def slide_table(tracks: list[HitTrack]) -> pd.DataFrame:
     Returns:
         One row a hit: hit, launch_speed (m/s), heading (rad), x, y (m, middle of the slide), distance (m, to
         rest), friction and its standard error (1), stopping_friction (1; NaN without rest), late_friction
-        (1; of the slower half), residual (m, standard deviation of the frames about the fit), jitter (s, what
-        the frames' times err by if that explains what noise at rest does not) and rest_noise (m).
+        (1; of the slower half), residual (m, standard deviation of the frames about the fit), jitter (s, the
+        error of frame times that would explain scatter beyond the noise at rest) and rest_noise (m).
     """
     rows = [row for track in tracks if (row := _fit_slide(track)) is not None]
     names = ["hit", "launch_speed", "heading", "x", "y", "distance", "friction", "friction_se"]
@@ -113,11 +121,11 @@ def slide_table(tracks: list[HitTrack]) -> pd.DataFrame:
 
 
 def rest_noise(track: HitTrack) -> float:
-    """Standard deviation in m along each axis of a place at rest, drift and flicker included, jumps not.
+    """Standard deviation in m, for each axis, of the position at rest, with drift and flicker, without jumps.
 
-    The larger one of before and after the hit; NaN where the object is hardly seen at rest.
+    The larger of the values before and after the hit; NaN if too few frames show the object at rest.
     """
-    spreads = [_spread(rest) for rest in (track.before, track.after) if len(rest) >= _FEWEST_FRAMES]
+    spreads = [_spread(rest) for rest in (track.before, track.after) if len(rest) >= _MIN_FRAMES]
     return max(spreads, default=float("nan"))
 
 
@@ -135,10 +143,10 @@ def _fit_slide(track: HitTrack) -> dict[str, float] | None:
     chord = xy[-1] - xy[0]
     ahead = chord / np.linalg.norm(chord)
     s = (xy - xy[0]) @ ahead
-    good = _near_a_cubic(t, s)
+    good = _cubic_inliers(t, s)
     t, s = t[good], s[good]
     late = t > t[-1] / 2
-    if len(t) < _FEWEST_FRAMES or late.sum() < 3:
+    if len(t) < _MIN_FRAMES or late.sum() < 3:
         return None
     (half_a, speed, _), covariance = np.polyfit(t, s, 2, cov=True)
     if speed <= 0:
@@ -166,11 +174,11 @@ def _fit_slide(track: HitTrack) -> dict[str, float] | None:
     }
 
 
-def _near_a_cubic(t: Array, s: Array) -> NDArray[np.bool_]:
-    """(n,) which frames lie near a smooth curve through (n,) places s in m at (n,) times t in s."""
+def _cubic_inliers(t: Array, s: Array) -> NDArray[np.bool_]:
+    """(n,) mask of frames near a cubic fit to (n,) positions s in m at (n,) times t in s."""
     good = np.ones(len(t), dtype=bool)
     for _ in range(3):
-        if good.sum() < _FEWEST_FRAMES:
+        if good.sum() < _MIN_FRAMES:
             break
         off = np.abs(s - np.polyval(np.polyfit(t[good], s[good], 3), t))
         good = off <= _FAR_RESIDUAL * 1.4826 * np.median(off[good]) + 1e-12
@@ -178,7 +186,7 @@ def _near_a_cubic(t: Array, s: Array) -> NDArray[np.bool_]:
 
 
 def _sliding_frames(track: HitTrack) -> NDArray[np.int64] | None:
-    """Frames after the last push and before creeping; None if they are too few."""
+    """Frames after the last push and before creep; None if there are too few."""
     if track.slide is None or not track.pushes:
         return None
     last = track.pushes[-1]
@@ -186,4 +194,4 @@ def _sliding_frames(track: HitTrack) -> NDArray[np.int64] | None:
     frames = np.arange(begin, min(track.slide.end, len(track.t)))
     slow = track.speed[frames] < _SLOW_SHARE * track.speed[last]
     frames = frames[: int(slow.argmax())] if slow.any() else frames
-    return frames if len(frames) >= _FEWEST_FRAMES else None
+    return frames if len(frames) >= _MIN_FRAMES else None

@@ -11,8 +11,7 @@ from slapshot.config.retraining import ArmsSettings
 from slapshot.latent_space import read_latents
 from slapshot.parquet import read_frame
 from slapshot.plotting import STAND_IN, save, use_style
-from slapshot.recordings.read import read_recording
-from slapshot.recordings.sources import recording_folders
+from slapshot.recordings.read import read_recording, recording_folders
 from slapshot.retraining import ARMS
 from slapshot.retraining.compare import Measure, measures_of, noise_floor
 from slapshot.retraining.figures import draw_errors, draw_latents

@@ -9,8 +9,7 @@ from slapshot.command import Run, stage_command
 from slapshot.config.retraining import HeldOutSettings
 from slapshot.diagnosis.pucks.refit import REFIT_FILE
 from slapshot.errors import InputError
-from slapshot.recordings.read import read_recording
-from slapshot.recordings.sources import recording_folders
+from slapshot.recordings.read import read_recording, recording_folders
 from slapshot.recordings.write import write_recording
 
 

@@ -10,21 +10,21 @@ from slapshot.config.results import ViewerSettings
 from slapshot.errors import InputError
 from slapshot.parquet import read_frame, write_table
 from slapshot.progress import progress
-from slapshot.recordings.sources import recording_folders
+from slapshot.recordings.read import recording_folders
 from slapshot.scenes.scene import Scene
-from slapshot.viewer.bodies import Arm
+from slapshot.viewer.bodies import APPLICATION, Arm
 from slapshot.viewer.gallery import save_cards
-from slapshot.viewer.hits import choose, read_hits
-from slapshot.viewer.layout import Stage, hit_layout, scene_view
-from slapshot.viewer.names import (
-    APPLICATION,
+from slapshot.viewer.hit_recording import (
     CARDS_FILE,
     HITS_FOLDER,
     INDEX_FILE,
     INDEX_TABLE,
     LAYOUT_FILE,
+    write_hit,
+    write_scene,
 )
-from slapshot.viewer.write import write_hit, write_scene
+from slapshot.viewer.hits import read_hits, select_hits
+from slapshot.viewer.layout import ViewTarget, hit_layout, scene_view
 
 log = logging.getLogger("slapshot")
 
@@ -38,20 +38,21 @@ def produce(run: Run) -> None:
     settings = run.settings(ViewerSettings)
     counts = {"simulated": settings.simulated, "recorded": settings.recorded}
     predictions = read_frame(run.inputs["predictions"] / "predictions.parquet")
-    chosen = choose(predictions, counts)
-    if chosen.empty:
+    selected = select_hits(predictions, counts)
+    if selected.empty:
         raise InputError("viewer: no hit to show; let `simulated` and `recorded` not both be 0")
     scene = Scene.load(run.inputs["scene"])
-    stage, arm = Stage.of(scene), Arm(scene)
+    view_target, arm = ViewTarget.of(scene), Arm(scene)
     (run.out / HITS_FOLDER).mkdir()
     recordings = recording_folders(settings.recordings, run.inputs)
-    hits = read_hits(run.inputs, recordings, scene.info, chosen, predictions, settings.domain)
+    hits = read_hits(run.inputs, recordings, scene.info, selected, predictions, settings.domain)
     rows = [
-        write_hit(run.out, hit, arm, scene.info) for hit in progress(hits, len(chosen), "recordings of hits")
+        write_hit(run.out, hit, arm, scene.info)
+        for hit in progress(hits, len(selected), "recordings of hits")
     ]
     write_scene(run.out, scene)
-    hit_layout(stage).save(APPLICATION, run.out / LAYOUT_FILE)
-    save_cards(run.out / CARDS_FILE, APPLICATION, scene_view(stage, distance=0.8))
+    hit_layout(view_target).save(APPLICATION, run.out / LAYOUT_FILE)
+    save_cards(run.out / CARDS_FILE, APPLICATION, scene_view(view_target, distance=0.8))
     index = {"application": APPLICATION, "domain": settings.domain, "hits": rows}
     (run.out / INDEX_FILE).write_text(json.dumps(index, indent=1) + "\n")
     write_table(pd.DataFrame(rows), run.out / INDEX_TABLE)

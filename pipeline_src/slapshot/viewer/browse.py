@@ -14,7 +14,7 @@ from slapshot.errors import InputError
 from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe
 from slapshot.viewer.gallery import HOST, serve
-from slapshot.viewer.names import HITS_FOLDER, LAYOUT_FILE, SCENE_FILE, read_index
+from slapshot.viewer.hit_recording import HITS_FOLDER, LAYOUT_FILE, SCENE_FILE, read_index
 
 
 def browse(recipes: Iterable[Recipe], make: str, store: Store, hit: str | None, port: int) -> int:

@@ -12,7 +12,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from slapshot.errors import InputError
-from slapshot.viewer.names import CARDS_FILE, LAYOUT_FILE, SCENE_FILE, TIME, read_index
+from slapshot.viewer.bodies import TIME
+from slapshot.viewer.hit_recording import CARDS_FILE, LAYOUT_FILE, SCENE_FILE, read_index
 
 HOST = "127.0.0.1"  # Rerun's default is every interface
 _LINK = "recording link"  # the viewer's own column of a dataset's table

@@ -1,4 +1,4 @@
-"""The hits that are shown, gathered from the versions that know something about them."""
+"""Hits to show: an even selection over groups, collected from the versions that describe them."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.parquet import read_table
@@ -16,11 +17,47 @@ from slapshot.recordings.read import read_recording
 from slapshot.rollouts.reading import iterate_tracks
 from slapshot.scenes.scene import SceneInfo
 from slapshot.trajectories.swings import Swings
-from slapshot.viewer.choice import choose_evenly
+
+
+def choose_evenly(table: pd.DataFrame, groups: list[str], count: int) -> pd.DataFrame:
+    """At most `count` rows of `table`, evenly over its groups and evenly spaced within each.
+
+    Args:
+        table: rows in a meaningful order, for example that of execution.
+        groups: columns that identify the groups.
+        count: number of rows wanted.
+    """
+    members = [index.to_numpy() for _, index in table.index.to_series().groupby([table[g] for g in groups])]
+    quotas = even_quotas(np.array([len(m) for m in members], dtype=np.int64), count)
+    selected = [m[_spread(len(m), int(quota))] for m, quota in zip(members, quotas, strict=True) if quota]
+    return table.loc[np.concatenate(selected)] if selected else table.iloc[:0]
+
+
+def even_quotas(sizes: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """(groups,) how many to take of each group of `sizes`, as equal as possible, `count` in all."""
+    quotas = np.zeros_like(sizes)
+    left = min(count, int(sizes.sum()))
+    while left:
+        with_more = np.flatnonzero(quotas < sizes)
+        each = left // len(with_more)
+        if each:
+            step = np.minimum(each, sizes[with_more] - quotas[with_more])
+        else:  # fewer than groups: a group here and there, not the first ones
+            with_more = with_more[_spread(len(with_more), left)]
+            step = np.ones_like(with_more)
+        quotas[with_more] += step
+        left -= int(step.sum())
+    return quotas
+
+
+def _spread(size: int, count: int) -> NDArray[np.int64]:
+    """(count,) indices below `size`, evenly spaced, none twice."""
+    return np.floor((np.arange(count) + 0.5) * size / count).astype(np.int64)
+
 
 GROUPS = {"simulated": ["condition"], "recorded": ["recording", "rig", "object"]}
 _KEY = ["source", "condition", "name", "recording", "rig", "object", "hit"]
-# The words of the figures, so that nobody takes such a hit for one of a robot.
+# As in the figures, so that such a hit is not taken for one of a real robot.
 STAND_IN = "stand-in rig (simulated), not a real robot"
 # A gap between camera frames is one that lasts longer than this many of its periods.
 _GAP = 1.5
@@ -28,17 +65,17 @@ _GAP = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Hit:
-    """One hit and what was predicted of it; lengths in m, times in s from its start, angles in rad.
+    """One hit and its predictions; lengths in m, times in s from its start, angles in rad.
 
     Attributes:
         id: unique among all hits, the same in every run.
         title: what it is, in a few words.
         note: where it comes from.
-        facts: source, group in words, condition, name, rig, object, hit: what tells it apart.
+        facts: source, group as text, condition, name, rig, object, hit: its identity.
         joint_times: (k,).
-        joints: (k, joints) of the arm; k is 0 if nobody recorded them.
+        joints: (k, joints) of the arm; k is 0 if not recorded.
         track: (n, 4) t, x, y, yaw of the object; yaw is NaN where not measured.
-        longest_step: s; a longer one between rows of the track is a gap.
+        max_gap_s: s; a longer step between rows of the track is a gap.
         beliefs: rows of the table of predictions, by number of samples seen; the first is the prior.
     """
 
@@ -49,7 +86,7 @@ class Hit:
     joint_times: Array
     joints: Array
     track: Array
-    longest_step: float
+    max_gap_s: float
     beliefs: pd.DataFrame
 
     @property
@@ -63,7 +100,7 @@ class Hit:
         return np.linalg.norm(self.beliefs[["x_m", "y_m"]].to_numpy(float) - self.truth, axis=1)
 
 
-def choose(predictions: pd.DataFrame, counts: Mapping[str, int]) -> pd.DataFrame:
+def select_hits(predictions: pd.DataFrame, counts: Mapping[str, int]) -> pd.DataFrame:
     """(hits, _KEY) to show: `counts` of each source at most, evenly over its groups."""
     hits = predictions[_KEY].drop_duplicates().sort_values(_KEY, ignore_index=True)
     return pd.concat(
@@ -78,25 +115,25 @@ def read_hits(
     inputs: Mapping[str, Path],
     recordings: Mapping[tuple[str, int], Path],
     info: SceneInfo,
-    chosen: pd.DataFrame,
+    selected: pd.DataFrame,
     predictions: pd.DataFrame,
     domain: str,
 ) -> Iterator[Hit]:
-    """What is known of the chosen hits.
+    """Collect the data of the selected hits.
 
     Args:
         inputs: folders by role: rollouts and swings.
         recordings: folders by recording and rig.
         info: of the scene.
-        chosen: from `choose`.
+        selected: from `select_hits`.
         predictions: of all hits.
         domain: begins the hits' ids, which no two recordings of a gallery may share.
     """
     beliefs = dict(iter(predictions.sort_values("samples").groupby(_KEY)))
-    simulated = chosen[chosen["source"] == "simulated"]
+    simulated = selected[selected["source"] == "simulated"]
     if len(simulated):
         yield from _simulated(inputs, info, simulated, beliefs, domain)
-    recorded = chosen[chosen["source"] == "recorded"]
+    recorded = selected[selected["source"] == "recorded"]
     for key, folder in recordings.items():
         rows = recorded[(recorded["recording"] == key[0]) & (recorded["rig"] == key[1])]
         if len(rows):
@@ -129,7 +166,7 @@ def _simulated(
             joint_times=swings.pose_times(info.control_period),
             joints=swings.poses[swing],
             track=track,
-            longest_step=np.inf,
+            max_gap_s=np.inf,
             beliefs=beliefs[tuple(row[k] for k in _KEY)],
         )
 
@@ -161,7 +198,7 @@ def _recorded(
             joint_times=np.empty(0) if motion is None else motion["t"].to_numpy(float),
             joints=joints,
             track=tracks.get(row["hit"], nothing)[["t", "x", "y", "yaw"]].to_numpy(float),
-            longest_step=_GAP / recording.camera_rate_hz,
+            max_gap_s=_GAP / recording.camera_rate_hz,
             beliefs=beliefs[tuple(row[k] for k in _KEY)],
         )
 

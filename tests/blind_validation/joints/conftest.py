@@ -75,10 +75,10 @@ def concealed(kind, joint="joint2", body=None, catalogued=True):
 
 @pytest.fixture
 def scored(tmp_path):
-    def run(condition, truths, said, case="j0001", rig="pendulum"):
+    def run(condition, truths, answer, case="j0001", rig="pendulum"):
         (tmp_path / "sealed").mkdir(exist_ok=True)
         truth = {"rig": rig, "size": 3.0, "concealed": truths}
         (tmp_path / "sealed" / "truth.json").write_text(json.dumps(truth))
-        return score(case, condition, tmp_path, said)
+        return score(case, condition, tmp_path, answer)
 
     return run

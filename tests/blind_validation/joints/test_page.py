@@ -2,8 +2,7 @@
 
 import pandas as pd
 import pytest
-from slapshot.blind_validation.joints.measures import measures_of
-from slapshot.blind_validation.joints.page import AIMS, is_wrong, standing, write_page
+from slapshot.blind_validation.joints.page import AIMS, aim_outcome, is_wrong, measures_of, write_page
 from slapshot.blind_validation.joints.score import COLUMNS
 
 from .conftest import concealed, effect, verdict
@@ -26,7 +25,7 @@ def row(value, low, high, measure="named_first", n=20):
 
 
 @pytest.mark.parametrize(
-    ("measured", "aim", "said"),
+    ("measured", "aim", "answer"),
     [
         (row(0.95, 0.91, 0.98), (0.9, None), "reached"),
         (row(0.95, 0.85, 0.98), (0.9, None), "undecided"),
@@ -41,8 +40,8 @@ def row(value, low, high, measure="named_first", n=20):
         (row(12.0, 11.0, 13.0, "cpu_s", 5), (None, 30), "undecided"),
     ],
 )
-def test_an_aim_is_reached_or_missed_where_the_whole_interval_says_so(measured, aim, said):
-    assert standing(measured, *aim) == said
+def test_an_aim_is_reached_or_missed_where_the_whole_interval_says_so(measured, aim, answer):
+    assert aim_outcome(measured, *aim) == answer
 
 
 def test_the_page_tells_aims_and_that_the_lab_is_a_stand_in(scored, page):

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from slapshot.blind_validation.joints.measures import measures_of
+from slapshot.blind_validation.joints.page import measures_of
 from slapshot.blind_validation.joints.score import ANSWERS, COLUMNS
 
 from .conftest import REFITTED, concealed, effect, verdict
@@ -80,18 +80,18 @@ def test_an_alias_counts_on_its_rig_and_at_its_part_alone(scored):
         "named_first"
     ]
     rotor = [concealed("armature", "joint1")]
-    told = {
+    reported = {
         part: scored("single", rotor, verdict(effect("link_mass", part)), rig="arm")["named_first"]
         for part in ("turret", "upper")
     }
-    assert told == {"turret": True, "upper": False}
+    assert reported == {"turret": True, "upper": False}
     # Another effect without a part does not sit where the offset does.
     assert not scored("single", offset, verdict(effect("encoder_delay", "")))["joint_right"]
 
 
 def test_a_rival_may_be_the_alias(scored):
-    said = verdict(effect("spring", "joint1", "gravity_tilt"))
-    assert scored("single", [concealed("joint_offset", "joint1")], said)["in_class"]
+    answer = verdict(effect("spring", "joint1", "gravity_tilt"))
+    assert scored("single", [concealed("joint_offset", "joint1")], answer)["in_class"]
 
 
 def test_effects_of_the_whole_rig_have_no_part(scored):
@@ -122,8 +122,8 @@ def test_both_of_a_pair_must_be_named(scored, effects, both):
 def test_one_name_does_not_stand_for_two_kinds(scored):
     both = [concealed("joint_offset", "joint1"), concealed("gravity_tilt", None)]
     assert not scored("pair", both, verdict(effect("gravity_tilt", "")))["both_named"]
-    said = verdict(effect("gravity_tilt", ""), effect("joint_offset", "joint1"))
-    assert scored("pair", both, said)["both_named"]
+    answer = verdict(effect("gravity_tilt", ""), effect("joint_offset", "joint1"))
+    assert scored("pair", both, answer)["both_named"]
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_a_name_for_nothing_is_a_false_alarm(scored):
 
 
 @pytest.mark.parametrize(
-    ("said", "flagged"),
+    ("answer", "flagged"),
     [
         (verdict(headline="found_not_named", unknown=True), True),
         (verdict(effect("spring"), unknown=True), True),
@@ -156,13 +156,13 @@ def test_a_name_for_nothing_is_a_false_alarm(scored):
         (verdict(headline="cannot_tell"), False),
     ],
 )
-def test_what_is_in_no_catalogue_is_to_be_called_unknown(scored, said, flagged):
+def test_what_is_in_no_catalogue_is_to_be_called_unknown(scored, answer, flagged):
     magnet = [concealed("magnet", body="lower", catalogued=False)]
-    row = scored("uncatalogued", magnet, said)
+    row = scored("uncatalogued", magnet, answer)
     assert row["unknown_flagged"] is flagged
     assert "named_first" not in row
     assert "false_unknown" not in row
-    assert scored("single", SPRING, said)["false_unknown"] is flagged
+    assert scored("single", SPRING, answer)["false_unknown"] is flagged
 
 
 def test_what_cannot_be_told_is_a_miss(scored):

@@ -33,7 +33,7 @@ from slapshot.diagnosis.pucks.search import Candidate, Screen
 from slapshot.diagnosis.pucks.verdict import Location
 from slapshot.diagnosis.pucks.verdict_file import VERDICT_FILE
 from slapshot.plotting import STAND_IN
-from slapshot.viewer.names import TIME
+from slapshot.viewer.bodies import TIME
 from waiting import HANG_S
 
 from .conftest import SLOPE

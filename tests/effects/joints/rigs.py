@@ -10,10 +10,10 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.rig import Rig, bind
+from slapshot.diagnosis.rig_motion import rig_motion
 from slapshot.diagnosis.segments import Segments
-from slapshot.diagnosis.situation import situation
 from slapshot.effects.joints.catalogue import instances
-from slapshot.effects.joints.effect import JointEffect, Observed, Situation, overrides
+from slapshot.effects.joints.effect import JointEffect, Observed, RigMotion, overrides
 from slapshot.recordings.channels import Channel
 
 _OPTIONS = '<option><flag contact="disable"/></option>'
@@ -84,14 +84,14 @@ class RigSimulator:
         return self.moved()
 
     @cached_property
-    def situation(self) -> Situation:
+    def rig_motion(self) -> RigMotion:
         """Of the nominal motion."""
-        return situation(self.rig, self.segments, self.nominal.x)
+        return rig_motion(self.rig, self.segments, self.nominal.x)
 
     @cached_property
     def effects(self) -> list[JointEffect]:
         """All instances."""
-        return instances(self.situation)
+        return instances(self.rig_motion)
 
     def effect(self, name: str, part: str = "", variant: str = "") -> JointEffect:
         """The first instance of an effect at a part, in a variant whose name holds a text."""
@@ -105,15 +105,15 @@ class RigSimulator:
         theta, s = np.array(values, float), self.segments
         model, control = hypothesis.compiled(theta, s.step), hypothesis.control(s, theta)
         simulator, state = Simulator(self.rig), np.tile(self.start, (self.episodes, 1))
-        path, seen, load = [], [], []
+        trajectory, seen, load = [], [], []
         for node in range(s.shape[1]):
-            path.append(state)
+            trajectory.append(state)
             state, y, torque = simulator.advance(
                 hypothesis, theta, model, state, control[:, node], s.time[:, node], s.order
             )
             seen.append(y)
             load.append(torque)
-        x, y = np.stack(path, axis=1), np.stack(seen, axis=1)
+        x, y = np.stack(trajectory, axis=1), np.stack(seen, axis=1)
         rate = np.gradient(y, s.interval, axis=1, edge_order=2)
         bend = np.gradient(rate, s.interval, axis=1, edge_order=2)
         flat = [a.reshape(-1, y.shape[2]) for a in (y, rate, bend)]

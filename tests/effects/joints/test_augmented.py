@@ -143,13 +143,13 @@ def test_force_laws_step_by_step_make_the_motion_of_the_engine(any_bench):
         x = any_bench.start
         data.qpos[:], data.qvel[:] = x[: model.nq], x[model.nq : model.nq + model.nv]
         data.act[:] = x[model.nq + model.nv :]
-        path, count = [], any_bench.segments.shape[1]
+        trajectory, count = [], any_bench.segments.shape[1]
         for told in any_bench.segments.controls[0]:
-            path.append(np.concatenate([data.qpos, data.qvel, data.act]))
+            trajectory.append(np.concatenate([data.qpos, data.qvel, data.act]))
             data.ctrl[:] = told
             data.qfrc_applied[:] = law(model, data)
             mujoco.mj_step(model, data)
-        got = np.array(path)[:: any_bench.segments.substeps][:count]
+        got = np.array(trajectory)[:: any_bench.segments.substeps][:count]
         # Dry friction is solved to a tolerance.
         assert got == pytest.approx(motion.x[0], abs=1e-5), effect.key
 
@@ -175,7 +175,7 @@ def test_the_files_hold_the_model_and_say_the_rest(tmp_path):
     assert [model.actuator(i).name for i in range(model.nu)] == ["belt", "winch", "mast"]
     assert_same(model, compiled(of, effects, theta))
     text = (tmp_path / "new" / "folder" / "NOTES.md").read_text()
-    middle = of.situation.joints[1].middle
+    middle = of.rig_motion.joints[1].middle
     assert text == (
         "# rig with what was found\n\nValues in model.xml:\n\n"
         "- viscous friction at rail: coefficient 2.5 N s/m\n"
@@ -231,5 +231,5 @@ def test_a_change_that_a_model_cannot_hold_is_said_in_one_line():
 
     effect = copy.copy(of.effect("armature"))
     effect.__class__ = Lopsided
-    with pytest.raises(InputError, match="cannot hold"):
+    with pytest.raises(InputError, match="cannot represent"):
         augmented_model(of.rig, [effect], np.array([0.1]))

@@ -35,13 +35,13 @@ def test_every_effect_sits_somewhere_and_keys_are_unique(any_bench):
     assert max(keys.values()) == 1, keys.most_common(3)
     names = {effect.name for effect in any_bench.effects}
     flies = {"linear_drag", "quadratic_drag", "spin_lift", "wind"}
-    if any_bench.situation.free_bodies:
+    if any_bench.rig_motion.free_bodies:
         assert names >= flies | {"gravity_tilt", "link_mass"}
     else:
         # A load on what only slides makes it heavier, and that is its mass.
         unlike = flies | FOUND_IN_DATA | ({"payload"} if 2 in any_bench.rig.model.body_simple else set())
         assert names == {name for name in joint_effects() if name not in unlike}
-    assert [e.key for e in instances(any_bench.situation)] == list(keys)
+    assert [e.key for e in instances(any_bench.rig_motion)] == list(keys)
 
 
 def test_they_describe_themselves(any_bench):
@@ -62,7 +62,7 @@ def test_they_describe_themselves(any_bench):
 
 
 def test_a_push_says_when_and_how_much():
-    joint = arm().situation.joints[0]
+    joint = arm().rig_motion.joints[0]
     pulses = [Pulse(3, 0.5, 0.25, 0.5), Pulse(4, 0.0, 1.0, 1.125)]
     assert ExternalPulse(joint, pulses).note(np.array([1.5, -2.0])) == (
         "Apply as qfrc_applied at joint shoulder: 1.5 from 0.25 to 0.5 s of episode 3; -2 from 1 to 1.125 s "
@@ -81,10 +81,10 @@ def test_parameters_hold_together(any_bench):
             # A look is taken where the effect is possible, and not far from where its size is likely.
             assert p.low <= p.start + p.probe <= p.high, (effect.key, p)
             assert 0 <= p.probe <= p.scale, (effect.key, p)
-        looks = effect.initial_values
+        perturbations = effect.probe_values
         # What has a state of its own, or is found by a search, has no column.
-        assert looks or effect.hidden_state, effect.key
-        for values in looks:
+        assert perturbations or effect.hidden_state, effect.key
+        for values in perturbations:
             changed = [i for i, p in enumerate(effect.parameters) if values[i] != p.start]
             assert len(changed) == 1, (effect.key, values)
             assert all(p.low <= v <= p.high for p, v in zip(effect.parameters, values, strict=True))

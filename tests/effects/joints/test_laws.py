@@ -16,7 +16,7 @@ from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.effects.joints.command_delay import CommandDelay
 from slapshot.effects.joints.effect import Parameter, State
-from slapshot.effects.joints.saturation import KNEES, Saturation
+from slapshot.effects.joints.saturation import SHARPNESS, Saturation
 
 from .rigs import Array, Commands, RigSimulator, bench, reads, tells
 
@@ -179,7 +179,7 @@ def test_friction_falls_with_speed_as_stribeck_says(way):
     def slowing(t, v):
         return -(dry + excess * np.exp(-((v / speed) ** 2)) * np.tanh(v / width)) / INERTIA
 
-    width = free.situation.joints[0].step_speed
+    width = free.rig_motion.joints[0].step_speed
     motion = free.moved(effect, dry, excess, speed)
     fast = motion.t[way * motion.v() > 3 * width]
     known = solve_ivp(slowing, (0, fast[-1]), [1.5], t_eval=fast, rtol=1e-9, atol=1e-9).y[0]
@@ -293,7 +293,7 @@ def test_mass_and_inertia_scale_as_one(excess):
 def test_a_spring_swings_a_joint_about_its_equilibrium(stiffness, torque):
     free = rotor((0.3, 0))
     effect = free.effect("spring")
-    assert free.situation.joints[0].middle == pytest.approx(0.3)
+    assert free.rig_motion.joints[0].middle == pytest.approx(0.3)
     motion = free.moved(effect, stiffness, torque)
     if stiffness:
         rest = 0.3 + torque / stiffness
@@ -307,7 +307,7 @@ def test_a_spring_swings_a_joint_about_its_equilibrium(stiffness, torque):
 @both_ways
 def test_ripple_gives_back_after_a_period_what_it_took(way):
     free = rotor((0.0, way * 3.0))
-    middle, order, sine, cosine = free.situation.joints[0].middle, 9.0, 0.3, 0.2
+    middle, order, sine, cosine = free.rig_motion.joints[0].middle, 9.0, 0.3, 0.2
     motion = free.moved(free.effect("torque_ripple"), sine, cosine, order)
     angle, first = order * (motion.q() - middle), order * (0.0 - middle)
     work = (sine * (np.cos(first) - np.cos(angle)) + cosine * (np.sin(angle) - np.sin(first))) / order
@@ -406,15 +406,15 @@ def test_knees_of_a_limit():
     )
     limit = Saturation("m", 0, 2.0, Parameter("cut", "1", 0.4, low=0.0, high=0.98, probe=0.2))
     force = np.array([0.01, -0.6, 0.99, 1.0, -1.5, 40.0])
-    dof, found = limit.knees(model, force[:, None], np.array([0.5]))
+    dof, found = limit.soft_limit(model, force[:, None], np.array([0.5]))
     assert dof == 0
-    for sharpness, column in zip(KNEES, found.T, strict=True):
+    for sharpness, column in zip(SHARPNESS, found.T, strict=True):
         soft = force / (1 + np.abs(force) ** sharpness) ** (1 / sharpness)
         assert column == pytest.approx(3 * (soft - np.clip(force, -1, 1)), abs=1e-12)
     assert np.abs(found[0]).max() < 1e-12
     assert np.abs(found[3]).min() > 0.05
     # Where nothing is cut off, nothing gives in.
-    assert np.all(limit.knees(model, force[:, None], np.array([0.0]))[1] == 0)
+    assert np.all(limit.soft_limit(model, force[:, None], np.array([0.0]))[1] == 0)
 
 
 @answers("saturation")
@@ -425,7 +425,7 @@ def test_torque_is_clipped_before_the_gear(way):
     pushed = rotor(
         actuator=f'<motor name="a" joint="j" {limits}/>', commands=lambda t: [np.where(t < 0.4, 4, way * 4)]
     )
-    assert pushed.situation.joints[0].largest == pytest.approx((4.0,))
+    assert pushed.rig_motion.joints[0].largest == pytest.approx((4.0,))
     motion = pushed.moved(pushed.effect("saturation"), 1 - 2.5 / 4)
     at = np.interp([0.4, 0.498], motion.t, motion.v())
     assert at[0] == pytest.approx(2.5 * 5 / INERTIA * 0.4, rel=1e-9)

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from slapshot.lab.joints.effect_size_calibration import Rehearsal
-from slapshot.lab.joints.excitation import draw_excitation
+from slapshot.lab.joints.effect_size_calibration import EffectSizeCalibration
+from slapshot.lab.joints.rig import draw_excitation
 from slapshot.lab.joints.rigs import rig_named
 
 EPISODES, SECONDS = 3, 0.6
@@ -15,11 +15,11 @@ def short(name):
 
 
 @pytest.fixture(scope="session")
-def rehearsals():
+def size_calibrations():
     """Rig -> rehearsal of a short session."""
     found = {}
     for name in ("pendulum", "arm", "fetchslide_arm"):
         rig = short(name)
         excitation = draw_excitation(rig, EPISODES, SECONDS, np.random.default_rng(7))
-        found[name] = Rehearsal(rig, excitation)
+        found[name] = EffectSizeCalibration(rig, excitation)
     return found

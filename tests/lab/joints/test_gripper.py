@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.domains.fetchslide.reference import make_environment
-from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.noise import NOISE_SD, read_clean
+from slapshot.lab.joints.rig import draw_excitation
 from slapshot.lab.joints.rig_simulator import RigSimulator
 from slapshot.lab.joints.rigs import rig_named
 
@@ -27,9 +27,11 @@ def test_the_lab_steps_as_the_environment_does(session):
     settling = round(rig.settle / rig.clock.period)
     for episode in range(2):
         environment.reset(seed=0)
-        asked = [excitation.centre[episode]] * round(0.6 * settling) + [np.zeros(3)] * round(0.4 * settling)
+        requested = [excitation.centre[episode]] * round(0.6 * settling) + [np.zeros(3)] * round(
+            0.4 * settling
+        )
         found = []
-        for command in [*asked, *excitation.wave[episode]]:
+        for command in [*requested, *excitation.wave[episode]]:
             environment.step(np.append(command, 0.0))
             found.append(environment.data.qpos[columns])
         every = round(rig.clock.period / rig.clock.kept)
@@ -43,11 +45,11 @@ def test_the_nominal_model_follows_what_was_told(session):
     joints = [model.joint(name).qposadr[0] for name in rig.joints]
     every = round(rig.clock.sample / model.opt.timestep)
     clean = read_clean(rig, motion, ())
-    for episode, told in enumerate(motion.told):
+    for episode, commands in enumerate(motion.commands):
         data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:] = motion.start[episode]
         found = []
-        for pose in told:
+        for pose in commands:
             data.mocap_pos[0], data.mocap_quat[0] = pose[:3], pose[3:]
             for _ in range(round(rig.clock.period / rig.clock.sample)):
                 mujoco.mj_kinematics(model, data)

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import ellipk
-from slapshot.lab.joints.excitation import Excitation
-from slapshot.lab.joints.hidden_effect import Concealed, Now
+from slapshot.lab.joints.hidden_effect import Concealed, StepState
 from slapshot.lab.joints.hidden_effects.drive import _Delay, _Limit
 from slapshot.lab.joints.hidden_effects.friction import Bristles
 from slapshot.lab.joints.hidden_effects.surroundings import _Magnet
 from slapshot.lab.joints.noise import read_clean
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
-from slapshot.lab.joints.rig import CLOCK, Rig
+from slapshot.lab.joints.rig import CLOCK, Excitation, Rig
 from slapshot.lab.joints.rig_simulator import RigSimulator
 
 PERIOD = CLOCK.period
@@ -182,14 +181,14 @@ def test_commands_and_readings_come_late_by_their_delays():
     rig, excitation = single(gravity=False, servo=True)
     excitation = replace(excitation, wave=0.4 * np.sin(3 * times)[None, :, None])
     null = RigSimulator(rig).execute(excitation)
-    late = RigSimulator(rig, [conceal("command_delay", 0.013, stream=4)]).execute(excitation)
+    sample_delay = RigSimulator(rig, [conceal("command_delay", 0.013, stream=4)]).execute(excitation)
     after = null.times > 1
     for delay in (0.013,):
         expected = np.interp(null.times[after] - delay, null.times, null.positions[0, :, 0])
-        off = late.positions[0, after, 0] - expected
+        off = sample_delay.positions[0, after, 0] - expected
         # Single commands are late by 10 % more or less, 1.3 ms at 1.2 rad/s, of which the servo takes a mean.
         assert np.sqrt((off**2).mean()) < 4e-4
-    assert np.sqrt(((late.positions - null.positions)[0, after] ** 2).mean()) > 5e-3
+    assert np.sqrt(((sample_delay.positions - null.positions)[0, after] ** 2).mean()) > 5e-3
     delayed = read_clean(rig, null, [conceal("encoder_delay", 0.013, wander_share=0, wander_hz=1)])
     assert delayed[0, 10:, 0] == pytest.approx(
         np.interp(times[10:] - 0.013, null.times, null.positions[0, :, 0])
@@ -200,7 +199,7 @@ class _Plant:
     def __init__(self):
         self.rig, _ = single()
         self.timestep = 2.5e-4
-        self.place = np.zeros(1)
+        self.session = np.zeros(1)
 
 
 def test_a_command_that_arrives_within_a_step_acts_for_a_part_of_it():
@@ -208,9 +207,9 @@ def test_a_command_that_arrives_within_a_step_acts_for_a_part_of_it():
     law._rng = type("Still", (), {"normal": lambda self, size: np.zeros(size)})()
     acted = []
     for step in range(60):
-        told = np.array([[float(step // 20)]])
-        law.command(told, Now((step + 0.5) * 2.5e-4, None, None, None, None))
-        acted.append(told[0, 0])
+        commands = np.array([[float(step // 20)]])
+        law.command(commands, StepState((step + 0.5) * 2.5e-4, None, None, None, None))
+        acted.append(commands[0, 0])
     # The step to 1 is told at 5 ms and arrives at 11.1 ms: in step 44, which is from 11 to 11.25 ms.
     assert acted[43] == 0.0
     assert acted[44] == pytest.approx(0.6)

@@ -9,17 +9,16 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.lab.joints.clutter import LAW_ERROR, LawError
-from slapshot.lab.joints.excitation import draw_excitation
 from slapshot.lab.joints.noise import (
     CORRELATION,
     NOISE_SD,
     OUTLIER_SIZE,
-    Condition,
+    MeasurementCondition,
     draw_sensor_noise,
     quantise,
     read_clean,
 )
-from slapshot.lab.joints.rig import CLOCK
+from slapshot.lab.joints.rig import CLOCK, draw_excitation
 from slapshot.lab.joints.rig_simulator import RigSimulator
 
 from .conftest import short
@@ -33,8 +32,8 @@ def replayed(rig, motion, timestep=None, integrator=None):
     model.opt.timestep = timestep or model.opt.timestep
     model.opt.integrator = model.opt.integrator if integrator is None else integrator
     steps = round(PERIOD / model.opt.timestep)
-    angles = np.empty_like(motion.told)
-    for episode, told in enumerate(motion.told):
+    angles = np.empty_like(motion.commands)
+    for episode, told in enumerate(motion.commands):
         data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:] = motion.start[episode]
         for sample, command in enumerate(told):
@@ -56,22 +55,23 @@ def test_nominal_model_and_lab_integrate_alike(name):
     assert np.sqrt(((rough - clean) ** 2).mean((0, 1))).max() > 0.3 * NOISE_SD
 
 
-def test_errors_of_laws_are_of_shape_and_smooth(rehearsals):
-    setting = rehearsals["arm"].setting
-    error = LawError(setting, np.random.default_rng(0))
-    for own, law in ((error.actuators, setting.forces), (error.dampings, setting.speeds)):
-        factor = own(setting.speeds, setting.forces)
+def test_errors_of_laws_are_of_shape_and_smooth(size_calibrations):
+    nominal = size_calibrations["arm"].nominal
+    error = LawError(nominal, np.random.default_rng(0))
+    for own, law in ((error.actuators, nominal.forces), (error.dampings, nominal.speeds)):
+        factor = own(nominal.speeds, nominal.forces)
         assert np.sqrt((factor**2).mean((0, 1))) == pytest.approx([LAW_ERROR] * 3, rel=1e-9)
         # The best gain for the law that is off is 1.
         assert ((1 + factor) * law * law).sum((0, 1)) == pytest.approx((law * law).sum((0, 1)), rel=1e-9)
-        nearby = own(setting.speeds + 0.01 * setting.speeds.std(), setting.forces)
+        nearby = own(nominal.speeds + 0.01 * nominal.speeds.std(), nominal.forces)
         assert np.abs(nearby - factor).max() < 0.3 * LAW_ERROR
 
 
 @pytest.mark.parametrize("colour", CORRELATION)
 def test_noise_has_its_size_and_colour(colour):
     added = (
-        draw_sensor_noise(Condition(colour), (40, 600, 2), PERIOD, np.random.default_rng(5)).added / NOISE_SD
+        draw_sensor_noise(MeasurementCondition(colour), (40, 600, 2), PERIOD, np.random.default_rng(5)).added
+        / NOISE_SD
     )
     keeps = np.exp(-PERIOD / CORRELATION[colour]) if CORRELATION[colour] else 0.0
     free = added.size * (1 - keeps**2) / (1 + keeps**2)  # independent squares among correlated ones
@@ -81,21 +81,21 @@ def test_noise_has_its_size_and_colour(colour):
 
 
 def test_clutter_has_outliers_jitter_growth_and_drift():
-    plain = draw_sensor_noise(Condition("white"), (40, 600, 2), PERIOD, np.random.default_rng(5))
-    chance = draw_sensor_noise(
-        Condition("white", cluttered=True), (40, 600, 2), PERIOD, np.random.default_rng(5)
+    plain = draw_sensor_noise(MeasurementCondition("white"), (40, 600, 2), PERIOD, np.random.default_rng(5))
+    sensor_noise = draw_sensor_noise(
+        MeasurementCondition("white", cluttered=True), (40, 600, 2), PERIOD, np.random.default_rng(5)
     )
-    assert not plain.late.any()
-    assert chance.late.std() == pytest.approx(0.1 * PERIOD, rel=0.05)
-    grows = chance.truth["noise_grows_by"]
-    place = np.linspace(-0.5, 0.5, 40 * 600).reshape(40, 600, 1)
-    drift = chance.added - plain.added * grows**place
-    usual = np.median(np.abs(drift))
-    assert usual < 2 * 3e-4  # the drift alone, but for the outliers
+    assert not plain.sample_delay.any()
+    assert sensor_noise.sample_delay.std() == pytest.approx(0.1 * PERIOD, rel=0.05)
+    grows = sensor_noise.truth["noise_grows_by"]
+    session = np.linspace(-0.5, 0.5, 40 * 600).reshape(40, 600, 1)
+    drift = sensor_noise.added - plain.added * grows**session
+    typical = np.median(np.abs(drift))
+    assert typical < 2 * 3e-4  # the drift alone, but for the outliers
     outliers = np.abs(drift) > 2e-3
     # Of noise that grows fivefold, those are seen whose usual noise is above 0.5 sd or so.
     assert 0.004 < outliers.mean() < 0.01
-    ratio = np.abs(chance.added[outliers] / (plain.added * grows**place)[outliers])
+    ratio = np.abs(sensor_noise.added[outliers] / (plain.added * grows**session)[outliers])
     assert np.median(ratio) == pytest.approx(OUTLIER_SIZE, rel=0.1)
 
 

@@ -1,1 +1,1 @@
-"""The proof for joints: cases of the joint lab, diagnosed by the joint engine, then scored by the truth."""
+"""Blind validation for joints: cases of the joint lab, diagnosed by the joint engine, then scored."""

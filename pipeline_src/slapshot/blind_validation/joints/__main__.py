@@ -1,10 +1,9 @@
-"""Stage `joint_score`: open the seals of diagnosed cases of joints, score them, and tell it."""
+"""Stage `joint_score`: unseal diagnosed cases of joints, score them, and write the results."""
 
 import pandas as pd
 
 from slapshot.blind_validation.case_table import JOINTS, write_measures
-from slapshot.blind_validation.joints.measures import measures_of
-from slapshot.blind_validation.joints.page import write_page
+from slapshot.blind_validation.joints.page import measures_of, write_page
 from slapshot.blind_validation.joints.score import COLUMNS, score
 from slapshot.command import Run, stage_command
 from slapshot.config.cases import JointScoreSettings

@@ -1,1 +1,1 @@
-"""What follows from whitened residuals and columns; nothing here knows physics."""
+"""Inference from whitened residuals and columns, independent of physics."""

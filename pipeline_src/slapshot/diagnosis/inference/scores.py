@@ -1,7 +1,7 @@
-"""Scores: how well each column explains what is left, after the nuisance was eliminated.
+"""Score statistics of candidate columns, after elimination of the nuisance; mismatch test and screening.
 
-With whitened residuals e and columns Z = [candidates | nuisance] of each segment, all that inference needs
-are b = Zᵀe and H = ZᵀZ, segment by segment.
+With whitened residuals e and columns Z = [candidates | nuisance] of each segment, inference needs only
+b = Zᵀe and H = ZᵀZ, segment by segment.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,8 +15,8 @@ from scipy.stats import f as f_distribution
 from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Innovations
 
-_FEWEST = 0.01  # degrees of freedom between segments
-_ROUND = 1e-8  # share of a variance by which columns that repeat others may differ
+_FEWEST = 0.01  # minimum degrees of freedom between segments
+_ROUND = 1e-8  # relative jitter for duplicate columns
 
 
 @dataclass(frozen=True)
@@ -46,15 +46,14 @@ def scores(found: Innovations, prior_sd: Array, nuisance: NDArray[np.bool_]) -> 
 
 @dataclass(frozen=True)
 class Eliminated:
-    """Efficient scores of candidates: what the nuisance cannot explain.
+    """Efficient scores of candidates, orthogonal to the nuisance.
 
     Attributes:
         segment: (S, k) each segment's; their sum is that of generalised least squares.
         information: (k, k) of all.
-        by_segment: what each segment has of the information of some candidates, (S, g, g); None where all
-            have as much.
-        shared: (k, k) part of the information that is no noise but what is left of the nuisance, which is the
-            same in all segments; None for none.
+        by_segment: information of each segment on some candidates, (S, g, g); None where it is equal.
+        shared: (k, k) part of the information that stems from the residual nuisance, shared by all segments;
+            None for none.
     """
 
     segment: Array
@@ -96,7 +95,7 @@ class Elimination:
         c, m = self._candidate, self._nuisance
         values = np.linalg.solve(self._prior, b[..., m].sum(-2)[..., None])[..., 0]
         raw = b[..., c] - b[..., m] @ self._share
-        # The prior of the nuisance is data too, of no segment: all share what it says.
+        # The prior of the nuisance acts as further data that all segments share.
         prior = (values @ self._share / b.shape[-2])[..., None, :]
         S, k, n = self._cross.shape
         known = (values @ self._cross.reshape(S * k, n).T).reshape(*values.shape[:-1], S, k)
@@ -105,7 +104,7 @@ class Elimination:
     def by_segment(self, group: NDArray[np.intp]) -> Array:
         """Each segment's information of some candidates, (S, g, g); the sum is that of all.
 
-        Remembered: the data and every draw ask for the same.
+        Cached, since the data and every draw need the same.
         """
         if group.tobytes() not in self._found:
             self._found[group.tobytes()] = self._by_segment(group)
@@ -119,7 +118,7 @@ class Elimination:
 
 
 class Draws:
-    """Scores as they would be were there nothing but noise and nuisance.
+    """Draws of scores under the null hypothesis: only noise and nuisance.
 
     Args:
         of: scores in units of the priors.
@@ -144,11 +143,13 @@ class Draws:
 def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> Array:
     """Hotelling's test of each group of columns on the segments' scores, as -log p; (..., groups).
 
-    The sum of a group's scores over how far segments are from agreeing on its values, so that noise that is
-    larger or longer than thought is in both: of one column, of which all segments tell as much, Student's t.
-    The spread is taken as round in units of the information. What the nuisance has of the sum is in no
-    spread, as all segments share it: of that the sum may have as much as the priors say. A single segment is
-    compared with the information alone. A group that the data say nothing of has 0.
+    The sum of a group's scores is compared with their spread between segments, so that noise that is larger
+    or more
+    correlated than modelled affects both: for one column with equal information in all segments this is
+        Student's
+    t. The spread is assumed isotropic in units of the information. The nuisance contributes to the sum but
+    not to the spread, as all segments share it; its contribution follows from the priors. A single segment is
+    compared with the information alone. Groups without information have 0.
     """
     statistic = []
     segments = found.segment.shape[-2]
@@ -172,7 +173,7 @@ def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> A
             share = np.broadcast_to(np.eye(k) / segments, (segments, k, k))
             if found.by_segment is not None:
                 share = white.T @ found.by_segment(group) @ white
-            # One segment that outweighs all others is both sum and spread, and makes no case by itself.
+            # A single dominant segment contributes to sum and spread alike and is not significant by itself.
             alike = float(np.sum(share**2)) / k
             about = ((each - np.einsum("sij,...j->...si", share, sums)) ** 2).sum((-2, -1))
             free = max(1 / alike - 1, _FEWEST)
@@ -182,8 +183,8 @@ def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> A
     return np.stack(statistic, axis=-1)
 
 
-def spread_over_information(of: Scores) -> float:
-    """Variance of the candidates' scores between segments, over what the noise says of it; at least 1."""
+def overdispersion(of: Scores) -> float:
+    """Variance of the candidates' scores between segments, relative to the noise; at least 1."""
     eliminated = Elimination(of)(of.b)
     every = np.arange(eliminated.information.shape[0])
     eigenvalues, vectors = np.linalg.eigh(eliminated.information)
@@ -195,6 +196,77 @@ def spread_over_information(of: Scores) -> float:
     share = white.T @ eliminated.by_segment(every) @ white
     each = eliminated.segment @ white
     about = each - np.einsum("sij,j->si", share, each.sum(0))
-    # What all segments together say was fitted.
+    # The common part was fitted.
     free = k - float(np.sum(share**2))
     return max(1.0, float(np.sum(about**2)) / free) if free > _FEWEST else 1.0
+
+
+DRAWS = 499
+
+
+@dataclass(frozen=True)
+class MismatchTest:
+    """Outcome.
+
+    Attributes:
+        p_value: of the largest statistic of all groups.
+        statistics: (groups,) -log p of each group by itself.
+        largest: index of the group with the largest.
+        push_p_value: of the largest force in a short window; 1 if not tested.
+    """
+
+    p_value: float
+    statistics: Array
+    largest: int
+    push_p_value: float = 1.0
+
+
+def mismatch_test(
+    of: Scores, groups: Sequence[NDArray[np.intp]], rng: np.random.Generator, count: int = DRAWS
+) -> MismatchTest:
+    """Test all groups of candidate columns at once.
+
+    Args:
+        of: scores in units of the priors.
+        groups: indices of each group among the candidates.
+        rng: for draws.
+        count: of draws.
+    """
+    eliminate = Elimination(of)
+    seen = group_statistics(eliminate(of.b), groups)
+    draws = Draws(of, rng)
+    largest = np.concatenate(
+        [group_statistics(eliminate(draws(part)), groups).max(-1) for part in _parts(count, 100)]
+    )
+    exceeding = int(np.sum(largest >= seen.max()))
+    return MismatchTest((1 + exceeding) / (count + 1), seen, int(np.argmax(seen)))
+
+
+def _parts(count: int, size: int) -> list[int]:
+    return [size] * (count // size) + ([count % size] if count % size else [])
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Gain of a group of columns.
+
+    Attributes:
+        log_evidence: nats, by Laplace's method; exact where columns are linear.
+        values: (k,) in units of the priors.
+    """
+
+    log_evidence: float
+    values: Array
+
+
+def gains(of: Scores, groups: Sequence[NDArray[np.intp]]) -> list[Gain]:
+    """Gains of all groups, each by itself."""
+    eliminated = Elimination(of)(of.b)
+    total, information = eliminated.segment.sum(0), eliminated.information
+    found = []
+    for group in groups:
+        precision = np.eye(len(group)) + information[np.ix_(group, group)]
+        values = np.linalg.solve(precision, total[group])
+        volume = 0.5 * np.linalg.slogdet(precision)[1]
+        found.append(Gain(float(0.5 * total[group] @ values - volume), values))
+    return found

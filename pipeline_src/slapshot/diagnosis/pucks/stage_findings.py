@@ -13,8 +13,7 @@ from slapshot.diagnosis.pucks.refit import write_refit
 from slapshot.diagnosis.pucks.rig_file import setting_of
 from slapshot.diagnosis.pucks.verdict_file import write_verdict
 from slapshot.effects.catalogue import catalogue, import_effects
-from slapshot.recordings.read import read_recording
-from slapshot.recordings.sources import recording_folders
+from slapshot.recordings.read import read_recording, recording_folders
 from slapshot.scenes.scene import Scene
 
 

@@ -10,8 +10,7 @@ from slapshot.diagnosis.pucks.outputs import write_outputs
 from slapshot.diagnosis.pucks.report import terminal_text
 from slapshot.diagnosis.pucks.rig_file import setting_of
 from slapshot.effects.catalogue import import_effects
-from slapshot.recordings.read import read_recording
-from slapshot.recordings.sources import recording_folders
+from slapshot.recordings.read import read_recording, recording_folders
 from slapshot.scenes.scene import Scene
 
 log = logging.getLogger("slapshot")

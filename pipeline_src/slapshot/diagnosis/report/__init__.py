@@ -1,1 +1,1 @@
-"""What a person sees of a diagnosis of joints and bodies: text, figures, a Rerun recording."""
+"""Report of a diagnosis of joints and bodies: text, figures, a Rerun recording."""

@@ -6,10 +6,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.diagnosis.free_forms import is_free
-from slapshot.diagnosis.inference.selection import gains
+from slapshot.diagnosis.inference.scores import gains
 from slapshot.diagnosis.report.outcome import Outcome
-from slapshot.diagnosis.report.style import AUGMENTED, FREE_FORM, mark_stand_in
-from slapshot.diagnosis.search import CLASS_NATS, Step
+from slapshot.diagnosis.report.presentation import AUGMENTED, FREE_FORM, mark_stand_in
+from slapshot.diagnosis.search import EQUIVALENCE_NATS, Step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.plotting import Drawing
 
@@ -17,9 +17,9 @@ NAME = "J4-candidates"
 CAPTION = (
     "Evidence for single effects over the model before, in nats; first of all candidates alone by one linear "
     "screen of the nominal model, then of those that were refitted in each step of the search. Orange: free "
-    "forms, which describe without naming. Dark: what the step added; middling: what cannot be told from it."
+    "forms, which describe without naming. Dark: what the step added; middling: what is equivalent to it."
 )
-_MOST = 12
+_MAX_SHOWN = 12
 _ALIKE, _PALE = "#5AA2CF", "#B9D5E8"
 
 
@@ -58,15 +58,17 @@ def _steps(outcome: Outcome) -> list[Step]:
 
 
 def _screen(step: Step) -> pd.DataFrame:
-    examined = step.examination
-    found = gains(examined.scores, examined.columns)
+    scored = step.scored
+    found = gains(scored.scores, scored.columns)
     best: dict[str, tuple[float, bool]] = {}
-    for effect, gain in zip(examined.effects, found, strict=True):
+    for effect, gain in zip(scored.effects, found, strict=True):
         name = _name(effect)
         if name not in best or gain.log_evidence > best[name][0]:  # several starts of one effect are one
             best[name] = (gain.log_evidence, is_free(effect))
     rows = [{"candidate": n, "nats": g, "free_form": f, "added": False} for n, (g, f) in best.items()]
-    return pd.DataFrame(rows, columns=["candidate", "nats", "free_form", "added"]).nlargest(_MOST, "nats")
+    return pd.DataFrame(rows, columns=["candidate", "nats", "free_form", "added"]).nlargest(
+        _MAX_SHOWN, "nats"
+    )
 
 
 def _refits(step: Step) -> pd.DataFrame:
@@ -75,7 +77,7 @@ def _refits(step: Step) -> pd.DataFrame:
         {"candidate": _name(r.effect), "nats": r.gain, "free_form": False, "added": r.effect.key == added}
         for r in step.rivals
     ]
-    return pd.DataFrame(rows).nlargest(_MOST, "nats")
+    return pd.DataFrame(rows).nlargest(_MAX_SHOWN, "nats")
 
 
 def _name(effect: JointEffect) -> str:
@@ -93,7 +95,7 @@ def _draw(axes: Axes, table: pd.DataFrame) -> None:
     colours = [
         FREE_FORM if free
         else AUGMENTED if added or not refitted
-        else _ALIKE if best - gain < CLASS_NATS
+        else _ALIKE if best - gain < EQUIVALENCE_NATS
         else _PALE
         for free, added, gain in zip(table["free_form"], table["added"], nats, strict=True)
     ]  # fmt: skip

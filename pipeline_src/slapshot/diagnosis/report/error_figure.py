@@ -7,8 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.diagnosis.report.outcome import Outcome
-from slapshot.diagnosis.report.style import MODEL_COLOURS, mark_stand_in
-from slapshot.diagnosis.report.wording import error_unit, shown_models
+from slapshot.diagnosis.report.presentation import MODEL_COLOURS, error_unit, mark_stand_in, shown_models
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.plotting import Drawing
 
@@ -23,14 +22,14 @@ _NAMES = {
     "augmented": "with what\nwas found",
     "noise_floor": "noise floor",
 }
-_MOST = 4  # quantities in a row
+_MAX_SHOWN = 4  # quantities in a row
 
 
 def draw(outcome: Outcome) -> Drawing:
     """A panel a quantity."""
     table = error_table(outcome.verdict)
     kinds = list(dict.fromkeys(table["kind"]))
-    columns = min(len(kinds), _MOST)
+    columns = min(len(kinds), _MAX_SHOWN)
     rows = -(-len(kinds) // columns)
     models = shown_models(outcome.verdict)
     size = (max(1.4 + 2.6 * columns, 5.5), rows * (0.9 + 0.42 * len(models)))

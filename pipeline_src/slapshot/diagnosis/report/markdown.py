@@ -1,9 +1,9 @@
-"""The verdict in sentences: verdict.md, for a roboticist who must act."""
+"""verdict.md: the verdict as text."""
 
 from collections.abc import Mapping, Sequence
 
 from slapshot.diagnosis.diagnose import HELD_OUT
-from slapshot.diagnosis.report.wording import (
+from slapshot.diagnosis.report.presentation import (
     MODELS,
     VARIABLES,
     between,
@@ -21,11 +21,11 @@ from slapshot.diagnosis.report.wording import (
     sentence,
     several,
     shown_models,
-    table,
 )
 from slapshot.diagnosis.search import P_VALUE
 from slapshot.diagnosis.verdict import Errors, NamedEffect, Verdict
 from slapshot.plotting import STAND_IN
+from slapshot.text import markdown_table
 
 VERDICT_TEXT = "verdict.md"
 AUGMENTED = "augmented"
@@ -42,7 +42,7 @@ def markdown(
     """verdict.md.
 
     Args:
-        verdict: to tell.
+        verdict: the verdict.
         figures: name of a figure in the same folder, without suffix -> caption.
         augmented: whether the model with what was found stands beside it.
         problems: what could not be written beside it, a line each.
@@ -51,8 +51,8 @@ def markdown(
     if verdict.cannot_tell is not None:
         parts += ["## Why not", sentence(verdict.cannot_tell)]
         parts.append(
-            "Nothing is said of the physics: neither that something is missing nor that nothing is. Mend "
-            "what is said above, and diagnose the recording again."
+            "The diagnosis is inconclusive: effects may or may not be missing. Fix the problem above, "
+            "and diagnose the recording again."
         )
     else:
         parts += ["## Is something missing?", _mismatch(verdict)]
@@ -65,10 +65,10 @@ def markdown(
             parts += ["## Free parameters of the nominal model", *_free(verdict)]
         parts += ["## Noise", *_noise(verdict)]
         if verdict.limits:
-            parts += ["## What could still be there unseen", *_limits(verdict)]
+            parts += ["## Upper limits of effects that were not found", *_limits(verdict)]
     if verdict.findings:
-        odd = "\n".join(f"- {sentence(finding)}" for finding in verdict.findings)
-        parts += ["## What is odd about the recording or the model", odd]
+        warnings = "\n".join(f"- {sentence(finding)}" for finding in verdict.findings)
+        parts += ["## Quality warnings", warnings]
     if problems:
         parts += [
             "## What could not be written",
@@ -79,7 +79,7 @@ def markdown(
         parts += [f"![{name}]({name}.png)\n\n*{caption}*" for name, caption in figures.items()]
     if verdict.versions:
         rows = [[escaped(name), f"`{version}`"] for name, version in verdict.versions.items()]
-        parts += ["## Versions", table(["of", "version"], rows)]
+        parts += ["## Versions", markdown_table(["of", "version"], rows)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -96,7 +96,7 @@ def _recording(verdict: Verdict) -> str:
     if verdict.episodes < HELD_OUT:
         held = f"Parts of {held[0].lower()}{held[1:]}"
     return (
-        f"{text}. {held} took no part in fitting or choosing; predictions are judged on them. Ranges in "
+        f"{text}. {held} took no part in fitting or selection; predictions are evaluated on them. Ranges in "
         "brackets are 90 % intervals."
     )
 
@@ -107,20 +107,22 @@ def _mismatch(verdict: Verdict) -> str:
     strongest = escaped(mismatch.strongest)
     if not mismatch.found:
         return (
-            f"**No.** Were the nominal model complete, at least as much would stand out in a share of "
-            f"p = {mismatch.p_value:.2g} of recordings like this one; p < {P_VALUE:g} counts as missing. "
-            f"What stands out most by itself, {strongest}, may well be chance."
+            "**No.** If the nominal model were complete, a mismatch at least this large would occur in a "
+            "share of "
+            f"p = {mismatch.p_value:.2g} of recordings like this one; p < {P_VALUE:g} is significant. "
+            f"The largest single score, {strongest}, is consistent with chance."
         )
     if mismatch.p_value >= P_VALUE:
         return (
-            "**Yes**, since held-out windows are predicted worse than noise and errors of known laws would "
-            f"make. No effect of the catalogue stands out (p = {mismatch.p_value:.2g}; p < {P_VALUE:g} would "
-            f"count); most by itself does {strongest}."
+            "**Yes**, since held-out windows are predicted worse than noise and law errors explain. "
+            f"No effect of the catalogue is significant (p = {mismatch.p_value:.2g}; p < {P_VALUE:g} would "
+            f"be); the largest single score is that of {strongest}."
         )
     return (
-        f"**Yes.** Were the nominal model complete, as much would stand out in a share of "
-        f"p = {mismatch.p_value:.2g} of recordings like this one (p < {P_VALUE:g} counts). What stands out "
-        f"most by itself is {strongest}."
+        f"**Yes.** If the nominal model were complete, a mismatch this large would occur in a share of "
+        f"p = {mismatch.p_value:.2g} of recordings like this one (p < {P_VALUE:g} is significant). The "
+        "largest "
+        f"single score is that of {strongest}."
     )
 
 
@@ -148,21 +150,21 @@ def _what(verdict: Verdict, augmented: bool) -> list[str]:
         parts += [f"This is the same as {escaped(effect.same_as)}."] if effect.same_as else []
         if effect.rivals:
             parts.append(
-                f"The recording cannot tell it from {escaped(rivals_text(effect.rivals))}. Told are rivals "
-                "within a factor of 20, and those that explain more by more parameters; the one that is "
-                "named is the simplest of those that do nearly the same, not the only one possible."
+                f"The recording cannot distinguish it from {escaped(rivals_text(effect.rivals))}. Listed are "
+                "rivals within a factor of 20 and those that explain more with more parameters; the named "
+                "effect is the simplest of those with nearly the same action, not the only possible one."
             )
     if augmented:
         parts.append(
-            f"[{AUGMENTED}/]({AUGMENTED}) holds the model with these values (`model.xml`), and what MJCF "
-            "cannot hold in words (`NOTES.md`)."
+            f"[{AUGMENTED}/]({AUGMENTED}) holds the model with these values (`model.xml`), and notes "
+            "on what MJCF cannot represent (`NOTES.md`)."
         )
     return parts
 
 
 def _parameters(effect: NamedEffect) -> str:
     rows = [[escaped(label(p)), escaped(between(p))] for p in effect.parameters]
-    return table(["parameter", "value (90 % interval)"], rows)
+    return markdown_table(["parameter", "value (90 % interval)"], rows)
 
 
 def _state(effect: NamedEffect) -> str:
@@ -170,9 +172,11 @@ def _state(effect: NamedEffect) -> str:
     bound = [label(p) for p in effect.parameters if p.state == "at a bound"]
     texts = []
     if flat:
-        texts.append(f"The data hardly tell {escaped(listed(flat))}: the value is mostly that of the prior.")
+        texts.append(
+            f"The data hardly determine {escaped(listed(flat))}: the value is mostly that of the prior."
+        )
     if bound:
-        texts.append(f"At the bound of what is physically possible: {escaped(listed(bound))}.")
+        texts.append(f"At its physical bound: {escaped(listed(bound))}.")
     return " ".join(texts)
 
 
@@ -201,21 +205,21 @@ def _errors(verdict: Verdict) -> list[str]:
         rows.append([MODELS[model], *cells, likelihood])
     units = {kind: error_unit(verdict, kind)[0] for kind in kinds}
     heads = [escaped(kind) + (f" ({unit})" if unit else "") for kind, unit in units.items()]
-    told = [f"{kind}: {errors_text(verdict, kind)}" for kind in kinds]
+    errors_by_kind = [f"{kind}: {errors_text(verdict, kind)}" for kind in kinds]
     best: Errors = getattr(fit, models[-2])
     above = any(best.rms[kind].low > _ABOVE * fit.noise_floor.rms[kind].value for kind in kinds)
     unknown = verdict.unknown
     if above and unknown is not None and not unknown.flagged:
         why = (
-            "The smallest of them still lie above the noise floor, though no test says that anything is "
-            "left: tests allow for errors of the time step and small ones of laws, predictions do not."
+            "The smallest of them still lie above the noise floor, though no test is "
+            "significant: tests allow for time step errors and small law errors, predictions do not."
         )
     else:
         why = ""
     return [
         f"Windows of {fit.window_s:.2g} s are predicted from the data before them and the recorded controls. "
-        f"Root mean square errors, {escaped('; '.join(told))}.",
-        table(["model", *heads, "log-likelihood (nats a window)"], rows),
+        f"Root mean square errors, {escaped('; '.join(errors_by_kind))}.",
+        markdown_table(["model", *heads, "log-likelihood (nats a window)"], rows),
         *([why] if why else []),
     ]
 
@@ -234,10 +238,10 @@ def _free(verdict: Verdict) -> list[str]:
         for p in effect.parameters
     ]
     states = [_state(effect) for effect in verdict.nominal_parameters]
-    text = "The rig file says that these are not known well; they were refitted with every hypothesis."
+    text = "The rig file declares these free; they were refitted with every hypothesis."
     return [
         " ".join([text, *filter(None, states)]),
-        table(["of", "parameter", "change (90 % interval)"], rows),
+        markdown_table(["of", "parameter", "change (90 % interval)"], rows),
     ]
 
 
@@ -245,7 +249,7 @@ def _noise(verdict: Verdict) -> list[str]:
     rows = [[escaped(channel), escaped(noise_text(noise))] for channel, noise in verdict.noise.items()]
     return [
         "Standard deviations under the model that explains most.",
-        table(["channel", "noise"], rows),
+        markdown_table(["channel", "noise"], rows),
     ]
 
 
@@ -259,8 +263,8 @@ def _limits(verdict: Verdict) -> list[str]:
         for limit in verdict.limits
     ]
     return [
-        "Each effect by itself could be as large as this, to either side, without having been seen (95 %).",
-        table(["effect", "parameter", "at most"], rows),
+        "Each effect by itself could be this large, with either sign, without being detected (95 %).",
+        markdown_table(["effect", "parameter", "at most"], rows),
     ]
 
 

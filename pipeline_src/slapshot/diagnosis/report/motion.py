@@ -1,4 +1,4 @@
-"""How a rig moves in held-out windows: as recorded, and as models predict it."""
+"""Motion of a rig in held-out windows: recorded, and predicted by models."""
 
 from dataclasses import dataclass, replace
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.filter import smooth
 from slapshot.diagnosis.fit import Fitter
-from slapshot.diagnosis.held_out import first_path
+from slapshot.diagnosis.held_out import initial_trajectory
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
@@ -40,34 +40,34 @@ def predicted_half(windows: Segments) -> Segments:
     return replace(windows, **kept, first=windows.first + half)
 
 
-def predicted_motion(outcome: Outcome, arm: str, some: NDArray[np.intp]) -> Motion:
+def predicted_motion(outcome: Outcome, model_name: str, some: NDArray[np.intp]) -> Motion:
     """The motion whose readings a model predicted.
 
     Args:
         outcome: of the diagnosis.
-        arm: model.
+        model_name: model.
         some: indices of the windows.
     """
-    step, prediction = outcome.step(arm), outcome.arms[arm]
+    step, prediction = outcome.step(model_name), outcome.by_model[model_name]
     problem = step.problem
     halves = predicted_half(outcome.windows.select(some))
     halves = problem.in_steps(replace(halves, y=prediction.predictions.predicted[some]))
     fitter = Fitter(problem.fitter.simulator, halves, problem.torque)
-    noise = step.examination.noise
-    # What was predicted is told without noise, and nothing else pushed.
+    noise = step.scored.noise
+    # Predicted readings have negligible noise, and no process force acts.
     noise = replace(
         noise, white=_SHARE * noise.white, coloured=0 * noise.coloured, force=_NO_FORCE,
         weight=np.ones_like(halves.y), jitter_s=0.0, rate=None,
     )  # fmt: skip
     covariances = noise.covariances(halves.interval)
-    path = first_path(problem, outcome.search.nominal.problem, halves)
+    trajectory = initial_trajectory(problem, outcome.search.nominal.problem, halves)
     hypothesis, theta = prediction.hypothesis, prediction.theta
     for _ in range(_ROUNDS):
-        system = fitter.linearise(hypothesis, theta, path).system.without_columns()
+        system = fitter.linearise(hypothesis, theta, trajectory).system.without_columns()
         delta, *_ = smooth(system, covariances)
-        path = fitter.simulator.tangent.add(path, delta)
-    seen = fitter.linearise(hypothesis, theta, path).predicted
-    return Motion(problem.rig, path[..., : problem.rig.model.nq], seen)
+        trajectory = fitter.simulator.tangent.add(trajectory, delta)
+    seen = fitter.linearise(hypothesis, theta, trajectory).predicted
+    return Motion(problem.rig, trajectory[..., : problem.rig.model.nq], seen)
 
 
 def recorded_motion(of: Motion, recorded: Array) -> Motion:

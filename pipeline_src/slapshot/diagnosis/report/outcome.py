@@ -1,4 +1,4 @@
-"""A diagnosis that could tell something: what figures and the Rerun recording are made from."""
+"""A conclusive diagnosis, from which figures and the Rerun recording are made."""
 
 from dataclasses import dataclass
 
@@ -16,11 +16,11 @@ from slapshot.recordings.signals import SignalRecording
 
 @dataclass(frozen=True)
 class Outcome:
-    """As `Diagnosis`, nothing of it absent.
+    """As `Diagnosis`, with all parts present.
 
     Attributes:
         verdict: with versions.
-        arms: predictions of the windows by the models that differ: nominal, refitted where the nominal model
+        by_model: predictions of the windows by the distinct models: nominal, refitted where the nominal model
             has free parameters, augmented where something was named.
         units: of the columns of the observations.
     """
@@ -29,40 +29,40 @@ class Outcome:
     rig: Rig
     search: Search
     windows: Segments
-    arms: dict[str, Prediction]
+    by_model: dict[str, Prediction]
     units: tuple[str, ...]
 
     @classmethod
     def of(cls, diagnosis: Diagnosis, verdict: Verdict, recording: SignalRecording) -> "Outcome | None":
-        """The outcome of a diagnosis; None where it could not tell."""
+        """The outcome of a diagnosis; None if inconclusive."""
         d = diagnosis
         if d.search is None or d.windows is None or not (d.nominal and d.refitted and d.augmented):
             return None
-        arms = {"nominal": d.nominal}
+        by_model = {"nominal": d.nominal}
         if verdict.nominal_parameters:
-            arms["refitted"] = d.refitted
+            by_model["refitted"] = d.refitted
         if verdict.effects:
-            arms["augmented"] = d.augmented
+            by_model["augmented"] = d.augmented
         units = tuple(recording.channels[o.channel].unit for o in d.rig.observations)
-        return cls(verdict, d.rig, d.search, d.windows, arms, units)
+        return cls(verdict, d.rig, d.search, d.windows, by_model, units)
 
     @property
     def best(self) -> str:
         """The model that explains most: augmented, else refitted, else nominal."""
-        return list(self.arms)[-1]
+        return list(self.by_model)[-1]
 
-    def step(self, arm: str) -> Step:
+    def step(self, model_name: str) -> Step:
         """The step of the search that a model belongs to."""
-        return self.search.final if arm == "augmented" else self.search.nominal
+        return self.search.final if model_name == "augmented" else self.search.nominal
 
     @property
     def half(self) -> int:
         """Node of a window at which prediction begins."""
         return self.windows.shape[1] // 2
 
-    def predictions(self, arm: str) -> Predictions:
+    def predictions(self, model_name: str) -> Predictions:
         """Of one model."""
-        return self.arms[arm].predictions
+        return self.by_model[model_name].predictions
 
     @property
     def recorded(self) -> Array:

@@ -6,8 +6,16 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.diagnosis.report.outcome import Outcome
-from slapshot.diagnosis.report.style import MODEL_COLOURS, NOISE, RECORDED, Z90, mark_stand_in
-from slapshot.diagnosis.report.wording import MODELS, plain, scaled
+from slapshot.diagnosis.report.presentation import (
+    MODEL_COLOURS,
+    MODELS,
+    NOISE,
+    RECORDED,
+    Z90,
+    mark_stand_in,
+    plain,
+    scaled,
+)
 from slapshot.plotting import Drawing
 
 NAME = "J1-predictions"
@@ -19,7 +27,7 @@ CAPTION = (
     "channels those are shown whose errors are largest for their noise."
 )
 _QUANTILES = (0.25, 0.5, 0.75, 1.0)  # of windows, by the nominal model's error
-_MOST = 4  # channels
+_MAX_SHOWN = 4  # channels
 _STYLES = {"nominal": "--", "refitted": ":", "augmented": "-"}
 
 
@@ -76,7 +84,7 @@ def _channels(outcome: Outcome) -> list[int]:
     shown = [c for c in seen if observations[c].quantity == "position"] or seen
     floor = outcome.predictions(outcome.best).floor
     ratio = {c: float(np.sqrt(np.nanmean((error[..., c] / floor[..., c]) ** 2))) for c in shown}
-    return sorted(sorted(shown, key=lambda c: -ratio[c])[:_MOST])
+    return sorted(sorted(shown, key=lambda c: -ratio[c])[:_MAX_SHOWN])
 
 
 def _windows(outcome: Outcome, channel: int) -> dict[int, float]:
@@ -95,7 +103,7 @@ def _table(outcome: Outcome, channel: int, windows: dict[int, float]) -> pd.Data
     segments, half = outcome.windows, outcome.half
     floor = outcome.predictions(outcome.best).floor
     for window in windows:
-        for arm in outcome.arms:
+        for model_name in outcome.by_model:
             tables.append(
                 pd.DataFrame(
                     {
@@ -105,9 +113,9 @@ def _table(outcome: Outcome, channel: int, windows: dict[int, float]) -> pd.Data
                         "episode": int(segments.ids[segments.episode[window]]),
                         "t": segments.time[window, half:],
                         "recorded": outcome.recorded[window, :, channel],
-                        "model": arm,
-                        "predicted": outcome.predictions(arm).predicted[window, :, channel],
-                        "error": outcome.predictions(arm).error[window, :, channel],
+                        "model": model_name,
+                        "predicted": outcome.predictions(model_name).predicted[window, :, channel],
+                        "error": outcome.predictions(model_name).error[window, :, channel],
                         "noise_sd": floor[window, :, channel],
                     }
                 )
@@ -118,11 +126,15 @@ def _table(outcome: Outcome, channel: int, windows: dict[int, float]) -> pd.Data
 def _draw_motion(axes: Axes, table: pd.DataFrame) -> None:
     first = table[table["model"] == table["model"].iloc[0]]
     axes.plot(first["t"], first["recorded"], color=RECORDED, lw=3.6, alpha=0.45, label="recorded")
-    for arm, rows in table.groupby("model", sort=False):
+    for model_name, rows in table.groupby("model", sort=False):
         axes.plot(
-            rows["t"], rows["predicted"], _STYLES[str(arm)], color=MODEL_COLOURS[str(arm)], lw=1.5,
-            label=MODELS[str(arm)],
-        )  # fmt: skip
+            rows["t"],
+            rows["predicted"],
+            _STYLES[str(model_name)],
+            color=MODEL_COLOURS[str(model_name)],
+            lw=1.5,
+            label=MODELS[str(model_name)],
+        )
 
 
 def _draw_error(axes: Axes, table: pd.DataFrame, factor: float) -> None:
@@ -130,5 +142,11 @@ def _draw_error(axes: Axes, table: pd.DataFrame, factor: float) -> None:
     band = factor * Z90 * first["noise_sd"]
     axes.fill_between(first["t"], -band, band, color=NOISE, lw=1.2, label="noise alone (90 %)")
     axes.axhline(0, color="black", lw=0.6)
-    for arm, rows in table.groupby("model", sort=False):
-        axes.plot(rows["t"], factor * rows["error"], _STYLES[str(arm)], color=MODEL_COLOURS[str(arm)], lw=1.4)
+    for model_name, rows in table.groupby("model", sort=False):
+        axes.plot(
+            rows["t"],
+            factor * rows["error"],
+            _STYLES[str(model_name)],
+            color=MODEL_COLOURS[str(model_name)],
+            lw=1.4,
+        )

@@ -14,11 +14,9 @@ from matplotlib.colors import to_rgb
 from slapshot.arrays import Array
 from slapshot.diagnosis.report.motion import Motion, predicted_half, predicted_motion, recorded_motion
 from slapshot.diagnosis.report.outcome import Outcome
-from slapshot.diagnosis.report.style import MODEL_COLOURS, RECORDED
-from slapshot.diagnosis.report.wording import MODELS, plain, scaled
+from slapshot.diagnosis.report.presentation import MODEL_COLOURS, MODELS, RECORDED, plain, scaled
 from slapshot.diagnosis.segments import Segments
-from slapshot.viewer.bodies import SOLID, rotation_quaternion, shape_of
-from slapshot.viewer.names import APPLICATION, TIME
+from slapshot.viewer.bodies import APPLICATION, SOLID, TIME, rotation_quaternion, shape_of
 
 RECORDING_FILE = "recording.rrd"
 CAPTION = (
@@ -48,8 +46,8 @@ def write_recording(outcome: Outcome, text: str, folder: Path) -> None:
     count = outcome.windows.shape[0]
     some = np.unique(np.linspace(0, count - 1, min(count, _MOST_WINDOWS)).astype(int))
     windows = predicted_half(outcome.windows.select(some))
-    arms = list(dict.fromkeys(["nominal", outcome.best]))
-    motions = {arm: predicted_motion(outcome, arm, some) for arm in arms}
+    by_model = list(dict.fromkeys(["nominal", outcome.best]))
+    motions = {model_name: predicted_motion(outcome, model_name, some) for model_name in by_model}
     motions = {"recorded": recorded_motion(motions[outcome.best], windows.y), **motions}
     moments = _moments(windows)
     with rr.RecordingStream(APPLICATION, recording_id="diagnosis") as recording:
@@ -60,8 +58,8 @@ def write_recording(outcome: Outcome, text: str, folder: Path) -> None:
         )
         recording.send_recording_name("Diagnosis")
         recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for name, told in (("verdict", text), ("about", CAPTION)):
-            recording.log(name, rr.TextDocument(told, media_type="text/markdown"), static=True)
+        for name, content in (("verdict", text), ("about", CAPTION)):
+            recording.log(name, rr.TextDocument(content, media_type="text/markdown"), static=True)
         for name, motion in motions.items():
             _log_shapes(recording, name, motion)
             _log_poses(recording, name, motion, moments)

@@ -1,4 +1,4 @@
-"""J2: what the model misses, joint by joint over time, and over the variable that the mismatch follows."""
+"""J2: misfit of the model, for each joint over time, and over the variable of the mismatch."""
 
 from dataclasses import replace
 
@@ -8,9 +8,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.diagnosis.report.outcome import Coordinate, Outcome, coordinates
-from slapshot.diagnosis.report.residuals import Missing, by_variable, made_up, missing, variables
-from slapshot.diagnosis.report.style import AUGMENTED, MODEL_COLOURS, mark_stand_in
-from slapshot.diagnosis.report.wording import MODELS, quantity, scaled
+from slapshot.diagnosis.report.presentation import (
+    AUGMENTED,
+    MODEL_COLOURS,
+    MODELS,
+    mark_stand_in,
+    quantity,
+    scaled,
+)
+from slapshot.diagnosis.report.residuals import Misfit, added_force, by_variable, misfit, variables
 from slapshot.plotting import Drawing
 
 NAME = "J2-residuals"
@@ -21,7 +27,7 @@ CAPTION = (
     "seconds. Left: joint by joint in the course of the episode. Right: over the variable that the mismatch "
     "follows (over velocity where nothing is missing); pale thick line: the force that was found."
 )
-_MOST = 8  # joints that are shown
+_MAX_SHOWN = 8  # joints that are shown
 _AXIS = {
     "position": ("position of {name} ({unit})", "{unit}"),
     "velocity": ("velocity of {name} ({unit}/s)", "{unit}"),
@@ -35,9 +41,9 @@ _MARKS = {"nominal": "o", "refitted": "s", "augmented": "D"}
 def draw(outcome: Outcome) -> Drawing:
     """Small panels over time, a large one over the variable."""
     shown = coordinates(outcome.rig.model)
-    lacks = {arm: missing(outcome, arm) for arm in outcome.arms}
-    place, variable, column = _located(outcome, shown, lacks[next(iter(lacks))])
-    shown = _chosen(shown, place, lacks[next(iter(lacks))])
+    misfits = {model_name: misfit(outcome, model_name) for model_name in outcome.by_model}
+    place, variable, column = _located(outcome, shown, misfits[next(iter(misfits))])
+    shown = _chosen(shown, place, misfits[next(iter(misfits))])
     columns = 1 if len(shown) <= 4 else 2
     rows = -(-len(shown) // columns)
     figure = plt.figure(figsize=(10.5, max(3.4, 1.45 * rows + 0.7)))
@@ -48,7 +54,7 @@ def draw(outcome: Outcome) -> Drawing:
         row, side = k % rows, k // rows
         axes = figure.add_subplot(grid[row, side], sharex=first)
         first = first or axes
-        table = _over(outcome, coordinate, "time", lacks, None)
+        table = _over(outcome, coordinate, "time", misfits, None)
         _draw(axes, table, coordinate.force, small=True)
         axes.set_title(coordinate.name, loc="left", fontsize=8, pad=2)
         last = row == rows - 1 or k == len(shown) - 1
@@ -57,13 +63,13 @@ def draw(outcome: Outcome) -> Drawing:
             axes.set_xlabel("time in the episode (s)")
         tables.append(table.assign(part=coordinate.name, variable="time", unit=coordinate.force))
     axes = figure.add_subplot(grid[:, columns:])
-    table = _over(outcome, place, variable, lacks, column)
+    table = _over(outcome, place, variable, misfits, column)
     unit = coordinate_unit = place.force
     if column is not None:
         unit = coordinate_unit = place.motion
-    added = made_up(outcome) if column is None else None
+    added = added_force(outcome) if column is None else None
     if added is not None:
-        law = replace(lacks["nominal"], force=added)
+        law = replace(misfits["nominal"], force=added)
         extra = _over(outcome, place, variable, {"found": law}, None)
         table = pd.concat([extra, table], ignore_index=True)
     readable = _draw(axes, table, unit, small=False)
@@ -89,13 +95,13 @@ def draw(outcome: Outcome) -> Drawing:
     return Drawing(NAME, figure, pd.concat(tables, ignore_index=True))
 
 
-def _located(outcome: Outcome, shown: list[Coordinate], lack: Missing) -> tuple[Coordinate, str, int | None]:
+def _located(outcome: Outcome, shown: list[Coordinate], misfit: Misfit) -> tuple[Coordinate, str, int | None]:
     """Which coordinate and variable the verdict says, and the column of the readings if those are off.
 
     Where it says neither, the coordinate that lacks most for its torque, over its velocity.
     """
     scale = outcome.search.nominal.problem.torque[[c.v for c in shown]]
-    size = np.sqrt(np.mean(lack.force**2, axis=0)) / scale
+    size = np.sqrt(np.mean(misfit.force**2, axis=0)) / scale
     place, variable, column = shown[int(np.argmax(size))], "velocity", None
     location = outcome.verdict.location
     if location is None:
@@ -115,22 +121,22 @@ def _located(outcome: Outcome, shown: list[Coordinate], lack: Missing) -> tuple[
     return place, variable, column
 
 
-def _chosen(shown: list[Coordinate], place: Coordinate, lack: Missing) -> list[Coordinate]:
+def _chosen(shown: list[Coordinate], place: Coordinate, misfit: Misfit) -> list[Coordinate]:
     """At most so many as can be seen: the one that is meant, and those that lack most, in order."""
-    size = np.sqrt(np.mean(lack.force**2, axis=0))
-    best = sorted(range(len(shown)), key=lambda k: (shown[k] is not place, -size[k]))[:_MOST]
+    size = np.sqrt(np.mean(misfit.force**2, axis=0))
+    best = sorted(range(len(shown)), key=lambda k: (shown[k] is not place, -size[k]))[:_MAX_SHOWN]
     return [shown[k] for k in sorted(best)]
 
 
 def _over(
-    outcome: Outcome, coordinate: Coordinate, variable: str, lacks: dict[str, Missing], column: int | None
+    outcome: Outcome, coordinate: Coordinate, variable: str, misfits: dict[str, Misfit], column: int | None
 ) -> pd.DataFrame:
     index = [c.v for c in coordinates(outcome.rig.model)].index(coordinate.v)
 
-    def of(lack: Missing) -> np.ndarray:
-        return lack.force[:, index] if column is None else lack.reading[:, column]
+    def of(misfit: Misfit) -> np.ndarray:
+        return misfit.force[:, index] if column is None else misfit.reading[:, column]
 
-    return by_variable(outcome, coordinate, variable, of, lacks)
+    return by_variable(outcome, coordinate, variable, of, misfits)
 
 
 def _draw(axes: Axes, table: pd.DataFrame, unit: str, *, small: bool) -> str:
@@ -138,17 +144,17 @@ def _draw(axes: Axes, table: pd.DataFrame, unit: str, *, small: bool) -> str:
     size = float(np.abs(table[["low", "high"]].to_numpy()).max(initial=0.0))
     readable, factor = scaled(unit, size)
     axes.axhline(0, color="black", lw=0.8)
-    for arm, rows in table.groupby("model", sort=False):
-        colour = MODEL_COLOURS.get(str(arm), AUGMENTED)
+    for model_name, rows in table.groupby("model", sort=False):
+        colour = MODEL_COLOURS.get(str(model_name), AUGMENTED)
         value, low, high = (factor * rows[name].to_numpy() for name in ("value", "low", "high"))
         at = rows["at"].to_numpy()
-        if arm == "found":
+        if model_name == "found":
             axes.plot(at, value, color=AUGMENTED, lw=5, alpha=0.3, label="what was found, as a force")
             continue
         axes.fill_between(at, low, high, color=colour, alpha=0.22, lw=0)
         axes.plot(
-            at, value, color=colour, marker=_MARKS[str(arm)], ms=2.5 if small else 4.5,
-            lw=1.0 if small else 1.4, label=MODELS[str(arm)],
+            at, value, color=colour, marker=_MARKS[str(model_name)], ms=2.5 if small else 4.5,
+            lw=1.0 if small else 1.4, label=MODELS[str(model_name)],
         )  # fmt: skip
     if small:
         axes.set_ylabel(readable, fontsize=8)

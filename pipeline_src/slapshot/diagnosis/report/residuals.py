@@ -1,8 +1,9 @@
-"""What a model misses along the recorded motion: a force on each joint, or an error of its readings.
+"""Misfit of a model along the recorded motion: a force on each joint, or an error of its readings.
 
 The force is a white process force that the smoother may use to follow the recording; errors of readings are
-what the smoothed path leaves without it. The error of the model's time step is taken out of both. Means over
-bins have intervals from the spread between segments, which holds whatever correlates samples within one.
+the residuals of the smoothed trajectory without it. The error of the model's time step is taken out of both.
+Means over bins have intervals from the spread between segments, which holds whatever correlates samples
+within one.
 """
 
 from collections.abc import Callable
@@ -16,18 +17,18 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.filter import smooth
 from slapshot.diagnosis.linear import STEP_ERROR
 from slapshot.diagnosis.report.outcome import Coordinate, Outcome, coordinates
-from slapshot.diagnosis.report.style import Z90
+from slapshot.diagnosis.report.presentation import Z90
 
 _FORCE = 0.2  # process force as a share of the torque that moves each joint
 _ROUNDS = 2
-_END = 0.12  # share of a segment at either end, where a force is hardly told
+_END = 0.12  # share of a segment at either end, where a force is poorly determined
 _BINS = 16
-_FEWEST = 3  # segments in a bin
+_MIN_SEGMENTS = 3  # segments in a bin
 
 
 @dataclass(frozen=True)
-class Missing:
-    """What one model misses, at n samples of the recording.
+class Misfit:
+    """Misfit of one model at n samples of the recording.
 
     Attributes:
         force: (n, coordinates) N m or N.
@@ -40,23 +41,23 @@ class Missing:
     segment: NDArray[np.intp]
 
 
-def missing(outcome: Outcome, arm: str) -> Missing:
-    """What a model misses along the segments that took part in fitting."""
-    step, prediction = outcome.step(arm), outcome.arms[arm]
-    problem, examined = step.problem, step.examination
-    kept = inner(outcome)
+def misfit(outcome: Outcome, model_name: str) -> Misfit:
+    """Misfit of a model along the segments used for fitting."""
+    step, prediction = outcome.step(model_name), outcome.by_model[model_name]
+    problem, scored = step.problem, step.scored
+    kept = interior_samples(outcome)
 
     def smoothed(force: float) -> tuple[Array, Array]:
-        noise = replace(examined.noise, force=max(force, examined.noise.force))
+        noise = replace(scored.noise, force=max(force, scored.noise.force))
         covariances = noise.covariances(problem.segments.interval)
-        path = examined.fit.path
+        trajectory = scored.fit.trajectory
         for _ in range(_ROUNDS):
             hypothesis, theta = prediction.hypothesis, prediction.theta
-            system = problem.fitter.linearise(hypothesis, theta, path, [STEP_ERROR]).system
+            system = problem.fitter.linearise(hypothesis, theta, trajectory, [STEP_ERROR]).system
             values = np.append(np.zeros(len(theta)), STEP_ERROR.scale)
             system = system.moved(values).without_columns()
             delta, pushed, _ = smooth(system, covariances)
-            path = problem.fitter.simulator.tangent.add(path, delta)
+            trajectory = problem.fitter.simulator.tangent.add(trajectory, delta)
         left = system.r - np.einsum("stij,stj->sti", system.C, delta)
         return pushed, left
 
@@ -64,29 +65,29 @@ def missing(outcome: Outcome, arm: str) -> Missing:
     _, left = smoothed(0.0)
     model = problem.rig.model
     dofs = [int(model.joint(c.joint).dofadr[0]) + c.axis for c in coordinates(outcome.rig.model)]
-    return Missing(pushed[..., dofs][kept], left[kept], np.nonzero(kept)[0])
+    return Misfit(pushed[..., dofs][kept], left[kept], np.nonzero(kept)[0])
 
 
-def made_up(outcome: Outcome) -> Array | None:
+def added_force(outcome: Outcome) -> Array | None:
     """(n, coordinates) force that the augmented model adds to the nominal one, at the same samples.
 
     It is the held force that has the same effect on the next state; None where nothing was named, or where
     the augmented model has states of its own.
     """
     before, after = outcome.search.nominal, outcome.search.final
-    if "augmented" not in outcome.arms or after.problem.rig is not before.problem.rig:
+    if "augmented" not in outcome.by_model or after.problem.rig is not before.problem.rig:
         return None
-    path, problem = before.examination.fit.path, before.problem
-    base, arm = outcome.arms[next(iter(outcome.arms))], outcome.arms["augmented"]
-    plain = problem.fitter.linearise(base.hypothesis, base.theta, path).system
-    more = problem.fitter.linearise(arm.hypothesis, arm.theta, path).system
+    trajectory, problem = before.scored.fit.trajectory, before.problem
+    base, model_name = outcome.by_model[next(iter(outcome.by_model))], outcome.by_model["augmented"]
+    plain = problem.fitter.linearise(base.hypothesis, base.theta, trajectory).system
+    more = problem.fitter.linearise(model_name.hypothesis, model_name.theta, trajectory).system
     force = np.einsum("stij,stj->sti", np.linalg.pinv(plain.B), more.d - plain.d)
     dofs = [c.v for c in coordinates(outcome.rig.model)]
-    return force[..., dofs][inner(outcome)]
+    return force[..., dofs][interior_samples(outcome)]
 
 
-def inner(outcome: Outcome) -> NDArray[np.bool_]:
-    """(S, L) samples of which forces are told well."""
+def interior_samples(outcome: Outcome) -> NDArray[np.bool_]:
+    """(S, L) samples at which forces are well determined."""
     segments = outcome.search.nominal.problem.segments
     nodes = np.arange(segments.shape[1])
     length = segments.inside.sum(1, keepdims=True)
@@ -94,25 +95,25 @@ def inner(outcome: Outcome) -> NDArray[np.bool_]:
 
 
 def variables(outcome: Outcome, coordinate: Coordinate) -> dict[str, Array]:
-    """What a mismatch may follow, at the same samples: of the nominal model's smoothed path."""
-    step, kept = outcome.search.nominal, inner(outcome)
-    problem, fit = step.problem, step.examination.fit
+    """Variables of a mismatch, at the same samples: of the nominal model's smoothed trajectory."""
+    step, kept = outcome.search.nominal, interior_samples(outcome)
+    problem, fit = step.problem, step.scored.fit
     segments = problem.segments
     found = {
-        "velocity": fit.path[..., problem.rig.model.nq + coordinate.v][kept],
+        "velocity": fit.trajectory[..., problem.rig.model.nq + coordinate.v][kept],
         "load": _torque(outcome)[..., coordinate.v][kept],
         "time": segments.time[kept],
         "session": np.repeat(segments.order[:, None], segments.shape[1], 1)[kept],
     }
     if coordinate.q is not None:
-        found["position"] = fit.path[..., coordinate.q][kept]
+        found["position"] = fit.trajectory[..., coordinate.q][kept]
     return found
 
 
 def _torque(outcome: Outcome) -> Array:
     step = outcome.search.nominal
-    fit = step.examination.fit
-    return step.problem.fitter.linearise(fit.hypothesis, fit.theta, fit.path).torque
+    fit = step.scored.fit
+    return step.problem.fitter.linearise(fit.hypothesis, fit.theta, fit.trajectory).torque
 
 
 def binned(at: Array, value: Array, segment: NDArray[np.intp], edges: Array) -> pd.DataFrame:
@@ -135,7 +136,7 @@ def binned(at: Array, value: Array, segment: NDArray[np.intp], edges: Array) -> 
         own = which == k
         _, of = np.unique(segment[own], return_inverse=True)
         count = len(np.bincount(of)) if own.any() else 0
-        if count < _FEWEST:
+        if count < _MIN_SEGMENTS:
             continue
         weight = np.bincount(of).astype(float)
         means = np.bincount(of, value[own]) / weight
@@ -163,22 +164,25 @@ def by_variable(
     outcome: Outcome,
     coordinate: Coordinate,
     variable: str,
-    of: Callable[[Missing], Array],
-    arms: dict[str, Missing],
+    of: Callable[[Misfit], Array],
+    by_model: dict[str, Misfit],
 ) -> pd.DataFrame:
-    """Binned means of what each model misses, over one variable; a row a model and bin.
+    """Binned means of each model's misfit over one variable; one row for each model and bin.
 
     Args:
         outcome: of the diagnosis.
         coordinate: whose variable it is.
         variable: key of `variables`.
-        of: which of the missing forces or readings, (n,).
-        arms: what each model misses.
+        of: selects a force or reading error, (n,).
+        by_model: misfit of each model.
     """
     at = variables(outcome, coordinate)[variable]
     for bins in (_BINS, _BINS // 2, _BINS // 4):  # fewer where segments hardly meet in one
         edges = edges_of(at, variable, bins)
-        tables = [binned(at, of(lack), lack.segment, edges).assign(model=arm) for arm, lack in arms.items()]
+        tables = [
+            binned(at, of(misfit), misfit.segment, edges).assign(model=model_name)
+            for model_name, misfit in by_model.items()
+        ]
         if min(map(len, tables)) >= bins / 2:
             break
     return pd.concat(tables, ignore_index=True)

@@ -1,8 +1,8 @@
-"""The verdict in some lines for the terminal."""
+"""Summary of the verdict for the terminal."""
 
 import textwrap
 
-from slapshot.diagnosis.report.wording import (
+from slapshot.diagnosis.report.presentation import (
     between,
     errors_text,
     headline,
@@ -20,12 +20,12 @@ from slapshot.plotting import STAND_IN
 from slapshot.text import printable
 
 _WIDTH = 108
-_MOST = 3  # channels, rivals or quantities that are told one by one
+_MAX_SHOWN = 3  # channels, rivals or quantities that are listed individually
 _INDENT = 13
 
 
 def terminal_text(verdict: Verdict) -> str:
-    """Headline, and a line for each thing worth knowing; 5 to 15 lines."""
+    """Headline and one line for each result; 5 to 15 lines."""
     kind = f" ({STAND_IN})" if verdict.stand_in else ""
     recorded = f"{verdict.rig}{kind}, {several(verdict.episodes, 'episode')}"
     if verdict.seconds:
@@ -34,8 +34,8 @@ def terminal_text(verdict: Verdict) -> str:
     if verdict.cannot_tell is not None:
         lines += [_line("because", verdict.cannot_tell), *_findings(verdict)]
         if not verdict.findings:
-            lines.append(_line("check", "found nothing odd in the recording"))
-        lines.append(_line("next", "mend what is said above, and diagnose the recording again"))
+            lines.append(_line("check", "no quality warnings"))
+        lines.append(_line("next", "fix the problem above, and diagnose the recording again"))
         return "\n".join(lines)
     mismatch, unknown = verdict.mismatch, verdict.unknown
     assert mismatch is not None
@@ -43,24 +43,22 @@ def terminal_text(verdict: Verdict) -> str:
     yes = "yes" if mismatch.found else "no"
     if mismatch.found and mismatch.p_value >= P_VALUE:
         yes = "yes, by held-out errors"
-    lines.append(
-        _line("mismatch", f"{yes}, p = {mismatch.p_value:.2g}; stands out most: {mismatch.strongest}")
-    )
+    lines.append(_line("mismatch", f"{yes}, p = {mismatch.p_value:.2g}; largest score: {mismatch.strongest}"))
     for effect in verdict.effects:
         values = "; ".join(f"{label(p)} {between(p)}{_state(p.state)}" for p in effect.parameters)
         lines.append(_line("what", f"{named(effect)}: {values}"))
         if effect.same_as:
             lines.append(_line("same as", effect.same_as))
         if effect.rivals:
-            some = dict(list(effect.rivals.items())[:_MOST])
-            more = f", and {len(effect.rivals) - _MOST} more" if len(effect.rivals) > _MOST else ""
+            some = dict(list(effect.rivals.items())[:_MAX_SHOWN])
+            more = f", and {len(effect.rivals) - _MAX_SHOWN} more" if len(effect.rivals) > _MAX_SHOWN else ""
             lines.append(_line("or", f"{rivals_text(some)}{more}"))
     if verdict.location is not None:
         size = verdict.location.size
         rms = "" if size is None else f"; {quantity(size.value, size.unit)} rms"
         lines.append(_line("where", f"{place(verdict)}{rms}"))
     assert verdict.fit is not None
-    for kind in list(verdict.fit.nominal.rms)[:_MOST]:
+    for kind in list(verdict.fit.nominal.rms)[:_MAX_SHOWN]:
         lines.append(
             _line(
                 "held out",
@@ -71,7 +69,7 @@ def terminal_text(verdict: Verdict) -> str:
         seen = f", p = {unknown.p_value:.2g};" if unknown.p_value < P_VALUE else ":"
         lines.append(_line("left", f"something{seen} {unknown.description}"))
     elif verdict.effects:
-        lines.append(_line("left", f"no test says that anything is left, p = {unknown.p_value:.2g}"))
+        lines.append(_line("left", f"no significant mismatch, p = {unknown.p_value:.2g}"))
     channels = [f"{name} {noise_text(noise)}" for name, noise in list(verdict.noise.items())[:2]]
     if len(verdict.noise) > 2:
         channels.append(f"{len(verdict.noise) - 2} more in verdict.md")
@@ -79,21 +77,22 @@ def terminal_text(verdict: Verdict) -> str:
     if verdict.limits:
         lines.append(
             _line(
-                "limits", f"{several(len(verdict.limits), 'line')} in verdict.md: what could be there unseen"
+                "limits",
+                f"{several(len(verdict.limits), 'line')} in verdict.md: upper limits of undetected effects",
             )
         )
     return "\n".join([*lines, *_findings(verdict)])
 
 
 def _findings(verdict: Verdict) -> list[str]:
-    lines = [_line("check", finding, most=2) for finding in verdict.findings[:_MOST]]
-    if len(verdict.findings) > _MOST:
-        lines.append(_line("check", f"{len(verdict.findings) - _MOST} more in verdict.md"))
+    lines = [_line("check", finding, most=2) for finding in verdict.findings[:_MAX_SHOWN]]
+    if len(verdict.findings) > _MAX_SHOWN:
+        lines.append(_line("check", f"{len(verdict.findings) - _MAX_SHOWN} more in verdict.md"))
     return lines
 
 
 def _state(state: str) -> str:
-    return {"at a bound": ", at a bound", "flat": ", hardly told by the data"}.get(state, "")
+    return {"at a bound": ", at a bound", "flat": ", hardly determined by the data"}.get(state, "")
 
 
 def _line(head: str, text: str, most: int = 3) -> str:

@@ -1,4 +1,4 @@
-"""What a model of joints and bodies may leave out: one file an effect."""
+"""Effects that a model of joints and bodies may lack: one file for each effect."""
 
 from pkgutil import iter_modules
 

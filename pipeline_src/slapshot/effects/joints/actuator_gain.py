@@ -1,11 +1,11 @@
-"""An actuator that gives more or less than it is told."""
+"""Gain error of an actuator."""
 
 from collections.abc import Iterator
 
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation, servo
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion, servo
 from slapshot.effects.joints.parts import shown
 
 _LINEAR = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
@@ -18,8 +18,8 @@ class ActuatorGain(JointEffect):
     phrase = "gain of actuator {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["ActuatorGain"]:
-        """One an actuator, and one for the stiffness alone of a servo with damping; prior: a fifth."""
+    def instances(cls, rig: RigMotion) -> Iterator["ActuatorGain"]:
+        """One for each actuator, and one for the stiffness alone of a servo with damping; prior: 20 %."""
         model, parameter = rig.model, Parameter("excess", "1", 0.2, low=-0.95, probe=1e-3)
         for actuator in range(model.nu):
             if model.actuator_gaintype[actuator] not in _LINEAR:
@@ -36,7 +36,7 @@ class ActuatorGain(JointEffect):
         self._actuator, self._stiffness = actuator, "stiffness" in variant
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
-        """Scale the force, or what grows with the angle and the command only."""
+        """Scale the force, or its stiffness part only."""
         i, factor = self._actuator, 1 + values[0]
         if self._stiffness:
             model.actuator_gainprm[i, 0] *= factor

@@ -1,4 +1,4 @@
-"""An actuator that follows what it is told with a lag."""
+"""First-order lag of an actuator."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import of_actuators
 
 
@@ -17,8 +17,8 @@ class ActuatorLag(JointEffect):
     phrase = "lag of {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["ActuatorLag"]:
-        """One an actuator and one of all; prior: 20 ms."""
+    def instances(cls, rig: RigMotion) -> Iterator["ActuatorLag"]:
+        """One for each actuator and one for all; prior: 20 ms."""
         yield from of_actuators(
             cls, rig, Parameter("time_constant", "s", 0.02, low=0.0, high=1.0, probe=1e-3)
         )
@@ -32,18 +32,18 @@ class ActuatorLag(JointEffect):
         if values[0] <= 0:
             return u
         decay = np.exp(-step / values[0])
-        # Mean of the response over a step, and what remains of what was before: exact for held input.
+        # Mean of the response over a step, exact for a held input.
         mean = values[0] / step * (1 - decay)
         out = u.copy()
-        told = u[:, self._actuators]
-        start = told[:1] * 1.0
-        state, _ = lfilter([1 - decay], [1, -decay], told, axis=0, zi=decay * start)
+        commands = u[:, self._actuators]
+        start = commands[:1] * 1.0
+        state, _ = lfilter([1 - decay], [1, -decay], commands, axis=0, zi=decay * start)
         before = np.concatenate([start, state[:-1]])
-        out[:, self._actuators] = told + mean * (before - told)
+        out[:, self._actuators] = commands + mean * (before - commands)
         return out
 
     def note(self, values: Array) -> str:
-        """The filter, as it is stepped."""
+        """The discrete filter."""
         return (
             f"Filter the controls of {self.part}: in every step of h s, c += (1 - exp(-h / T)) (u - c) with "
             f"T = {values[0]:.4g} s; the actuator is given c, which begins at the first command."

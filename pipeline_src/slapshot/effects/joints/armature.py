@@ -1,11 +1,11 @@
-"""Inertia of a rotor, seen through its gear."""
+"""Reflected rotor inertia."""
 
 from collections.abc import Iterator
 
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion
 
 
 class Armature(JointEffect):
@@ -15,8 +15,8 @@ class Armature(JointEffect):
     phrase = "rotor inertia at {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["Armature"]:
-        """One a joint; prior: a third of the joint's inertia."""
+    def instances(cls, rig: RigMotion) -> Iterator["Armature"]:
+        """One for each joint; prior: a third of the joint's inertia."""
         for joint in rig.joints:
             scale = 0.3 * joint.inertia
             nominal = float(rig.model.dof_armature[joint.v])

@@ -1,4 +1,4 @@
-"""Play between motor and link."""
+"""Backlash between motor and link."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Parameter, Situation
+from slapshot.effects.joints.effect import Parameter, RigMotion
 from slapshot.effects.joints.split import AT_LINK, AT_MOTOR, SplitJoint, deflection
 
 _HIT = 1000.0  # rad/s, of the stop: four steps of a time constant
@@ -20,8 +20,8 @@ class Backlash(SplitJoint):
     phrase = "backlash of joint {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["Backlash"]:
-        """One a driven joint, read at the motor or at the link; prior: a gap of 10 mrad either way."""
+    def instances(cls, rig: RigMotion) -> Iterator["Backlash"]:
+        """One for each driven joint, read at the motor or at the link; prior: a gap of 10 mrad either way."""
         for joint in rig.joints:
             if not joint.actuators:
                 continue
@@ -40,7 +40,7 @@ class Backlash(SplitJoint):
         return _HIT
 
     def restructure(self, spec: mujoco.MjSpec) -> mujoco.MjSpec:
-        """Split the joint; limits stop the second one, since stiff springs could not be simulated."""
+        """Split the joint; joint limits act as stops, since stiff springs could not be simulated."""
         spec = super().restructure(spec)
         second = spec.joint(deflection(self.part))
         second.limited, second.range, second.solref_limit = True, [-0.01, 0.01], [HARD_S, 1.0]
@@ -53,6 +53,6 @@ class Backlash(SplitJoint):
         model.dof_damping[joint.dofadr[0]] = values[1]
 
     def static_deflection(self, load: Array) -> Array:
-        """Where the link stands behind the motor under a load (N m or N) that it takes to move it."""
+        """Static deflection of the link under a load (N m or N)."""
         usual = max(0.1 * float(np.std(load)), 1e-12)
         return -self.parameters[0].start * np.tanh(load / usual)

@@ -1,4 +1,4 @@
-"""A base that gives way."""
+"""Compliance of the base."""
 
 from collections.abc import Iterator
 
@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.split import base_joint, put_on_base
 
-_SLOW, _USUAL, _FAST = 10.0, 60.0, 400.0  # rad/s at which the robot may sway on its base
+_SLOW, _USUAL, _FAST = 10.0, 60.0, 400.0  # natural frequency of the robot on its base, rad/s
 
 
 class BaseCompliance(JointEffect):
@@ -20,7 +20,7 @@ class BaseCompliance(JointEffect):
     hidden_state = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["BaseCompliance"]:
+    def instances(cls, rig: RigMotion) -> Iterator["BaseCompliance"]:
         """One, of robots that stand on the world; prior: a mode at 10 Hz, tilting about either level axis."""
         if not rig.joints or rig.free_bodies:
             return
@@ -49,7 +49,7 @@ class BaseCompliance(JointEffect):
         return base_joint("x")
 
     def restructure(self, spec: mujoco.MjSpec) -> mujoco.MjSpec:
-        """Put the robot on a plate that tilts about two axes."""
+        """Mount the robot on a plate that tilts about two axes."""
         return put_on_base(spec, 0.05 * self._inertia)
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:

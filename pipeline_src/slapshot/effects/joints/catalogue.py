@@ -4,7 +4,7 @@ from functools import cache
 from importlib import import_module
 
 from slapshot.effects.joints import joint_effect_modules
-from slapshot.effects.joints.effect import JointEffect, Situation
+from slapshot.effects.joints.effect import JointEffect, RigMotion
 from slapshot.errors import InputError
 from slapshot.own_code import import_own
 
@@ -25,7 +25,7 @@ def joint_effects() -> dict[str, type[JointEffect]]:
 
 
 def import_joint_effects(module: str, where: str) -> None:
-    """Register every effect that a module of one's own defines.
+    """Register every effect that a user's module defines.
 
     Args:
         module: dotted name; it is announced before its code runs.
@@ -48,7 +48,7 @@ def import_joint_effects(module: str, where: str) -> None:
     _registered.add(name)
 
 
-def instances(rig: Situation) -> list[JointEffect]:
+def instances(rig: RigMotion) -> list[JointEffect]:
     """All effects on all parts of a rig."""
     return [effect for kind in joint_effects().values() for effect in kind.instances(rig)]
 

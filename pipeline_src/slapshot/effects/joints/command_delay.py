@@ -1,11 +1,11 @@
-"""Commands that act later than they are recorded."""
+"""Dead time of commands."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import of_actuators
 
 
@@ -16,8 +16,8 @@ class CommandDelay(JointEffect):
     phrase = "delay of {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["CommandDelay"]:
-        """One an actuator and one of all; prior: 20 ms."""
+    def instances(cls, rig: RigMotion) -> Iterator["CommandDelay"]:
+        """One for each actuator and one for all; prior: 20 ms."""
         yield from of_actuators(cls, rig, Parameter("delay", "s", 0.02, low=0.0, high=1.0, probe=1e-3))
 
     def __init__(self, part: str, actuators: tuple[int, ...], parameter: Parameter) -> None:
@@ -25,20 +25,20 @@ class CommandDelay(JointEffect):
         self._actuators = list(actuators)
 
     def control(self, u: Array, step: float, values: Array) -> Array:
-        """Shift the means over steps: the integral is interpolated, so that any delay can be had."""
+        """Shift the means over steps, by interpolating the integral, which allows fractional delays."""
         out = u.copy()
-        told = u[:, self._actuators]
+        commands = u[:, self._actuators]
         ticks = np.arange(len(u) + 1.0)
-        integral = np.concatenate([np.zeros((1, told.shape[1])), np.cumsum(told, axis=0)])
+        integral = np.concatenate([np.zeros((1, commands.shape[1])), np.cumsum(commands, axis=0)])
         late = ticks - values[0] / step
         for i, actuator in enumerate(self._actuators):
             # Before the episode the first command held.
-            moved = np.where(late < 0, late * told[0, i], np.interp(late, ticks, integral[:, i]))
+            moved = np.where(late < 0, late * commands[0, i], np.interp(late, ticks, integral[:, i]))
             out[:, actuator] = np.diff(moved)
         return out
 
     def note(self, values: Array) -> str:
-        """By how much."""
+        """The delay."""
         return (
             f"Delay the controls of {self.part} by {values[0]:.4g} s; before that time the first command "
             "holds."

@@ -1,11 +1,11 @@
-"""Dry friction: a constant torque against the motion."""
+"""Coulomb friction: a constant torque against the motion."""
 
 from collections.abc import Iterator
 
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import add_friction
 
 
@@ -18,8 +18,8 @@ class CoulombFriction(JointEffect):
     friction = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["CoulombFriction"]:
-        """One a joint; prior: a third of the usual torque."""
+    def instances(cls, rig: RigMotion) -> Iterator["CoulombFriction"]:
+        """One for each joint; prior: a third of the usual torque."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque
             nominal = float(rig.model.dof_frictionloss[joint.v])

@@ -1,4 +1,4 @@
-"""Dry friction that is larger in one direction."""
+"""Direction-dependent dry friction."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 from slapshot.effects.joints.parts import add_friction
 
 
@@ -19,8 +19,8 @@ class DirectionFriction(JointEffect):
     friction = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["DirectionFriction"]:
-        """One a joint; prior: in each direction as dry friction."""
+    def instances(cls, rig: RigMotion) -> Iterator["DirectionFriction"]:
+        """One for each joint; prior: in each direction as dry friction."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque
             nominal = float(rig.model.dof_frictionloss[joint.v])

@@ -1,10 +1,10 @@
-"""The face of an effect on a model of joints and bodies.
+"""Base class of effects on joints and bodies.
 
-An effect sits on a part of the model (a joint, body, actuator, channel, or the whole rig) and changes the
-model at one or more of five places: numbers of the compiled model (`edit`), controls (`control`), generalised
-forces (`force`), observations (`observe`), or the model's structure (`restructure`). It overrides what it
-changes.
-Where an effect can be built in more than one way, each is a variant; all bear one name.
+An effect acts on a part of the model (a joint, body, actuator, channel, or the whole rig) through one or more
+of
+five hooks: parameters of the compiled model (`edit`), controls (`control`), generalised forces (`force`),
+observations (`observe`), or the model's structure (`restructure`). It overrides the hooks that it uses.
+If an effect can be modelled in several ways, each is a variant with the same name.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,15 +19,15 @@ from slapshot.arrays import Array
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of an effect.
+    """A parameter of an effect.
 
     Attributes:
         name: within the effect.
         unit: "1" for none.
-        scale: standard deviation of the prior about `start`; of what one would call large.
-        start: where a fit begins and where the prior is centred: for a size 0, where the effect is absent.
-        low, high: what is physically possible.
-        probe: value at which a first look is taken; small where the effect is linear in it.
+        scale: standard deviation of the prior about `start`; the size of a large value.
+        start: initial value of fits and centre of the prior; 0 for a size, where the effect is absent.
+        low, high: physical bounds.
+        probe: deviation from `start` for finite differences; small where the effect is linear in it.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Joint:
         q, v: indices in qpos and qvel.
         unit: of its torque or force.
         actuators: indices of those that drive it.
-        torque: rms torque that moves it along the recorded motion, N m or N.
+        torque: rms generalised force along the recorded motion, N m or N.
         largest: largest force of each of its actuators along the recorded motion, before the gear.
         speed: rms speed, rad/s or m/s.
         travel: standard deviation of its position, rad or m.
@@ -75,11 +75,11 @@ class Joint:
 
     @property
     def step_speed(self) -> float:
-        """Width of the smoothed sign of the velocity, rad/s or m/s."""
+        """Width of the regularised sign of the velocity, rad/s or m/s."""
         return 0.02 * self.speed
 
     def note(self, law: str) -> str:
-        """How to add a law of the joint's position q and velocity v to a simulation."""
+        """Instruction for adding a law of the joint's position q and velocity v to a simulation."""
         return (
             f"Apply as qfrc_applied at joint {self.name}: {law} (in {self.unit}; position q in "
             f"{self.angle_unit}, velocity v in {self.angle_unit}/s)."
@@ -87,7 +87,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Sensed:
+class SensedChannel:
     """A column of the observations: its channel, quantity, and joint (None for sites and bodies)."""
 
     column: int
@@ -97,8 +97,8 @@ class Sensed:
 
 
 @dataclass(frozen=True)
-class Situation:
-    """What instances of effects are made for: a model and how it was moved.
+class RigMotion:
+    """A nominal model and scales of its recorded motion, for which effects are instantiated.
 
     Attributes:
         model: nominal, compiled.
@@ -113,7 +113,7 @@ class Situation:
     model: mujoco.MjModel
     joints: tuple[Joint, ...]
     free_bodies: tuple[tuple[int, int], ...]
-    sensed: tuple[Sensed, ...]
+    sensed: tuple[SensedChannel, ...]
     interval: float
     episodes: int
     speed: float = 0.0
@@ -127,7 +127,7 @@ class State:
         q: (n, nq), v: (n, nv).
         torque: (n, nv) actuator force on each degree of freedom.
         time: (n,) s from the episode's start.
-        order: (n,) place in the session, -1/2 to 1/2.
+        order: (n,) normalised position of the episode in the session, -1/2 to 1/2.
     """
 
     q: Array
@@ -139,37 +139,37 @@ class State:
 
 @dataclass(frozen=True)
 class Observed:
-    """What the model observes along a path.
+    """Observations of the model along a trajectory.
 
     Attributes:
         y: (n, ny) without the effect.
         rate: (n, ny) its derivative in 1/s.
-        bend: (n, ny) its second derivative in 1/s².
-        order: (n,) place in the session.
+        second_rate: (n, ny) its second derivative in 1/s².
+        order: (n,) normalised position of the episode in the session, -1/2 to 1/2.
     """
 
     y: Array
     rate: Array
-    bend: Array
+    second_rate: Array
     order: Array
 
 
 class JointEffect:
-    """Physics that a model leaves out, at one part of it.
+    """An effect that a model lacks, at one part of it.
 
     Attributes:
         name: slug; in verdicts and rig files.
-        physics: what it is, in two lines.
-        source: where its law is described.
-        phrase: said of a part, such as "viscous friction at {part}".
+        physics: description of the physics, in two lines.
+        source: reference for its law.
+        phrase: phrase for reports, such as "viscous friction at {part}".
         part: name in the model; "" for the whole rig.
-        variant: how it is built, where there is a choice.
+        variant: variant of the model, if there are several.
         parameters: with priors for this part.
-        many_forms: whether it is looked at in so many forms that together they would explain noise.
-        empirical: whether its law is one of experience, which holds to some ten per cent.
-        friction: whether it is one; of that near rest no such law tells well.
-        hidden_state: whether it has a state of its own, so that a first-order look cannot model it.
-        both_signs: whether a value of the other sign may fit nearly as well, so that fits begin at both.
+        many_forms: whether it has so many instances that together they would explain noise.
+        empirical: whether its law is empirical and holds to about ten per cent.
+        friction: whether it is a friction law, which is inaccurate near rest.
+        hidden_state: whether it adds states to the model, so that a first-order perturbation is not valid.
+        both_signs: whether a value of opposite sign may fit nearly as well, so that fits start from both.
     """
 
     name: ClassVar[str]
@@ -186,8 +186,8 @@ class JointEffect:
         self.part, self.parameters, self.variant = part, tuple(parameters), variant
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["JointEffect"]:
-        """One for every part that the effect can sit on, and variant."""
+    def instances(cls, rig: RigMotion) -> Iterator["JointEffect"]:
+        """One instance for every possible part and variant."""
         raise NotImplementedError
 
     @property
@@ -197,18 +197,18 @@ class JointEffect:
         return f"{key} ({self.variant})" if self.variant else key
 
     @property
-    def initial_values(self) -> tuple[tuple[float, ...], ...]:
-        """Values at which a first look is taken: each gives a column, (F(value) - F(start)) / probe."""
-        looks = []
+    def probe_values(self) -> tuple[tuple[float, ...], ...]:
+        """Values for finite differences: each gives a column, (F(value) - F(start)) / probe."""
+        perturbations = []
         for i, parameter in enumerate(self.parameters):
             if parameter.probe:
                 values = [p.start for p in self.parameters]
                 values[i] = parameter.start + parameter.probe
-                looks.append(tuple(values))
-        return tuple(looks)
+                perturbations.append(tuple(values))
+        return tuple(perturbations)
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
-        """Change numbers of a compiled model in place."""
+        """Change parameters of a compiled model in place."""
 
     def control(self, u: Array, step: float, values: Array) -> Array:
         """Controls (steps, nu) of an episode, at steps of `step` s."""
@@ -219,11 +219,11 @@ class JointEffect:
         return None
 
     def observe(self, seen: Observed, values: Array) -> Array | None:
-        """What is added to the observations, (n, ny)."""
+        """Contribution to the observations, (n, ny)."""
         return None
 
-    def knees(self, model: mujoco.MjModel, force: Array, values: Array) -> tuple[int, Array]:
-        """What a limit of an actuator does before it is reached, beside what it does at it.
+    def soft_limit(self, model: mujoco.MjModel, force: Array, values: Array) -> tuple[int, Array]:
+        """Soft onset of an actuator limit, in addition to the hard limit.
 
         Args:
             model: nominal.
@@ -231,24 +231,24 @@ class JointEffect:
             values: of the effect.
 
         Returns:
-            Index of the joint in qvel, and (n, k) torque, N m or N, in k shapes that it may have.
+            Index of the joint in qvel, and (n, k) torque, N m or N, for k sharpnesses.
         """
         raise NotImplementedError
 
     def note(self, values: Array) -> str:
-        """How to add to a simulation what MJCF cannot hold (`control`, `force`, `observe`), in words.
+        """Instruction for adding what MJCF cannot represent (`control`, `force`, `observe`) to a simulation.
 
-        Formulas have their values in SI units; "" where the model holds all.
+        Formulas have their values in SI units; "" if the model represents the effect.
         """
         return ""
 
     def same_as(self, values: Array) -> str:
-        """What else the law with these values is called; "" for nothing."""
+        """Equivalent description of the law with these values; "" for none."""
         return ""
 
     @property
     def fastest(self) -> float:
-        """Rad/s of what `restructure` adds: a simulation must have steps that are short against it."""
+        """Fastest mode that `restructure` adds, rad/s, which the time step must resolve."""
         return 0.0
 
     @property
@@ -257,17 +257,17 @@ class JointEffect:
         return None
 
     def restructure(self, spec: mujoco.MjSpec) -> mujoco.MjSpec:
-        """The model with more bodies or joints, whose numbers `edit` sets; `spec` may be changed."""
+        """The model with added bodies or joints, whose parameters `edit` sets; `spec` may be modified."""
         return spec
 
 
 def overrides(effect: JointEffect, method: str) -> bool:
-    """Whether an effect changes this place."""
+    """Whether an effect overrides a hook."""
     return getattr(type(effect), method) is not getattr(JointEffect, method)
 
 
 def servo(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether an actuator feeds the position of its joint back."""
+    """Whether an actuator has position feedback from its joint."""
     return (
         model.actuator_biastype[actuator] == int(mujoco.mjtBias.mjBIAS_AFFINE)
         and model.actuator_biasprm[actuator, 1] != 0

@@ -1,11 +1,11 @@
-"""Readings that are older than their time stamps."""
+"""Delay of readings relative to their time stamps."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, RigMotion
 
 ALL_SENSORS = "all sensors"
 
@@ -18,8 +18,8 @@ class EncoderDelay(JointEffect):
     both_signs = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["EncoderDelay"]:
-        """One a joint that is observed and one of all, where controls tell the time; prior: 10 ms."""
+    def instances(cls, rig: RigMotion) -> Iterator["EncoderDelay"]:
+        """One for each observed joint and one for all, if controls give a time reference; prior: 10 ms."""
         if not rig.model.nu:
             return
         parameter = Parameter("delay", "s", 0.01, low=-0.1, high=0.1, probe=1e-3)
@@ -37,12 +37,12 @@ class EncoderDelay(JointEffect):
         self._columns = list(columns)
 
     def observe(self, seen: Observed, values: Array) -> Array:
-        """Reading of an earlier time, to second order: for delays that are short against the motion."""
+        """Second-order Taylor expansion, for delays that are short relative to the motion."""
         added, own = np.zeros_like(seen.y), self._columns
-        added[:, own] = -values[0] * seen.rate[:, own] + values[0] ** 2 / 2 * seen.bend[:, own]
+        added[:, own] = -values[0] * seen.rate[:, own] + values[0] ** 2 / 2 * seen.second_rate[:, own]
         return added
 
     def note(self, values: Array) -> str:
-        """By how much."""
+        """The delay."""
         at = f"t {'-' if values[0] >= 0 else '+'} {abs(values[0]):.4g} s"
         return f"Readings of {self.part} for time t are what the simulation has at {at}."

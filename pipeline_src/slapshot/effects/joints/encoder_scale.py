@@ -1,4 +1,4 @@
-"""An encoder whose unit is off."""
+"""Scale error of an encoder."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Observed, Parameter, Situation, servo
+from slapshot.effects.joints.effect import Joint, JointEffect, Observed, Parameter, RigMotion, servo
 
 
 class EncoderScale(JointEffect):
@@ -16,8 +16,8 @@ class EncoderScale(JointEffect):
     phrase = "scale of the encoder of {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["EncoderScale"]:
-        """One a joint that is observed; prior: 2 %."""
+    def instances(cls, rig: RigMotion) -> Iterator["EncoderScale"]:
+        """One for each joint that is observed; prior: 2 %."""
         for joint in rig.joints:
             columns = tuple(
                 s.column
@@ -36,7 +36,7 @@ class EncoderScale(JointEffect):
         self._joint, self._columns, self._servo = joint, list(columns), "servo" in variant
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
-        """The servo takes the reading for the angle."""
+        """The servo uses the scaled reading."""
         if self._servo:
             for actuator in self._joint.actuators:
                 if servo(model, actuator):

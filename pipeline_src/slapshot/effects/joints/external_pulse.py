@@ -1,4 +1,4 @@
-"""Pushes from outside, at some times."""
+"""External pushes during some intervals."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -6,16 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
 
 @dataclass(frozen=True)
 class Pulse:
-    """A time in an episode in which something pushes.
+    """An interval of an episode during which an external force acts.
 
     Attributes:
         episode: as recorded.
-        order: place of the episode in the session, -1/2 to 1/2.
+        order: normalised position of the episode in the session, -1/2 to 1/2.
         begin, end: s from the episode's start.
     """
 
@@ -32,8 +32,8 @@ class ExternalPulse(JointEffect):
     phrase = "a push from outside at {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["ExternalPulse"]:
-        """None: times are found in the data first, see diagnosis.pulses."""
+    def instances(cls, rig: RigMotion) -> Iterator["ExternalPulse"]:
+        """None: intervals are detected in the data first, see diagnosis.pulses."""
         return iter(())
 
     def __init__(self, joint: Joint, pulses: Sequence[Pulse]) -> None:
@@ -49,12 +49,12 @@ class ExternalPulse(JointEffect):
 
     @staticmethod
     def _when(pulses: Sequence[Pulse]) -> str:
-        told = [f"{p.begin:.2f} to {p.end:.2f} s of episode {p.episode}" for p in pulses[:6]]
+        texts = [f"{p.begin:.2f} to {p.end:.2f} s of episode {p.episode}" for p in pulses[:6]]
         more = f" and {len(pulses) - 6} more" if len(pulses) > 6 else ""
-        return ", ".join(told) + more
+        return ", ".join(texts) + more
 
     def force(self, state: State, values: Array) -> Array:
-        """A constant in each of the times."""
+        """A constant force in each interval."""
         push = np.zeros(len(state.v))
         for pulse, value in zip(self.pulses, values, strict=True):
             during = (

@@ -1,11 +1,11 @@
-"""Friction that changes over the session."""
+"""Drift of friction over the session."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
 
 class FrictionDrift(JointEffect):
@@ -19,8 +19,8 @@ class FrictionDrift(JointEffect):
     friction = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["FrictionDrift"]:
-        """One a joint, from five episodes on; prior: a sixth of the usual torque."""
+    def instances(cls, rig: RigMotion) -> Iterator["FrictionDrift"]:
+        """One for each joint, from five episodes on; prior: a sixth of the usual torque."""
         if rig.episodes < 5:
             return
         for joint in rig.joints:
@@ -48,7 +48,7 @@ class FrictionDrift(JointEffect):
         self._joint = joint
 
     def force(self, state: State, values: Array) -> Array:
-        """Friction of the first episode, of which a share is left when warm; warmth comes exponentially."""
+        """Friction of the first episode, which decays exponentially to a share of it."""
         j = self._joint
         v = state.v[:, j.v]
         dry, viscous, warm, warms_in, slides_at = values

@@ -1,4 +1,4 @@
-"""A base that does not stand upright."""
+"""Tilt of the base."""
 
 from collections.abc import Iterator, Sequence
 
@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import level
 
 
@@ -17,7 +17,7 @@ class GravityTilt(JointEffect):
     phrase = "tilt of the base"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["GravityTilt"]:
+    def instances(cls, rig: RigMotion) -> Iterator["GravityTilt"]:
         """One, where there is gravity: turns of the base about two level axes; prior: 2 degrees."""
         gravity = rig.model.opt.gravity
         if np.linalg.norm(gravity) > 0:

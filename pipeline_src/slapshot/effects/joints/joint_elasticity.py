@@ -1,4 +1,4 @@
-"""A gear or shaft that gives way between motor and link."""
+"""Elasticity between motor and link."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Parameter, Situation
+from slapshot.effects.joints.effect import Parameter, RigMotion
 from slapshot.effects.joints.split import AT_LINK, AT_MOTOR, FASTEST, SplitJoint, deflection, stiffest
 
 
@@ -19,8 +19,8 @@ class JointElasticity(SplitJoint):
     phrase = "elasticity of joint {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["JointElasticity"]:
-        """One a driven joint, read at the motor or at the link; prior: 10 mrad under the usual torque."""
+    def instances(cls, rig: RigMotion) -> Iterator["JointElasticity"]:
+        """One for each driven joint, read at motor or link; prior: 10 mrad under the usual torque."""
         for joint in rig.joints:
             if not joint.actuators:
                 continue
@@ -50,5 +50,5 @@ class JointElasticity(SplitJoint):
         model.dof_damping[joint.dofadr[0]] = values[1]
 
     def static_deflection(self, load: Array) -> Array:
-        """Where the link stands behind the motor under a load (N m or N) that it takes to move it."""
+        """Static deflection of the link under a load (N m or N)."""
         return -self.parameters[0].start * load

@@ -1,4 +1,4 @@
-"""The zero of a joint is not where the model has it."""
+"""Zero offset of a joint."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Observed, Parameter, Situation, servo
+from slapshot.effects.joints.effect import Joint, JointEffect, Observed, Parameter, RigMotion, servo
 
 
 class JointOffset(JointEffect):
@@ -16,8 +16,8 @@ class JointOffset(JointEffect):
     phrase = "zero of joint {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["JointOffset"]:
-        """One a joint; prior: 0.1 rad, or 20 mm: zeros of two conventions differ more."""
+    def instances(cls, rig: RigMotion) -> Iterator["JointOffset"]:
+        """One for each joint; prior: 0.1 rad, or 20 mm; different conventions differ by more."""
         for joint in rig.joints:
             columns = tuple(
                 s.column for s in rig.sensed if s.joint == joint.name and s.quantity == "position"
@@ -49,7 +49,7 @@ class JointOffset(JointEffect):
         return added
 
     def note(self, values: Array) -> str:
-        """What is added, where that is not in the model."""
+        """The offset, if it is not in the model."""
         if self._geometry:
             return ""
         return f"Add {values[0]:.4g} {self._joint.angle_unit} to simulated readings of joint {self.part}."

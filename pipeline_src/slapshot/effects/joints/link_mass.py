@@ -1,11 +1,11 @@
-"""A link that weighs something else than the model says."""
+"""Mass error of a link."""
 
 from collections.abc import Iterator
 
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import moving_bodies
 
 
@@ -16,8 +16,8 @@ class LinkMass(JointEffect):
     phrase = "mass of {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["LinkMass"]:
-        """One a moving body with a mass that counts; prior: a quarter of it."""
+    def instances(cls, rig: RigMotion) -> Iterator["LinkMass"]:
+        """One for each moving body with a relevant mass; prior: a quarter of it."""
         for body in moving_bodies(rig.model):
             name = rig.model.body(body).name
             yield cls(name, body, Parameter("excess", "1", 0.25, low=-0.95, probe=1e-3))

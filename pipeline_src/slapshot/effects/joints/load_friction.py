@@ -1,11 +1,11 @@
-"""Friction in proportion to the torque that a gear transmits."""
+"""Load-dependent friction of a gear."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
 
 class LoadFriction(JointEffect):
@@ -17,8 +17,8 @@ class LoadFriction(JointEffect):
     friction = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["LoadFriction"]:
-        """One a driven joint; prior: a tenth of the transmitted torque."""
+    def instances(cls, rig: RigMotion) -> Iterator["LoadFriction"]:
+        """One for each driven joint; prior: a tenth of the transmitted torque."""
         for joint in rig.joints:
             if joint.actuators:
                 yield cls(joint, Parameter("share", "1", 0.1, low=0.0, high=1.0, probe=1e-3))

@@ -1,4 +1,4 @@
-"""Parts of a model that effects sit on."""
+"""Parts of a model, and helpers for effects on them."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,14 +7,14 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Parameter, Situation
+from slapshot.effects.joints.effect import Parameter, RigMotion
 
-_COUNTS = 1e-3  # of the whole mass: lighter bodies cannot be told
+_COUNTS = 1e-3  # of the total mass: lighter bodies are not identifiable
 _STIFFEST = 0.9999  # impedance that MuJoCo allows
 
 
 def shown(name: str) -> str:
-    """Name of an actuator as a person knows it: one that was added for a joint bears the joint's."""
+    """Name of an actuator for the user: an added motor has the name of its joint."""
     return name.removeprefix("slapshot:")
 
 
@@ -25,14 +25,14 @@ def level(gravity: Array) -> list[int]:
 
 
 def freely(body: str, law: str) -> str:
-    """How to add a force on a free body to a simulation; a law of its velocity v."""
+    """Instruction for adding a force on a free body, a law of its velocity v, to a simulation."""
     return (
         f"Apply as qfrc_applied at the free joint of body {body}, its first three numbers: {law} "
         "(in N; velocity v in m/s, all in the axes of the world)."
     )
 
 
-def of_actuators(kind: Any, rig: Situation, parameter: Parameter) -> Iterator[Any]:
+def of_actuators(kind: Any, rig: RigMotion, parameter: Parameter) -> Iterator[Any]:
     """An effect on all actuators and, of several, on each, and on each mocap body."""
     model, count = rig.model, rig.model.nu
     if count:
@@ -49,7 +49,7 @@ def of_actuators(kind: Any, rig: Situation, parameter: Parameter) -> Iterator[An
 
 
 def carriers(model: mujoco.MjModel, body: int) -> list[int]:
-    """A body and those that carry it, without the world."""
+    """A body and its ancestors, without the world."""
     chain = []
     while body:
         chain.append(body)
@@ -58,7 +58,7 @@ def carriers(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def moving_bodies(model: mujoco.MjModel) -> list[int]:
-    """Bodies that some joint moves and that weigh something."""
+    """Bodies that are moved by some joint and have a relevant mass."""
     least = _COUNTS * float(model.body_mass.sum())
     return [
         body

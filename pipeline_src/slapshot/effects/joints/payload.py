@@ -1,11 +1,11 @@
-"""A load that the model does not carry."""
+"""Unmodelled payload."""
 
 from collections.abc import Iterator
 
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import add_point_mass, carriers, far_end, moving_bodies
 
 _SLIDES = 2  # of body_simple: where its mass is does not matter
@@ -18,8 +18,8 @@ class Payload(JointEffect):
     phrase = "a load on {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["Payload"]:
-        """One a link that carries no other; one that flies or slides freely would only be heavier.
+    def instances(cls, rig: RigMotion) -> Iterator["Payload"]:
+        """One for each link that carries no other; one that flies or slides freely would only be heavier.
 
         Prior: a fifth of the mass of the arm that carries it, at the link's far end, within its length.
         """

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation, State
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion, State
 from slapshot.effects.joints.parts import freely, weight
 
 
@@ -16,8 +16,8 @@ class QuadraticDrag(JointEffect):
     phrase = "air drag on {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["QuadraticDrag"]:
-        """One a free body; prior: at the usual speed a third of its weight."""
+    def instances(cls, rig: RigMotion) -> Iterator["QuadraticDrag"]:
+        """One for each free body; prior: at the usual speed a third of its weight."""
         for body, v in rig.free_bodies:
             scale = 0.3 * weight(rig.model, body) / max(rig.speed, 1e-6) ** 2
             parameter = Parameter("coefficient", "N s^2/m^2", scale, low=0.0, probe=0.01 * scale)

@@ -1,4 +1,4 @@
-"""An actuator that cannot give as much as it is told."""
+"""Force limit of an actuator."""
 
 from collections.abc import Iterator
 
@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion
 from slapshot.effects.joints.parts import shown
 
-# Sharpness of an amplifier that gives in before its limit: at 56 and 89 % of it half a percent is lacking.
-KNEES = (6.0, 20.0)
+# Sharpness of the soft onset of a limit: at 56 and 89 % of it the force is half a per cent too low.
+SHARPNESS = (6.0, 20.0)
 
 
 class Saturation(JointEffect):
@@ -20,10 +20,10 @@ class Saturation(JointEffect):
     phrase = "torque limit of actuator {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["Saturation"]:
-        """One an actuator of a joint.
+    def instances(cls, rig: RigMotion) -> Iterator["Saturation"]:
+        """One for each actuator of a joint.
 
-        The limit is told as the share of its largest force along the recorded motion that is cut off.
+        The limit is parametrised by the share of its largest force along the recorded motion that is cut off.
         """
         for joint in rig.joints:
             for actuator, largest in zip(joint.actuators, joint.largest, strict=True):
@@ -36,12 +36,12 @@ class Saturation(JointEffect):
         self._actuator, self._largest = actuator, largest
 
     @property
-    def initial_values(self) -> tuple[tuple[float, ...], ...]:
-        """A little and much cut off: a limit that is never reached would not tell which way to go."""
+    def probe_values(self) -> tuple[tuple[float, ...], ...]:
+        """Several limits, since one that is never reached has no gradient."""
         return ((0.02,), (0.1,), (0.3,), (0.6,))
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
-        """Limit the force before the gear; what the model already limits more tightly stays."""
+        """Limit the force before the gear; a tighter limit of the model is kept."""
         limit = self._largest * (1 - values[0])
         low, high = -limit, limit
         if model.actuator_forcelimited[self._actuator]:
@@ -51,13 +51,13 @@ class Saturation(JointEffect):
             model.actuator_forcelimited[self._actuator] = 1
             model.actuator_forcerange[self._actuator] = low, high
 
-    def knees(self, model: mujoco.MjModel, force: Array, values: Array) -> tuple[int, Array]:
-        """Of amplifiers that give in softly: F / (1 + |F / L|^p)^(1/p), less what the sharp limit leaves."""
+    def soft_limit(self, model: mujoco.MjModel, force: Array, values: Array) -> tuple[int, Array]:
+        """Soft saturation: F / (1 + |F / L|^p)^(1/p), less the hard limit."""
         own, limit = force[:, self._actuator], max(self._largest * (1 - float(values[0])), 1e-300)
         share = np.abs(own / limit)[:, None]
         # In a form that does not overflow.
         top = np.maximum(share, 1.0)
-        power = np.array(KNEES)
+        power = np.array(SHARPNESS)
         soft = share / (top * ((1 / top) ** power + (share / top) ** power) ** (1 / power))
         lacking = np.sign(own)[:, None] * limit * (soft - np.minimum(share, 1.0)) * (values[0] > 0)
         joint = int(model.actuator_trnid[self._actuator, 0])

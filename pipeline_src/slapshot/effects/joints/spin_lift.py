@@ -5,19 +5,19 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation, State
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion, State
 from slapshot.effects.joints.parts import freely, weight
 
 
 class SpinLift(JointEffect):
     name = "spin_lift"
-    physics = "A spinning ball drags air round with it and is pushed across its path (Magnus)."
+    physics = "A spinning ball drags air round with it and is pushed across its trajectory (Magnus)."
     source = "Mehta (1985), Annual Review of Fluid Mechanics 17"
     phrase = "spin force on {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["SpinLift"]:
-        """One a free body; prior: at the usual speed a third of its weight.
+    def instances(cls, rig: RigMotion) -> Iterator["SpinLift"]:
+        """One for each free body; prior: at the usual speed a third of its weight.
 
         Its spin, the same in all episodes, is an axis times a strength.
         """

@@ -1,7 +1,7 @@
-"""A joint split in two: motor and link, with something that gives way between them.
+"""A joint split into motor and link, with a compliant element in between.
 
 A second joint on the same axis is added to the link's body. The first keeps its actuators, friction and rotor
-inertia and is the motor; the second is by how much the link stands ahead of it.
+inertia and is the motor; the second is the deflection of the link relative to it.
 """
 
 import xml.etree.ElementTree as ElementTree
@@ -12,7 +12,7 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.effects.joints.effect import Joint, JointEffect, Parameter
 
-# Of the fastest mode that a time step of 1 ms can hold with some margin, in rad/s.
+# Fastest mode that a time step of 1 ms can simulate with some margin, in rad/s.
 FASTEST = 400.0
 AT_MOTOR, AT_LINK = "read at the motor", "read at the link"
 
@@ -33,12 +33,12 @@ class SplitJoint(JointEffect):
 
     @property
     def reads_link(self) -> bool:
-        """Whether the encoder sits behind what gives way."""
+        """Whether the encoder is on the link side."""
         return self.variant == AT_LINK
 
     @property
     def added_joint(self) -> str:
-        """By how much the link stands ahead of the motor."""
+        """The deflection joint."""
         return deflection(self.part)
 
     def restructure(self, spec: mujoco.MjSpec) -> mujoco.MjSpec:
@@ -47,11 +47,11 @@ class SplitJoint(JointEffect):
         return spec
 
     def static_deflection(self, load: Array) -> Array:
-        """Where the link stands behind the motor under a load (N m or N) that it takes to move it."""
+        """Static deflection of the link under a load (N m or N)."""
         raise NotImplementedError
 
     def note(self, values: Array) -> str:
-        """What the encoder reads, where that is not the joint that the model had."""
+        """The encoder's reading, where it differs from the original joint."""
         if not self.reads_link:
             return ""
         both = f"joints {self.part} and deflection:{self.part}"
@@ -75,7 +75,7 @@ def split_joint(spec: mujoco.MjSpec, joint: str, rotor: float) -> None:
 
 
 def stiffest(joint: Joint, armature: float) -> float:
-    """Stiffness at which motor and link vibrate as fast as can be simulated, N m/rad or N/m."""
+    """Stiffness at which motor and link vibrate at the fastest mode that can be simulated, N m/rad or N/m."""
     rotor = armature if armature > 0 else 0.1 * joint.inertia
     link = max(joint.inertia - armature, 1e-3 * joint.inertia)
     return FASTEST**2 * rotor * link / (rotor + link)

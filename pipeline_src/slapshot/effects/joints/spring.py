@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
 
 class Spring(JointEffect):
@@ -14,8 +14,8 @@ class Spring(JointEffect):
     empirical = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["Spring"]:
-        """One a joint; prior: a third of the usual torque, over the usual travel and at its middle."""
+    def instances(cls, rig: RigMotion) -> Iterator["Spring"]:
+        """One for each joint; prior: a third of the usual torque, over the usual travel and at its middle."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque / joint.travel
             unit = f"{joint.unit}/{joint.angle_unit}"

@@ -1,4 +1,4 @@
-"""Dry friction that falls when motion begins."""
+"""Stribeck friction: dry friction that decreases with speed."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 from slapshot.effects.joints.parts import add_friction
 
 
@@ -19,8 +19,8 @@ class StribeckFriction(JointEffect):
     friction = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["StribeckFriction"]:
-        """One a joint; prior: as dry friction, and as much again below a seventh of the usual speed."""
+    def instances(cls, rig: RigMotion) -> Iterator["StribeckFriction"]:
+        """One for each joint; prior: as dry friction, and the same again below a seventh of the rms speed."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque
             nominal = float(rig.model.dof_frictionloss[joint.v])

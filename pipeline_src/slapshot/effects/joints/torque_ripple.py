@@ -1,13 +1,13 @@
-"""Torque that repeats with the angle."""
+"""Periodic torque over the angle (cogging)."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation, State, on_joint
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
-MOST = 18  # orders that are looked at, half a period over the travel apart
+MOST = 18  # number of orders, spaced by half a period over the travel
 
 
 class TorqueRipple(JointEffect):
@@ -18,11 +18,11 @@ class TorqueRipple(JointEffect):
     many_forms = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["TorqueRipple"]:
-        """One a joint and start of its period; prior: a tenth of the usual torque."""
+    def instances(cls, rig: RigMotion) -> Iterator["TorqueRipple"]:
+        """One for each joint and start of its period; prior: a tenth of the usual torque."""
         for joint in rig.joints:
             scale = 0.1 * joint.torque
-            # Periods closer than the travel can tell apart are one; slower ones than it are springs.
+            # Spacing at which orders are distinguishable over the travel; longer periods are springs.
             apart = np.pi / (2.5 * joint.travel)
             for order in apart * np.arange(1.5, 1.5 + MOST):
                 yield cls(

@@ -1,11 +1,11 @@
-"""Friction that grows with speed."""
+"""Viscous friction."""
 
 from collections.abc import Iterator
 
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, Situation
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion
 
 
 class ViscousFriction(JointEffect):
@@ -17,8 +17,8 @@ class ViscousFriction(JointEffect):
     friction = True
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["ViscousFriction"]:
-        """One a joint; prior: at the usual speed it takes a third of the usual torque."""
+    def instances(cls, rig: RigMotion) -> Iterator["ViscousFriction"]:
+        """One for each joint; prior: at the usual speed it takes a third of the usual torque."""
         for joint in rig.joints:
             scale = 0.3 * joint.torque / joint.speed
             damping = float(rig.model.dof_damping[joint.v])

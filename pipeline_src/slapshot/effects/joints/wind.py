@@ -1,11 +1,11 @@
-"""Air that moves."""
+"""Wind: a constant force on a free body."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import JointEffect, Parameter, Situation, State
+from slapshot.effects.joints.effect import JointEffect, Parameter, RigMotion, State
 from slapshot.effects.joints.parts import freely, level, weight
 
 
@@ -16,8 +16,8 @@ class Wind(JointEffect):
     phrase = "wind on {part}"
 
     @classmethod
-    def instances(cls, rig: Situation) -> Iterator["Wind"]:
-        """One a free body; prior: a tenth of its weight, level."""
+    def instances(cls, rig: RigMotion) -> Iterator["Wind"]:
+        """One for each free body; prior: a tenth of its weight, level."""
         for body, v in rig.free_bodies:
             scale = 0.1 * weight(rig.model, body)
             axes = level(rig.model.opt.gravity)

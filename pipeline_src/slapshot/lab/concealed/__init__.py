@@ -1,7 +1,8 @@
-"""Physics that a rig conceals beside what the settings of blade and board say: a kind each.
+"""Hidden effects of a rig that hits pucks, besides those in the settings of blade and board.
 
-`kind` says what a kind is; `swing`, `contact`, `slide`, `place`, `camera` and `across` hold those of a
-phase, with the uncatalogued ones among them; `registry` finds them by name, `rehearsal` measures how much
-they shift what happens, and `draw` draws what a rig conceals. All is written apart from the effects that a
-diagnosis knows, and mostly as another law: a diagnosis must not win by knowing the lab.
+`hidden_effect` defines the base class; `swing`, `contact`, `slide`, `position_time` and `camera` hold the
+effects of a phase, including uncatalogued ones; `registry` finds them by name, `effect_size_calibration` sets
+their sizes, and `draw` draws the effects of a rig. They are written independently of the catalogue of a
+diagnosis, mostly with
+other laws: knowing the lab must give no advantage.
 """

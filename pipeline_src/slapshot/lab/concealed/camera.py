@@ -1,4 +1,4 @@
-"""Concealed in the camera: what it makes of places and times."""
+"""Hidden effects of the camera: distorted positions and delayed times."""
 
 from typing import Any
 
@@ -7,19 +7,24 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.lab.concealed.hidden_effect import HiddenEffect, NominalMotion, Shape
 
-_FOOT_SD = 0.12  # m, along x and y, by which a camera looks past the point it is meant to look at
+_FOOT_SD = 0.12  # m, along x and y, by which a camera misses its nominal target point
 
 
 class CameraScale(HiddenEffect):
-    """A metre in the recording is none: places are stretched about a point near the camera's foot."""
+    """Scale error: positions are scaled about a point near the camera's foot."""
 
     name = "camera_scale"
     phase = "camera"
-    like = "same"
-    unit, amplitude, usual, largest = "1", "size of the logarithm of reported over true length", 0.03, 0.3
+    parameter_match = "same"
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "1",
+        "size of the logarithm of reported over true length",
+        0.03,
+        0.3,
+    )
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        return {"sign": float(rng.choice((-1.0, 1.0))), "about_m": _near_foot(setting, rng)}
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        return {"sign": float(rng.choice((-1.0, 1.0))), "about_m": _near_foot(nominal, rng)}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
         return {"log_scale": shape["sign"] * amplitude}
@@ -30,15 +35,15 @@ class CameraScale(HiddenEffect):
 
 
 class CameraRotation(HiddenEffect):
-    """The camera is mounted askew: places are turned about a point near its foot."""
+    """Mounting error: positions are rotated about a point near the camera's foot."""
 
     name = "camera_rotation"
     phase = "camera"
-    like = "same"
-    unit, amplitude, usual, largest = "rad", "size of the angle", 0.03, 0.3
+    parameter_match = "same"
+    unit, amplitude, typical_amplitude, max_amplitude = "rad", "size of the angle", 0.03, 0.3
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        return {"sign": float(rng.choice((-1.0, 1.0))), "about_m": _near_foot(setting, rng)}
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        return {"sign": float(rng.choice((-1.0, 1.0))), "about_m": _near_foot(nominal, rng)}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
         return {"angle": shape["sign"] * amplitude}
@@ -50,15 +55,15 @@ class CameraRotation(HiddenEffect):
 
 
 class CameraTime(HiddenEffect):
-    """The camera's clock is late, by a little more or less as the session goes on."""
+    """Delay of the camera, which drifts slightly over the session."""
 
     name = "camera_time"
     phase = "camera"
-    like = "same"
-    unit, amplitude, usual, largest = "s", "mean delay", 0.02, 0.08
-    shows = "track"
+    parameter_match = "same"
+    unit, amplitude, typical_amplitude, max_amplitude = "s", "mean delay", 0.02, 0.08
+    observed_in = "track"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"drift_share": float(rng.uniform(-0.3, 0.3))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -69,17 +74,17 @@ class CameraTime(HiddenEffect):
 
 
 class LensDistortion(HiddenEffect):
-    """A lens that was not calibrated: r becomes r (1 + k1 r^2 + k2 r^4), r from a point near the foot."""
+    """Radial lens distortion: r becomes r (1 + k1 r^2 + k2 r^4), r from a point near the foot."""
 
     name = "lens_distortion"
     phase = "camera"
-    unit, amplitude, usual, largest = "1/m^2", "size of k1", 0.015, 0.1
+    unit, amplitude, typical_amplitude, max_amplitude = "1/m^2", "size of k1", 0.015, 0.1
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
             "sign": float(rng.choice((-1.0, 1.0))),
             "k2_share_per_m2": float(rng.uniform(-0.15, 0.15)),
-            "about_m": _near_foot(setting, rng),
+            "about_m": _near_foot(nominal, rng),
         }
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -93,5 +98,5 @@ class LensDistortion(HiddenEffect):
         return about + out * (1 + k1 * square * (1 + shape["k2_share_per_m2"] * square))
 
 
-def _near_foot(setting: NominalMotion, rng: np.random.Generator) -> list[float]:
-    return (setting.foot + rng.normal(0, _FOOT_SD, 2)).tolist()
+def _near_foot(nominal: NominalMotion, rng: np.random.Generator) -> list[float]:
+    return (nominal.foot + rng.normal(0, _FOOT_SD, 2)).tolist()

@@ -1,4 +1,4 @@
-"""Concealed in the contact of striker and object."""
+"""Hidden effects of the contact between striker and object."""
 
 from typing import Any
 
@@ -18,11 +18,16 @@ class CompliantBlade(HiddenEffect):
 
     name = "compliant_blade"
     phase = "contact"
-    unit, amplitude, usual, largest = "rad/(N m)", "compliance of all its hinges in series", 0.02, 0.1
-    least = 1e-3  # needs steps of 10 microseconds
-    strikes = True
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "rad/(N m)",
+        "compliance of all its hinges in series",
+        0.02,
+        0.1,
+    )
+    min_amplitude = 1e-3  # needs steps of 10 microseconds
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
             # Three take steps seven times finer than two.
             "segments": int(rng.choice([2, 2, 2, 3])),
@@ -44,7 +49,7 @@ class CompliantBlade(HiddenEffect):
 
 
 class Restitution(HiddenEffect):
-    """The contact damps more or less than believed: its damping ratio z becomes z f.
+    """The contact damping differs from the model: the damping ratio z becomes z f.
 
     With log f = sign amplitude (v / 1.5 m/s)^p it depends a little on the striker's speed v, as of
     viscoelastic bodies (Tabor 1948; Brilliantov 1996: 1 - e ~ v^(1/5)). The frequency 1 / (T z) would stay
@@ -53,10 +58,15 @@ class Restitution(HiddenEffect):
 
     name = "restitution"
     phase = "contact"
-    unit, amplitude, usual, largest = "1", "size of the logarithm of the damping ratio's factor", 0.3, 0.9
-    strikes = True
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "1",
+        "size of the logarithm of the damping ratio's factor",
+        0.3,
+        0.9,
+    )
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
             "sign": float(rng.choice((-1.0, 1.0))),
             "speed_power": float(rng.uniform(0.05, 0.25)),
@@ -72,15 +82,20 @@ class Restitution(HiddenEffect):
 
 
 class BladeFriction(HiddenEffect):
-    """Blade and object rub more or less than believed."""
+    """Friction between blade and object differs from the model."""
 
     name = "blade_friction"
     phase = "contact"
-    like = "same"
-    unit, amplitude, usual, largest = "1", "size of the logarithm of the factor on friction", 0.5, 1.5
-    strikes = True
+    parameter_match = "same"
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "1",
+        "size of the logarithm of the factor on friction",
+        0.5,
+        1.5,
+    )
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"sign": float(rng.choice((-1.0, 1.0)))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -98,11 +113,11 @@ class BladeYaw(HiddenEffect):
 
     name = "blade_yaw"
     phase = "contact"
-    like = "same"
-    unit, amplitude, usual, largest = "rad", "size of the angle about the stick", 0.05, 0.3
-    strikes = True
+    parameter_match = "same"
+    unit, amplitude, typical_amplitude, max_amplitude = "rad", "size of the angle about the stick", 0.05, 0.3
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"sign": float(rng.choice((-1.0, 1.0))), "roll_share": float(rng.uniform(-0.3, 0.3))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -128,11 +143,11 @@ class CurvedBlade(HiddenEffect):
     name = "curved_blade"
     phase = "contact"
     catalogued = False
-    like = None
-    unit, amplitude, usual, largest = "1/m", "curvature of the face", 1.0, 6.0
-    strikes = True
+    parameter_match = None
+    unit, amplitude, typical_amplitude, max_amplitude = "1/m", "curvature of the face", 1.0, 6.0
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"apex_m": float(rng.uniform(-0.02, 0.02))}
 
     def edit(self, amplitude: float, shape: Shape, spec: mujoco.MjSpec, scene: Scene) -> None:

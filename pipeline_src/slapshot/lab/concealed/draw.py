@@ -1,4 +1,4 @@
-"""Draw what a rig conceals, as `lab.concealed` of the settings asks."""
+"""Draw the hidden effects of a rig, as specified by `lab.concealed` in the settings."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from slapshot.config.lab import ConcealedEffect
 from slapshot.errors import InputError
-from slapshot.lab.concealed.effect_size_calibration import Rehearsal
+from slapshot.lab.concealed.effect_size_calibration import EffectSizeCalibration
 from slapshot.lab.concealed.hidden_effect import Concealed
 from slapshot.lab.concealed.registry import hidden_effect_named
 from slapshot.lab.ranges import draw_number
@@ -14,32 +14,32 @@ from slapshot.lab.rng_streams import stream_for
 
 
 def draw_concealed(
-    entries: Sequence[ConcealedEffect], rehearsal: Rehearsal, rng: np.random.Generator
+    entries: Sequence[ConcealedEffect], size_calibration: EffectSizeCalibration, rng: np.random.Generator
 ) -> tuple[Concealed, ...]:
-    """Draw shapes and amplitudes; every kind has its own stream, so that to take one away leaves the rest.
+    """Draw shapes and amplitudes; every effect has its own stream, so that removing one leaves the others.
 
     Args:
-        entries: kinds with an amplitude or a displacement, each a number or [low, high].
-        rehearsal: of the session.
+        entries: effects with an amplitude or a displacement, each a number or [low, high].
+        size_calibration: of the session.
         rng: source of the streams.
     """
     found = []
     for entry in entries:
-        kind = hidden_effect_named(entry.kind)
-        shape_rng, size_rng = stream_for(rng, kind.name).spawn(2)
-        shape = kind.draw(rehearsal.setting, shape_rng)
+        effect = hidden_effect_named(entry.kind)
+        shape_rng, size_rng = stream_for(rng, effect.name).spawn(2)
+        shape = effect.draw(size_calibration.nominal, shape_rng)
         if entry.displacement is not None:
             size = draw_number(entry.displacement, size_rng)
-            found.append(rehearsal.find(kind, shape, size))
+            found.append(size_calibration.find(effect, shape, size))
             continue
         assert entry.amplitude is not None
         size = draw_number(entry.amplitude, size_rng)
-        if size > kind.largest or 0 < size < kind.least:
+        if size > effect.max_amplitude or 0 < size < effect.min_amplitude:
             raise InputError(
-                f"lab.concealed: {kind.name}: an amplitude of {size:g} {kind.unit} is not possible; "
-                f"use 0, or {kind.least:g} to {kind.largest:g}"
+                f"lab.concealed: {effect.name}: an amplitude of {size:g} {effect.unit} is not possible; "
+                f"use 0, or {effect.min_amplitude:g} to {effect.max_amplitude:g}"
             )
-        plain = Concealed(kind, size, shape)
-        displacement = rehearsal.displacement(plain) if size else 0.0
-        found.append(Concealed(kind, size, shape, displacement))
+        plain = Concealed(effect, size, shape)
+        displacement = size_calibration.displacement(plain) if size else 0.0
+        found.append(Concealed(effect, size, shape, displacement))
     return tuple(found)

@@ -1,9 +1,9 @@
-"""Rehearsal: some of a session's hits without chance, to see how far a concealed kind shifts them.
+"""Calibration of effect sizes: simulate noise-free hits of a session with and without a hidden effect.
 
-The displacement of a piece of concealed physics is the rms shift of rest points that it makes, over the
-hit-to-hit scatter: the rms distance of a repeated command's rest points from their mean. For kinds that
-hardly move rest points it is the rms shift of the seen track at equal camera times, from the first launch to
-the last rest, over the same scatter.
+The displacement of a hidden effect is the rms shift of rest points that it causes, over the hit-to-hit
+scatter: the rms distance of a repeated command's rest points from their mean. For effects that hardly move
+rest points it is the rms shift of the observed track at equal camera times, from the first launch to the last
+rest, over the same scatter.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,16 +20,16 @@ from slapshot.lab.release_detection import nearest_pose
 from slapshot.lab.rig import Rig
 from slapshot.scenes.scene import Scene
 
-HITS = 32  # that are rehearsed
-REPEATED, TIMES = 16, 3  # commands and executions, to measure the scatter with
-CLOSE = 0.03  # share of a displacement that is asked for by which the one found may differ
-TRIES = 8  # simulations of a search
+HITS = 32  # simulated hits
+REPEATED, TIMES = 16, 3  # commands and executions for estimating the scatter
+CLOSE = 0.03  # tolerated relative error of the displacement
+TRIES = 8  # simulations in a search
 _EVERY = 0.01  # s, between times at which tracks are compared
-_STRIDE = 20.0  # most by which an amplitude changes between tries
+_STRIDE = 20.0  # largest factor between amplitudes of successive tries
 
 
-class Rehearsal:
-    """Of a session on a rig, whatever that conceals: without it."""
+class EffectSizeCalibration:
+    """Size calibration for a session on a rig without its hidden effects."""
 
     def __init__(
         self, scene: Scene, rig: Rig, strokes: Sequence[HitSpec], rng: np.random.Generator, cores: int
@@ -37,14 +37,14 @@ class Rehearsal:
         self._scene, self._rig, self._cores = scene, replace(rig, concealed=()), cores
         still = np.zeros(len(scene.info.joints))
         nothing = HitNoise(np.zeros(2), 1.0, still, 1.0)
-        # All over the session, for what changes in the course of it.
+        # Spread over the session, for effects that drift.
         chosen = np.unique(np.round(np.linspace(0, len(strokes) - 1, HITS)).astype(int))
         self._strokes = [replace(strokes[i], chance=nothing) for i in chosen]
         bench = RigSimulator(scene, self._rig, cores=cores)
         self._launches = bench.launches(self._strokes, arm=False)
         self._hits = bench.settle(self._strokes, self._launches)
         self.scatter = self._measure_scatter(bench, rng)
-        self.setting = NominalMotion(
+        self.nominal = NominalMotion(
             scene=scene,
             foot=foot_of(scene, rig.camera),
             contact_poses=np.array([nearest_pose(scene, s.motion) for s in self._strokes]),
@@ -52,14 +52,14 @@ class Rehearsal:
         )
 
     def displacement(self, concealed: Concealed) -> float | None:
-        """Of that alone; None where nothing scatters."""
+        """Displacement of this effect alone; None without scatter."""
         return self._shift(concealed, launch=True) / self.scatter if self.scatter > 0 else None
 
-    def find(self, kind: HiddenEffect, shape: Shape, asked: float) -> Concealed:
-        """The kind with the amplitude whose displacement is `asked`, or the largest possible one.
+    def find(self, effect: HiddenEffect, shape: Shape, requested: float) -> Concealed:
+        """The effect with the amplitude whose displacement is `requested`, or the nearest possible one.
 
         Raises:
-            InputError: nothing scatters, so that no displacement can be asked for.
+            InputError: there is no scatter to express a displacement in.
         """
         if self.scatter == 0:
             raise InputError(
@@ -67,18 +67,18 @@ class Rehearsal:
             )
 
         def measure(amplitude: float, launch: bool) -> float:
-            return self._shift(Concealed(kind, amplitude, shape), launch) / self.scatter
+            return self._shift(Concealed(effect, amplitude, shape), launch) / self.scatter
 
-        # What acts on the slide does so from the start, but little of it shows in the launch: search with
-        # the launches there are, then look at the whole hit.
-        if kind.strikes:
-            found = _search(lambda a: measure(a, True), asked, kind.usual, kind)
+        # Effects on the slide hardly change the launch: search with the given launches first, then with whole
+        # hits.
+        if effect.changes_launch:
+            found = _search(lambda a: measure(a, True), requested, effect.typical_amplitude, effect)
         else:
-            quick = _search(lambda a: measure(a, False), asked, kind.usual, kind)
-            found = _search(lambda a: measure(a, True), asked, quick.amplitude, kind)
-        ends = found.amplitude in (kind.least, kind.largest)
-        bounded = ends and abs(found.displacement / asked - 1) > CLOSE
-        return Concealed(kind, found.amplitude, shape, found.displacement, asked, bounded)
+            quick = _search(lambda a: measure(a, False), requested, effect.typical_amplitude, effect)
+            found = _search(lambda a: measure(a, True), requested, quick.amplitude, effect)
+        ends = found.amplitude in (effect.min_amplitude, effect.max_amplitude)
+        bounded = ends and abs(found.displacement / requested - 1) > CLOSE
+        return Concealed(effect, found.amplitude, shape, found.displacement, requested, bounded)
 
     def _measure_scatter(self, bench: RigSimulator, rng: np.random.Generator) -> float:
         every = -(-len(self._strokes) // REPEATED)
@@ -89,15 +89,15 @@ class Rehearsal:
         return float(np.sqrt((distances**2).sum() / (len(rests) * (TIMES - 1))))
 
     def _shift(self, concealed: Concealed, launch: bool) -> float:
-        """Rms over hits in m; without `launch` with the launches of the rig that conceals nothing."""
+        """Rms over hits in m; without `launch`, the launches of the nominal rig are used."""
         rig = replace(self._rig, concealed=(concealed,))
         hits = self._hits
-        if concealed.kind.phase != "camera":
+        if concealed.effect.phase != "camera":
             bench = RigSimulator(self._scene, rig, cores=self._cores)
             launches = bench.launches(self._strokes, arm=False) if launch else self._launches
             hits = bench.settle(self._strokes, launches)
         squares = [
-            _rest_shift(hit, null, rig, stroke) if concealed.kind.shows == "rest" else
+            _rest_shift(hit, null, rig, stroke) if concealed.effect.observed_in == "rest" else
             _track_shift(hit, null, rig, stroke)
             for hit, null, stroke in zip(hits, self._hits, self._strokes, strict=True)
         ]  # fmt: skip
@@ -110,7 +110,7 @@ def _rest_shift(hit: Hit, null: Hit, rig: Rig, stroke: HitSpec) -> float:
 
 
 def _track_shift(hit: Hit, null: Hit, rig: Rig, stroke: HitSpec) -> float:
-    """Mean of the square over the time in which one of the two objects moves, in m^2."""
+    """Mean square over the time in which either object moves, in m^2."""
     seen = rig.seen(hit.track, stroke.place)
     first = min(hit.launch_time, null.launch_time)
     times = np.arange(first, max(seen[-1, 0], null.end), _EVERY)
@@ -127,11 +127,11 @@ class _Try:
     displacement: float
 
 
-def _search(measure: Callable[[float], float], asked: float, first: float, kind: HiddenEffect) -> _Try:
-    """The possible amplitude whose displacement comes nearest to `asked`, in a few tries from `first` on.
+def _search(measure: Callable[[float], float], requested: float, first: float, effect: HiddenEffect) -> _Try:
+    """The possible amplitude whose displacement is nearest to `requested`, in a few tries from `first`.
 
-    Displacement grows with amplitude, roughly in proportion: secants between logarithms, kept between the
-    tries on either side once there are some.
+    Displacement grows roughly in proportion to amplitude: secant steps on logarithms, bracketed as soon as
+    possible.
     """
     amplitude = first
     tries: list[_Try] = []
@@ -140,27 +140,27 @@ def _search(measure: Callable[[float], float], asked: float, first: float, kind:
     for _ in range(TRIES):
         one = _Try(amplitude, measure(amplitude))
         tries.append(one)
-        if one.displacement >= asked:
+        if one.displacement >= requested:
             above = one
         elif below is None or one.amplitude > below.amplitude:
             below = one
-        end = kind.largest if above is None else kind.least if below is None else None
-        if abs(one.displacement / asked - 1) < CLOSE or amplitude == end:
+        end = effect.max_amplitude if above is None else effect.min_amplitude if below is None else None
+        if abs(one.displacement / requested - 1) < CLOSE or amplitude == end:
             break
         if below is not None and above is not None:
-            amplitude = _between(below, above, asked)
+            amplitude = _between(below, above, requested)
             continue
-        ratio = asked / one.displacement if one.displacement > 0 else _STRIDE
+        ratio = requested / one.displacement if one.displacement > 0 else _STRIDE
         amplitude *= float(np.clip(ratio, 1 / _STRIDE, _STRIDE))
-        amplitude = min(max(amplitude, kind.least), kind.largest)
-    if above is None:  # nothing was enough, and displacement need not grow all the way
+        amplitude = min(max(amplitude, effect.min_amplitude), effect.max_amplitude)
+    if above is None:  # the displacement was never large enough, and need not be monotonic
         return max(tries, key=lambda one: one.amplitude)
-    return min(tries, key=lambda one: abs(one.displacement - asked))
+    return min(tries, key=lambda one: abs(one.displacement - requested))
 
 
-def _between(below: _Try, above: _Try, asked: float) -> float:
-    """Where the line through both, on logarithmic axes, passes what is asked for."""
+def _between(below: _Try, above: _Try, requested: float) -> float:
+    """Interpolate between both on logarithmic axes."""
     low, high = np.log(max(below.displacement, 1e-9)), np.log(above.displacement)
-    # Kept off the ends, so that a bend in the curve cannot hold the search up.
-    share = float(np.clip((np.log(asked) - low) / (high - low), 0.1, 0.9))
+    # Kept away from the ends, so that curvature cannot stall the search.
+    share = float(np.clip((np.log(requested) - low) / (high - low), 0.1, 0.9))
     return float(np.exp((1 - share) * np.log(below.amplitude) + share * np.log(above.amplitude)))

@@ -1,6 +1,6 @@
-"""The face of a concealed kind: one scalar amplitude, and a shape that is drawn.
+"""Base class of hidden effects: one scalar amplitude, and a shape that is drawn.
 
-A kind overrides the methods of the places where it acts and inherits the others, which change nothing. A
+An effect overrides the hooks through which it acts and inherits the others, which change nothing. A
 shape is a dictionary of plain numbers, lists and words, which goes into the sealed truth as it is.
 """
 
@@ -23,11 +23,11 @@ Phase = Literal["swing", "contact", "slide", "across hits", "camera"]
 
 @dataclass(frozen=True, eq=False)
 class NominalMotion:
-    """What a shape may depend on: where things happen on a rig that conceals nothing.
+    """Hits of the nominal rig, on which shapes may depend.
 
     Attributes:
         scene: of the rig.
-        foot: (2,) m, point of the board that the camera is meant to look at.
+        foot: (2,) m, point of the board at which the camera nominally looks.
         contact_poses: (n, joints) rad, of the arm as it strikes in some of the session's hits.
         rests: (n, 2) m, where they end.
     """
@@ -39,63 +39,64 @@ class NominalMotion:
 
 
 class HiddenEffect:
-    """Physics that can be concealed; `amplitude` is never negative, and 0 is nothing at all.
+    """A hidden effect; the amplitude is never negative, and 0 is no effect.
 
     Attributes:
         name: as in settings and in the truth; that of the catalogue's effect where there is one.
         phase: where it acts.
-        catalogued: whether the catalogue has an effect that means the same.
-        like: whether `parameters` are numbers of the same law, or those that come nearest; None without any.
+        catalogued: whether the catalogue has a counterpart.
+        parameter_match: "same" if `parameters` belong to the same law, "near" for the closest fit; None for
+            none.
         unit: of the amplitude.
-        amplitude: what the amplitude is, in words.
-        usual: an amplitude to start a search from.
-        least: amplitude that can be simulated in decent time.
-        largest: amplitude that is physically possible.
-        shows: whether rest points move, or what the camera sees on the way at equal times.
-        strikes: whether the launch changes by more than what acts on the slide does there.
+        amplitude: meaning of the amplitude.
+        typical_amplitude: start of a search.
+        min_amplitude: smallest that can be simulated in reasonable time.
+        max_amplitude: largest that is physically possible.
+        observed_in: whether the effect moves rest points, or only the track at equal times.
+        changes_launch: whether the launch changes by more than an effect on the slide changes it.
     """
 
     name: ClassVar[str]
     phase: ClassVar[Phase]
     catalogued: ClassVar[bool] = True
-    like: ClassVar[Literal["same", "near"] | None] = "near"
+    parameter_match: ClassVar[Literal["same", "near"] | None] = "near"
     unit: ClassVar[str]
     amplitude: ClassVar[str]
-    usual: ClassVar[float]
-    least: ClassVar[float] = 0.0
-    largest: ClassVar[float]
-    shows: ClassVar[Literal["rest", "track"]] = "rest"
-    strikes: ClassVar[bool] = False
+    typical_amplitude: ClassVar[float]
+    min_amplitude: ClassVar[float] = 0.0
+    max_amplitude: ClassVar[float]
+    observed_in: ClassVar[Literal["rest", "track"]] = "rest"
+    changes_launch: ClassVar[bool] = False
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        """Draw what the amplitude leaves open."""
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        """Draw the shape."""
         return {}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
-        """Parameter of the catalogue's effect -> the value of it that comes nearest, in its unit."""
+        """Parameter of the catalogue's effect -> closest value, in its unit."""
         return {}
 
     @classmethod
     def has(cls, hook: str) -> bool:
-        """Whether the kind overrides a method."""
+        """Whether the effect overrides a hook."""
         return getattr(cls, hook) is not getattr(HiddenEffect, hook)
 
     # --- Swing and contact
 
     def delay(self, amplitude: float, shape: Shape, chance: float) -> float:
-        """S by which commands come late; `chance` is standard normal, drawn for each hit."""
+        """Command delay in s; `chance` is a standard normal draw of each hit."""
         return 0.0
 
     def follow(self, amplitude: float, shape: Shape, values: Array, period: float) -> Array:
-        """Commands (ticks, joints), one every `period` s, as they get through."""
+        """Commands (ticks, joints), one every `period` s, as they reach the arm."""
         return values
 
     def settling(self, amplitude: float, shape: Shape) -> float:
-        """S that `follow` goes on after commands have stopped."""
+        """Time in s for which `follow` continues after the last command."""
         return 0.0
 
     def blade(self, amplitude: float, shape: Shape) -> BladeTruth | None:
-        """A striker that bends; None for the scene's own."""
+        """A compliant striker; None for the scene's own."""
         return None
 
     def edit(self, amplitude: float, shape: Shape, spec: mujoco.MjSpec, scene: Scene) -> None:
@@ -112,7 +113,7 @@ class HiddenEffect:
         return ground
 
     def log_friction(self, amplitude: float, shape: Shape, place: float) -> float:
-        """Logarithm of the factor on friction of a hit; `place` is 0 for the first and 1 for the last."""
+        """Log factor on a hit's friction; `place` is its position in the session, 0 (first) to 1 (last)."""
         return 0.0
 
     def yaw(self, amplitude: float, shape: Shape, chance: float) -> float:
@@ -122,50 +123,50 @@ class HiddenEffect:
     # --- Camera
 
     def see(self, amplitude: float, shape: Shape, places: Array) -> Array:
-        """Places (n, 2) in m as the camera reports them."""
+        """Positions (n, 2) in m as reported by the camera."""
         return places
 
     def camera_delay(self, amplitude: float, shape: Shape, place: float) -> float:
-        """S by which what the camera reports is old; `place` as in `log_friction`."""
+        """Age of the camera's data in s; `place` as in `log_friction`."""
         return 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Concealed:
-    """A kind with its amplitude and its shape: one piece of concealed physics.
+    """A hidden effect with its amplitude and shape.
 
     Attributes:
-        kind: what.
-        amplitude: how much, in the kind's unit.
-        shape: what was drawn.
+        effect: the hidden effect.
+        amplitude: in the effect's unit.
+        shape: drawn shape.
         displacement: rms shift of the rest points, or of the seen track, over the rms distance of repeats'
             rest points from their mean; None where it was not measured.
-        asked: displacement that was asked for; None where the amplitude was given.
-        bounded: whether the amplitude is the largest or the least one because `asked` cannot be reached.
+        requested: displacement that was requested; None where the amplitude was given.
+        bounded: whether the amplitude is the largest or the least one because `requested` cannot be attained.
     """
 
-    kind: HiddenEffect
+    effect: HiddenEffect
     amplitude: float
     shape: Shape
     displacement: float | None = None
-    asked: float | None = None
+    requested: float | None = None
     bounded: bool = False
 
     def truth(self) -> dict[str, Any]:
         """For the sealed file: plain numbers, lists and words."""
-        kind = self.kind
+        effect = self.effect
         return {
-            "kind": kind.name,
-            "catalogued": kind.catalogued,
-            "phase": kind.phase,
+            "kind": effect.name,
+            "catalogued": effect.catalogued,
+            "phase": effect.phase,
             "amplitude": self.amplitude,
-            "amplitude_unit": kind.unit,
-            "amplitude_is": kind.amplitude,
+            "amplitude_unit": effect.unit,
+            "amplitude_is": effect.amplitude,
             "displacement": self.displacement,
-            "displacement_asked": self.asked,
-            "displacement_of": kind.shows,
+            "displacement_asked": self.requested,
+            "displacement_of": effect.observed_in,
             "bounded": self.bounded,
-            "parameters_are": kind.like,
-            "parameters": kind.parameters(self.amplitude, self.shape),
+            "parameters_are": effect.parameter_match,
+            "parameters": effect.parameters(self.amplitude, self.shape),
             "shape": dict(self.shape),
         }

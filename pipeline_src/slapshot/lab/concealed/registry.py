@@ -1,9 +1,9 @@
-"""All kinds of concealed physics by name."""
+"""All hidden effects by name."""
 
 from collections.abc import Mapping
 
 from slapshot.errors import InputError
-from slapshot.lab.concealed import camera, contact, drift, place, slide, swing
+from slapshot.lab.concealed import camera, contact, position_time, slide, swing
 from slapshot.lab.concealed.hidden_effect import HiddenEffect
 
 _ALL: tuple[HiddenEffect, ...] = (
@@ -19,33 +19,33 @@ _ALL: tuple[HiddenEffect, ...] = (
     contact.BladeYaw(),
     contact.CurvedBlade(),
     slide.Tilt(),
-    place.UnevenBoard(),
-    place.PlaceFriction(),
+    position_time.UnevenBoard(),
+    position_time.PlaceFriction(),
     slide.LinearDrag(),
     slide.QuadraticDrag(),
     slide.StribeckFriction(),
     slide.TurnedAnisotropy(),
     slide.Curl(),
     slide.OffcentreMass(),
-    place.AttractingSpot(),
-    place.Tether(),
-    place.PulsingFan(),
-    drift.FrictionDrift(),
+    position_time.AttractingSpot(),
+    position_time.Tether(),
+    position_time.PulsingFan(),
+    position_time.FrictionDrift(),
     camera.CameraScale(),
     camera.CameraRotation(),
     camera.CameraTime(),
     camera.LensDistortion(),
 )
 
-HIDDEN_EFFECTS: Mapping[str, HiddenEffect] = {kind.name: kind for kind in _ALL}
+HIDDEN_EFFECTS: Mapping[str, HiddenEffect] = {effect.name: effect for effect in _ALL}
 
 
 def hidden_effect_named(name: str) -> HiddenEffect:
-    """A kind.
+    """A hidden effect.
 
     Raises:
         InputError: there is none of that name.
     """
     if name not in HIDDEN_EFFECTS:
-        raise InputError(f"lab.concealed: no kind {name!r}; use one of: {', '.join(HIDDEN_EFFECTS)}")
+        raise InputError(f"lab.concealed: no hidden effect {name!r}; use one of: {', '.join(HIDDEN_EFFECTS)}")
     return HIDDEN_EFFECTS[name]

@@ -1,4 +1,4 @@
-"""Concealed in the slide, following speed, heading or spin."""
+"""Hidden effects on the slide that depend on speed, heading or spin."""
 
 from typing import Any
 
@@ -16,15 +16,20 @@ class Tilt(HiddenEffect):
 
     name = "tilt"
     phase = "slide"
-    like = "same"
-    unit, amplitude, usual, largest = "m/m", "slope in the middle of where objects come to rest", 0.01, 0.1
+    parameter_match = "same"
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "m/m",
+        "slope in the middle of where objects come to rest",
+        0.01,
+        0.1,
+    )
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
             "towards_rad": float(rng.uniform(0, 2 * np.pi)),
             "bow_share_per_m": float(rng.uniform(-0.3, 0.3)),
             "bow_towards_rad": float(rng.uniform(0, np.pi)),
-            "middle_m": setting.rests.mean(0).tolist(),
+            "middle_m": nominal.rests.mean(0).tolist(),
         }
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -44,7 +49,7 @@ class _Drag(HiddenEffect):
     phase = "slide"
     _powers = (1.0, 1.0)
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"power": float(rng.uniform(*self._powers))}
 
     def ground(self, amplitude: float, shape: Shape, ground: Ground) -> Ground:
@@ -55,7 +60,7 @@ class LinearDrag(_Drag):
     """A film that thins a little under shear: drag with a power of speed between 1 and 1.2."""
 
     name = "linear_drag"
-    unit, amplitude, usual, largest = "1/s", "deceleration at 1 m/s over 1 m/s", 0.3, 5.0
+    unit, amplitude, typical_amplitude, max_amplitude = "1/s", "deceleration at 1 m/s over 1 m/s", 0.3, 5.0
     _powers = (1.0, 1.2)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -66,7 +71,12 @@ class QuadraticDrag(_Drag):
     """Air whose drag coefficient changes with Reynolds' number: a power of speed between 1.8 and 2.2."""
 
     name = "quadratic_drag"
-    unit, amplitude, usual, largest = "1/m", "deceleration at 1 m/s over (1 m/s)^2", 0.2, 3.0
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "1/m",
+        "deceleration at 1 m/s over (1 m/s)^2",
+        0.2,
+        3.0,
+    )
     _powers = (1.8, 2.2)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -81,9 +91,14 @@ class StribeckFriction(HiddenEffect):
 
     name = "stribeck_friction"
     phase = "slide"
-    unit, amplitude, usual, largest = "1", "share by which friction at rest exceeds that at speed", 0.3, 3.0
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "1",
+        "share by which friction at rest exceeds that at speed",
+        0.3,
+        3.0,
+    )
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         lorentzian = bool(rng.uniform() < 0.4)
         power, speed = rng.uniform(0.7, 1.4), np.exp(rng.uniform(np.log(0.15), np.log(0.7)))
         return {"speed_m_s": float(speed), "power": 0.0 if lorentzian else float(power)}
@@ -106,9 +121,14 @@ class TurnedAnisotropy(HiddenEffect):
 
     name = "turned_anisotropy"
     phase = "slide"
-    unit, amplitude, usual, largest = "1", "share of friction added one way, taken across it", 0.1, 0.5
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "1",
+        "share of friction added one way, taken across it",
+        0.1,
+        0.5,
+    )
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         # Far enough from the axes, along which a ratio of the two frictions would be the same.
         angle = rng.choice((-1.0, 1.0)) * rng.uniform(np.pi / 6, np.pi / 3)
         return {"angle_rad": float(angle)}
@@ -127,9 +147,14 @@ class Curl(HiddenEffect):
 
     name = "curl"
     phase = "slide"
-    unit, amplitude, usual, largest = "1", "size of the force per spin, speed and mass", 0.1, 1.0
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "1",
+        "size of the force per spin, speed and mass",
+        0.1,
+        1.0,
+    )
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"sign": float(rng.choice((-1.0, 1.0))), "saturation_rad_s": float(rng.uniform(0.4, 2.0))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -149,15 +174,20 @@ class OffcentreMass(HiddenEffect):
 
     name = "offcentre_mass"
     phase = "slide"
-    like = "same"
-    unit, amplitude, usual, largest = "m", "distance of the centre of mass from the middle", 0.003, 0.012
-    strikes = True
+    parameter_match = "same"
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "m",
+        "distance of the centre of mass from the middle",
+        0.003,
+        0.012,
+    )
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
             "towards_rad": float(rng.uniform(0, 2 * np.pi)),
             "slug_share": float(rng.uniform(0.4, 0.6)),
-            "radius_m": setting.scene.info.object_radius,
+            "radius_m": nominal.scene.info.object_radius,
             "put_down_sd_rad": float(rng.uniform(0.03, 0.1)),
         }
 

@@ -1,4 +1,4 @@
-"""Concealed in the swing: between the command and where the arm is."""
+"""Hidden effects of the swing, between command and arm position."""
 
 from typing import Any
 
@@ -18,16 +18,16 @@ _HIDDEN = 2  # combinations of errors that a crooked arm does not have
 
 
 class CommandDelay(HiddenEffect):
-    """Commands arrive late, by a little more or less from hit to hit."""
+    """Command delay that varies slightly between hits."""
 
     name = "command_delay"
     phase = "swing"
-    like = "same"
-    unit, amplitude, usual, largest = "s", "mean delay", 0.02, 0.06
-    shows = "track"
-    strikes = True
+    parameter_match = "same"
+    unit, amplitude, typical_amplitude, max_amplitude = "s", "mean delay", 0.02, 0.06
+    observed_in = "track"
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"jitter_share": float(rng.uniform(0.02, 0.1))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -38,19 +38,19 @@ class CommandDelay(HiddenEffect):
 
 
 class TrackingLag(HiddenEffect):
-    """Commands pass a filter of second order, x'' = w^2 (u - x) - 2 z w x', another one for each joint.
+    """Commands pass a second-order filter, x'' = w^2 (u - x) - 2 z w x', different for each joint.
 
     Behind a steady motion it lags by 2 z / w, which is the amplitude on average over the joints.
     """
 
     name = "tracking_lag"
     phase = "swing"
-    unit, amplitude, usual, largest = "s", "lag behind a steady motion", 0.015, 0.06
-    shows = "track"
-    strikes = True
+    unit, amplitude, typical_amplitude, max_amplitude = "s", "lag behind a steady motion", 0.015, 0.06
+    observed_in = "track"
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        shares = np.exp(rng.normal(0, 0.25, len(setting.scene.info.joints)))
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        shares = np.exp(rng.normal(0, 0.25, len(nominal.scene.info.joints)))
         return {"damping_ratio": float(rng.uniform(0.6, 1.2)), "joints": (shares / shares.mean()).tolist()}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -72,16 +72,21 @@ class TrackingLag(HiddenEffect):
 
 
 class ServoGain(HiddenEffect):
-    """Servos are softer or stiffer than believed, each joint by another factor; damping follows in part."""
+    """Servo gains differ from the model by a factor for each joint; damping changes partly with them."""
 
     name = "servo_gain"
     phase = "swing"
-    unit, amplitude, usual, largest = "1", "size of the mean logarithm of the factor", 0.3, 1.2
-    shows = "track"
-    strikes = True
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "1",
+        "size of the mean logarithm of the factor",
+        0.3,
+        1.2,
+    )
+    observed_in = "track"
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        shares = 1 + rng.uniform(-0.5, 0.5, len(setting.scene.info.joints))
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        shares = 1 + rng.uniform(-0.5, 0.5, len(nominal.scene.info.joints))
         sign = float(rng.choice((-1.0, 1.0)))
         return {
             "joints": (sign * shares / shares.mean()).tolist(),
@@ -107,15 +112,20 @@ class JointElasticity(HiddenEffect):
 
     name = "joint_elasticity"
     phase = "swing"
-    unit, amplitude, usual, largest = "rad/(N m)", "mean compliance of the springs", 1e-4, 2e-3
-    strikes = True
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "rad/(N m)",
+        "mean compliance of the springs",
+        1e-4,
+        2e-3,
+    )
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        chosen = _some_joints(len(setting.scene.info.joints), 3, 5, rng)
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        chosen = _some_joints(len(nominal.scene.info.joints), 3, 5, rng)
         shares = np.exp(rng.normal(0, 0.4, len(chosen)))
-        weights = np.zeros(len(setting.scene.info.joints))
+        weights = np.zeros(len(nominal.scene.info.joints))
         weights[chosen] = shares / shares.mean()
-        limits = setting.scene.info.torque_limits
+        limits = nominal.scene.info.torque_limits
         return {
             "joints": weights.tolist(),
             # Damping over stiffness; implicit integration keeps a spring stable at steps below twice this.
@@ -147,14 +157,14 @@ class Backlash(HiddenEffect):
 
     name = "backlash"
     phase = "swing"
-    unit, amplitude, usual, largest = "rad", "mean play, from stop to stop", 0.005, 0.02
-    shows = "track"
-    strikes = True
+    unit, amplitude, typical_amplitude, max_amplitude = "rad", "mean play, from stop to stop", 0.005, 0.02
+    observed_in = "track"
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        chosen = _some_joints(len(setting.scene.info.joints), 2, 4, rng)
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        chosen = _some_joints(len(nominal.scene.info.joints), 2, 4, rng)
         shares = rng.uniform(0.5, 1.5, len(chosen))
-        weights = np.zeros(len(setting.scene.info.joints))
+        weights = np.zeros(len(nominal.scene.info.joints))
         weights[chosen] = shares / shares.mean()
         return {"joints": weights.tolist()}
 
@@ -187,24 +197,24 @@ class CrookedArm(HiddenEffect):
     name = "crooked_arm"
     phase = "swing"
     catalogued = False
-    like = None
-    unit, amplitude, usual, largest = (
+    parameter_match = None
+    unit, amplitude, typical_amplitude, max_amplitude = (
         "m",
         "size of all links' errors, a zero's being 2 rad/m of it",
         0.02,
         0.05,
     )
-    strikes = True
+    changes_launch = True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        joints = len(setting.scene.info.joints)
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        joints = len(nominal.scene.info.joints)
         chosen = np.zeros((joints, 4), bool)
         chosen[rng.choice(np.arange(1, joints), 3, replace=False), :3] = True
         # Not the last one, whose zero is the blade's own angle.
         chosen[rng.choice(joints - 1, 3, replace=False), 3] = True
         errors = np.where(chosen, rng.normal(size=chosen.shape), 0.0)[chosen]
         # Without the combinations that raise or lower the blade most.
-        heights = _height_slopes(setting)[:, chosen]
+        heights = _height_slopes(nominal)[:, chosen]
         hidden = np.linalg.svd(heights, full_matrices=False)[2][:_HIDDEN]
         errors -= hidden.T @ (hidden @ errors)
         both = np.zeros(chosen.shape)
@@ -222,13 +232,13 @@ class CrookedArm(HiddenEffect):
             body.quat = quat
 
 
-def _height_slopes(setting: NominalMotion) -> Array:
+def _height_slopes(nominal: NominalMotion) -> Array:
     """(poses, joints, 4) change of the striker's height over errors of a link and of a zero."""
-    scene = setting.scene
+    scene = nominal.scene
     model = scene.compile()
     data, site = mujoco.MjData(model), model.site(scene.info.striker_site).id
-    slopes = np.empty((len(setting.contact_poses), len(scene.info.joints), 4))
-    for row, pose in zip(slopes, setting.contact_poses, strict=True):
+    slopes = np.empty((len(nominal.contact_poses), len(scene.info.joints), 4))
+    for row, pose in zip(slopes, nominal.contact_poses, strict=True):
         data.qpos[scene.layout.arm_q] = pose
         mujoco.mj_kinematics(model, data)
         for j, name in enumerate(scene.info.joints):

@@ -1,10 +1,10 @@
-"""Stand-in rigs with joints, and what they conceal: recordings for a diagnosis of any MuJoCo model.
+"""Stand-in rigs with joints and hidden effects: recordings for a diagnosis of any MuJoCo model.
 
-`rig` says what everybody believes of the rigs, and `bench` makes them move. `kind` says what a kind of
-concealed physics is; `kinds` holds them, and `registry` finds them by name. `rehearsal` measures how plain so
-much of a kind is, `clutter` and `noise` are what else is in the way, `case` puts a case together, and `cases`
-and `lists` hold lists of them.
+`rig` describes nominal rigs, `rig_simulator` and `execution` simulate them. `hidden_effect` defines the base
+class of hidden effects, `hidden_effects` holds them, and `registry` finds them by name.
+`effect_size_calibration` sets their sizes, `clutter` adds model errors and `noise` sensor noise,
+`record_case` records a case, `case_spec` specifies it, `cases` reads lists of cases and `lists` draws them.
 
-All is written apart from what a diagnosis knows, and mostly by another law: it must not win by knowing the
-lab.
+The lab is written independently of the diagnosis, mostly with other laws: knowing the lab must give no
+advantage.
 """

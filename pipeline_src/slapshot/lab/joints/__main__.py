@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from slapshot.errors import InputError, check_writable, writing
-from slapshot.lab.joints.case import SIZES
+from slapshot.lab.joints.case_spec import CaseSpec, MeasurementCondition
 from slapshot.lab.joints.cases import read_cases
 from slapshot.lab.joints.noise import CORRELATION
-from slapshot.lab.joints.order import Condition, Order
+from slapshot.lab.joints.record_case import SIZES
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import RIGS
 from slapshot.lab.joints.stage_case import record
@@ -22,7 +22,7 @@ from slapshot.whole_file import replacing
 LIST = Path("config/cases/joints.csv")
 
 
-def write_case(order: Order, out: Path) -> dict[str, Any]:
+def write_case(spec: CaseSpec, out: Path) -> dict[str, Any]:
     """Make a case and write it, whole or not at all; returns the truth.
 
     Raises:
@@ -35,22 +35,22 @@ def write_case(order: Order, out: Path) -> dict[str, Any]:
         out.parent.mkdir(parents=True, exist_ok=True)
         with replacing(out) as aside:
             aside.mkdir()
-            return record(order, aside)
+            return record(spec, aside)
 
 
-def _order(args: argparse.Namespace) -> Order:
+def _order(args: argparse.Namespace) -> CaseSpec:
     if args.case is not None:
-        cases = {case.case: case.order for case in read_cases(args.list)}
+        cases = {case.case: case.spec for case in read_cases(args.list)}
         if args.case not in cases:
             raise InputError(f"--case {args.case}: is not in {args.list}; name one of its {len(cases)} cases")
         return cases[args.case]
     if args.seed is None:
         raise InputError("--seed is missing; give a number, of which everything is drawn")
-    return Order(
+    return CaseSpec(
         rig=args.rig,
         seed=args.seed,
         conceals=tuple((kind, args.size) for kind in filter(None, args.kinds.split(","))),
-        condition=Condition(args.noise, args.cluttered, args.quantised),
+        condition=MeasurementCondition(args.noise, args.cluttered, args.quantised),
         episodes=args.episodes,
         seconds=args.seconds,
     )
@@ -69,8 +69,8 @@ def main() -> None:
     parser.add_argument("--noise", choices=CORRELATION, default="white")
     parser.add_argument("--cluttered", action="store_true")
     parser.add_argument("--quantised", type=float, help="step of the encoders, rad")
-    parser.add_argument("--episodes", type=int, default=Order.episodes)
-    parser.add_argument("--seconds", type=float, default=Order.seconds)
+    parser.add_argument("--episodes", type=int, default=CaseSpec.episodes)
+    parser.add_argument("--seconds", type=float, default=CaseSpec.seconds)
     parser.add_argument("--out", type=Path, required=True, help="folder that does not exist yet")
     args = parser.parse_args()
     try:

@@ -1,4 +1,7 @@
-"""Concealed cases of joints: what a rig conceals, how it is recorded, and under which seed."""
+"""Lists of cases of joints: hidden effects, measurement conditions and seed of each case.
+
+This module must not need MuJoCo, since planning reads lists of cases.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,7 +13,7 @@ from pydantic import Field
 from slapshot.case_list import JOIN, concealed_of, concealed_text, number, read_list, write_list
 from slapshot.config.values import Name
 from slapshot.errors import InputError
-from slapshot.lab.joints.order import Colour, Condition, Order
+from slapshot.lab.joints.case_spec import CaseSpec, Colour, MeasurementCondition
 from slapshot.validation import Model, validated
 
 _COLUMNS = (
@@ -23,14 +26,14 @@ class Case:
     """A row of a list.
 
     Attributes:
-        case: its name, which says nothing.
-        condition: what it is to show, in words.
-        order: what it is.
+        case: its name, which reveals nothing.
+        condition: name of the condition.
+        spec: its specification.
     """
 
     case: str
     condition: str
-    order: Order
+    spec: CaseSpec
 
 
 class _Concealed(Model):
@@ -52,12 +55,12 @@ class _Row(Model):
     episodes: Annotated[int, Field(ge=1, le=1_000)]
     seconds: Annotated[float, Field(ge=0.5, le=60)]
 
-    def order(self) -> Order:
-        return Order(
+    def spec(self) -> CaseSpec:
+        return CaseSpec(
             rig=self.rig,
             seed=self.seed,
             conceals=tuple((one.kind, one.size) for one in self.conceals),
-            condition=Condition(self.noise, self.cluttered, self.quantised),
+            condition=MeasurementCondition(self.noise, self.cluttered, self.quantised),
             episodes=self.episodes,
             seconds=self.seconds,
         )
@@ -68,8 +71,8 @@ def read_cases(file: Path, *, possible: bool = True) -> list[Case]:
 
     Args:
         file: CSV.
-        possible: whether to refuse kinds that a rig cannot conceal, for which its model is built. A plan does
-            without, since it must not need MuJoCo; who makes a case is told then.
+        possible: whether to check that the effects fit the rig, which compiles its model. Planning skips this
+            check, since it must not need MuJoCo; it is then made when the case is recorded.
 
     Raises:
         InputError: there is no such file, or a row is not allowed; one line for a person.
@@ -86,18 +89,18 @@ def _case(values: dict[str, str], where: str, possible: bool) -> Case:
     row["quantised"] = None if values["quantised"] == "" else row["quantised"]
     row["conceals"] = concealed_of(values["conceals"], "size")
     checked = validated(_Row, row, where)
-    order = checked.order()
+    spec = checked.spec()
     if possible:
-        _check(order, where)
-    return Case(checked.case, checked.condition, order)
+        _check(spec, where)
+    return Case(checked.case, checked.condition, spec)
 
 
-def _check(order: Order, where: str) -> None:
-    from slapshot.lab.joints.case import check_kinds  # these need MuJoCo
+def _check(spec: CaseSpec, where: str) -> None:
+    from slapshot.lab.joints.record_case import check_hidden_effects  # these need MuJoCo
     from slapshot.lab.joints.rigs import rig_named
 
     try:
-        check_kinds([kind for kind, _ in order.conceals], rig_named(order.rig))
+        check_hidden_effects([kind for kind, _ in spec.conceals], rig_named(spec.rig))
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
 
@@ -108,10 +111,10 @@ def write_cases(cases: Iterable[Case], file: Path) -> None:
 
 
 def _row(case: Case) -> tuple[object, ...]:
-    order, condition = case.order, case.order.condition
-    conceals = concealed_text((kind, size) for kind, size in order.conceals if size is not None)
+    spec, condition = case.spec, case.spec.condition
+    conceals = concealed_text((kind, size) for kind, size in spec.conceals if size is not None)
     quantised = "" if condition.quantised is None else f"{condition.quantised:g}"
     return (
-        case.case, case.condition, order.rig, order.seed, conceals, condition.noise,
-        "yes" if condition.cluttered else "no", quantised, order.episodes, f"{order.seconds:g}",
+        case.case, case.condition, spec.rig, spec.seed, conceals, condition.noise,
+        "yes" if condition.cluttered else "no", quantised, spec.episodes, f"{spec.seconds:g}",
     )  # fmt: skip

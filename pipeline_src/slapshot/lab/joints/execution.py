@@ -1,9 +1,8 @@
-"""A session on a rig: all of its episodes are simulated side by side.
+"""Simulation of a session on a rig: all episodes in parallel.
 
-MuJoCo says how everything accelerates; integration is the lab's own, by Heun's method of second order with
-steps ten times finer than those of the nominal model, which MuJoCo's Runge-Kutta method integrates. What
-actuators and joints do according to the nominal model is MuJoCo's; what is concealed differs from it by laws,
-which say once a step what they add.
+MuJoCo computes accelerations; integration is the lab's own, by Heun's second-order method with steps ten
+times finer than those of the nominal model, which MuJoCo's Runge-Kutta method integrates. Nominal actuators
+and joints are MuJoCo's; hidden effects are laws that add to them once in every step.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,21 +13,20 @@ import numpy as np
 from mujoco.batch import Batch
 
 from slapshot.arrays import Array
-from slapshot.lab.joints.excitation import Excitation
-from slapshot.lab.joints.hidden_effect import Law, Now, Plant
-from slapshot.lab.joints.rig import Rig
+from slapshot.lab.joints.hidden_effect import Law, Plant, StepState
+from slapshot.lab.joints.rig import Excitation, Rig
 
 TIP = "lab_tip"
-FLEX = "lab_flex_"  # before a joint's name: what lies between its actuator and its link
+FLEX = "lab_flex_"  # prefix of the joint between an actuator and its link
 _BRAKE = 4.0  # damping of a torque motor's controller before an episode, over that in it
-_FASTEST = 200.0  # rad/s or m/s: a rig that moves faster has fallen apart
+_FASTEST = 200.0  # rad/s or m/s: faster motion counts as unstable
 
-MakeLaw = Callable[[Plant], Law | None]
+LawFactory = Callable[[Plant], Law | None]
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """What happened in a session.
+class SimulatedMotion:
+    """Result of simulating a session.
 
     Attributes:
         times: (kept,) s from the episodes' start; the first ones are negative.
@@ -38,7 +36,7 @@ class Motion:
         peak: (joints,) N m, largest size of these forces at any time.
         tip: (episodes, samples, 3) m.
         start: (episodes, 2, dofs) positions and velocities of all that moves where episodes begin.
-        told: (episodes, commands, controls), in the order of `Rig.controls`.
+        commands: (episodes, ticks, controls), in the order of `Rig.controls`.
     """
 
     times: Array
@@ -48,21 +46,21 @@ class Motion:
     peak: Array
     tip: Array
     start: Array
-    told: Array
+    commands: Array
 
 
 class Execution:
-    """Of one session, on a rig whose actuators are commanded.
+    """Execution of one session on a rig with commanded actuators.
 
     Args:
-        rig: as everybody believes it to be.
-        model: as it is.
-        make: laws that it follows besides.
+        rig: nominal rig.
+        model: true model.
+        make: factories of further laws.
         excitation: of the session.
     """
 
     def __init__(
-        self, rig: Rig, model: mujoco.MjModel, make: Sequence[MakeLaw], excitation: Excitation
+        self, rig: Rig, model: mujoco.MjModel, make: Sequence[LawFactory], excitation: Excitation
     ) -> None:
         self.rig, self.model, self.excitation = rig, model, excitation
         count = len(excitation.wave)
@@ -82,19 +80,19 @@ class Execution:
         self._limits = np.where(
             model.actuator_forcelimited[:, None], model.actuator_forcerange, [-np.inf, np.inf]
         )
-        place = np.linspace(0, 1, count) if count > 1 else np.zeros(1)
-        plant = Plant(rig, batch, model, place)
+        session = np.linspace(0, 1, count) if count > 1 else np.zeros(1)
+        plant = Plant(rig, batch, model, session)
         self._laws = [law for law in (make_one(plant) for make_one in make) if law is not None]
         self._tip = model.site(TIP).id
         swing = np.array(rig.swing) / rig.swing[0]
         self._hold = np.array(rig.hold)[:, None] * swing
         self._last: Array = np.empty(0)
 
-    def run(self) -> Motion:
+    def run(self) -> SimulatedMotion:
         """Simulate.
 
         Raises:
-            FloatingPointError: the rig falls apart.
+            FloatingPointError: the simulation is unstable.
         """
         clock = self.rig.clock
         substeps, every = round(clock.period / clock.step), round(clock.kept / clock.step)
@@ -102,7 +100,7 @@ class Execution:
         settling, ticks = round(self.rig.settle / clock.period), self.excitation.wave.shape[1]
         self.begin()
         self.batch.forward()
-        kept, told = [self.observed()], []
+        kept, commands = [self.observed()], []
         speeds, forces, tip = [], [], []
         force = np.zeros((len(self.qpos), len(self.dofs)))
         peak = force.copy()
@@ -110,7 +108,7 @@ class Execution:
             if tick == 0:
                 start = np.stack([self.qpos, self.qvel], axis=1)
             command = self.command(tick)
-            told.append(command)
+            commands.append(command)
             for substep in range(substeps):
                 if substep % sampled == 0 and tick >= 0:
                     speeds.append(self.qvel[:, self.dofs])
@@ -124,8 +122,8 @@ class Execution:
                 if (substep + 1) % every == 0:
                     kept.append(self.observed())
             if not np.abs(self.qvel).max() < _FASTEST:
-                raise FloatingPointError("the rig has fallen apart")
-        return Motion(
+                raise FloatingPointError("the simulation is unstable")
+        return SimulatedMotion(
             times=np.arange(len(kept), dtype=np.float64) * clock.kept - settling * clock.period,
             positions=np.stack(kept, axis=1),
             speeds=np.stack(speeds, axis=1),
@@ -133,25 +131,25 @@ class Execution:
             peak=peak.max(0),
             tip=np.stack(tip, axis=1),
             start=start,
-            told=np.stack(told[settling:], axis=1),
+            commands=np.stack(commands[settling:], axis=1),
         )
 
     def begin(self) -> None:
-        """Put the rig where it begins."""
+        """Set the initial state."""
         self.qpos[:, self.dofs] = self.excitation.centre
 
     def observed(self) -> Array:
-        """(episodes, observed), as encoders on the links would have them."""
+        """(episodes, observed) positions of the links."""
         found = self.qpos[:, self.dofs]
         for joint, column in self._flex:
             found[:, joint] += self.qpos[:, column]
         return found
 
     def command(self, tick: int) -> Array:
-        """Command the rig, and return what it is told (episodes, controls)."""
-        told = self.excitation.wave[:, max(tick, 0)].copy()
+        """Apply and return the commands (episodes, controls)."""
+        commands = self.excitation.wave[:, max(tick, 0)].copy()
         if self.rig.drive == "servo":
-            told += self.excitation.centre
+            commands += self.excitation.centre
         else:
             links = self.observed()
             last = links if len(self._last) == 0 else self._last
@@ -159,13 +157,13 @@ class Execution:
             stiffness, damping = self._hold
             if tick < 0:  # sooner at rest, at the same place
                 damping = _BRAKE * damping
-            told += stiffness * (self.excitation.centre - links)
-            told -= damping * (links - last) / self.rig.clock.period
-        self.ctrl[:] = told
-        return told
+            commands += stiffness * (self.excitation.centre - links)
+            commands -= damping * (links - last) / self.rig.clock.period
+        self.ctrl[:] = commands
+        return commands
 
     def actuate(self, command: Array, position: Array, velocity: Array) -> Array:
-        """What actuators do by the nominal model (episodes, joints), N m."""
+        """Nominal actuator torques (episodes, joints), N m."""
         force = self._gain * command + self._bias[:, 0] + self._bias[:, 1] * position
         return np.clip(force + self._bias[:, 2] * velocity, *self._limits.T)
 
@@ -182,30 +180,30 @@ class Execution:
         qpos[:] = position + h * velocity + h * h / 6 * (2 * first + qacc)
 
     def end_period(self) -> None:
-        """What else happens before the next command."""
+        """Hook before the next command."""
 
     def _act(self, command: Array, time: float, load: Array) -> Array:
-        """Let laws act in the coming step; return what actuators do in it (episodes, joints)."""
-        # As it will be in the middle of the step: what a law says there is right to second order.
+        """Apply the laws in the coming step; return the actuator torques (episodes, joints)."""
+        # At the midpoint of the step, where a law is evaluated to second order.
         half = self.rig.clock.step / 2
         position = self.qpos[:, self.dofs] + half * self.qvel[:, self.dofs]
         speeds = self.qvel + half * self._qacc
         velocity = speeds[:, self.dofs]
-        now = Now(time + half, position, velocity, speeds, load)
+        state = StepState(time + half, position, velocity, speeds, load)
         if self._laws and self.ctrl.size:
             command = command.copy()
             for law in self._laws:
-                law.command(command, now)
+                law.command(command, state)
             self.ctrl[:] = command
-        force = now.load = self.actuate(command, position, velocity)
+        force = state.load = self.actuate(command, position, velocity)
         if self._laws:
             nominal = force.copy()
             for law in self._laws:
-                law.drive(force, now)
+                law.drive(force, state)
             self._applied[:] = 0
             self._wrench[:] = 0
             for law in self._laws:
-                law.act(self._applied, now)
-                law.push(self._wrench, now)
+                law.act(self._applied, state)
+                law.push(self._wrench, state)
             self._applied[:, self.dofs] += force - nominal
         return force

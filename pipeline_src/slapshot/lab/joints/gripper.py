@@ -1,8 +1,8 @@
-"""A session with FetchSlide's robot: the environment's own step, with what is concealed acting in it.
+"""A session on FetchSlide's robot: the environment's own step, with hidden effects.
 
 A command asks for a velocity of the gripper; the environment puts its mocap body as far ahead of where the
-gripper is, and a weld drags the gripper after it. What is recorded as told is the mocap body's pose. That the
-lab's steps are the environment's own is tested against the environment.
+gripper is, and a weld drags the gripper after it. The recorded command is the mocap body's pose. A test
+compares the lab's steps with those of the environment.
 """
 
 from functools import cache
@@ -20,15 +20,15 @@ _LEAVES = 0.6  # share of the time before an episode in which the gripper leaves
 
 
 class GripperExecution(Execution):
-    """Of one session, on a robot that is dragged by its gripper."""
+    """Of one position, on a robot that is dragged by its gripper."""
 
     def begin(self) -> None:
         """As the environment's reset does; an encoder's zero that is off moves no link."""
         batch, names = self.batch, [self.model.joint(i).name for i in range(self.model.njnt)]
-        believed = mujoco.MjModel.from_xml_string(self.rig.xml)
+        nominal = mujoco.MjModel.from_xml_string(self.rig.xml)
         start = reset_state()
         for i, name in enumerate(names):
-            off = self.model.qpos0[i] - believed.qpos0[believed.joint(name).qposadr[0]]
+            off = self.model.qpos0[i] - nominal.qpos0[nominal.joint(name).qposadr[0]]
             self.qpos[:, i], self.qvel[:, i] = start[name][0] + off, start[name][1]
         self._body = self.model.body(GRIPPER).id
         self._fingers = [self.model.joint(name).qposadr[0] for name in FINGER_JOINTS]
@@ -44,8 +44,8 @@ class GripperExecution(Execution):
         """Put the mocap body ahead of the gripper; its pose (episodes, 7)."""
         settling = round(self.rig.settle / self.rig.clock.period)
         leaves = tick < -(1 - _LEAVES) * settling
-        asked = self.excitation.wave[:, max(tick, 0)] if tick >= 0 else self.excitation.centre * leaves
-        self._mocap_pos[:, 0] = self._xpos[:, self._body] + STEP * np.clip(asked, -1, 1)
+        requested = self.excitation.wave[:, max(tick, 0)] if tick >= 0 else self.excitation.centre * leaves
+        self._mocap_pos[:, 0] = self._xpos[:, self._body] + STEP * np.clip(requested, -1, 1)
         # MuJoCo would normalise it anyway.
         turned = self._xquat[:, self._body] + _TOWARDS
         self._mocap_quat[:, 0] = turned / np.linalg.norm(turned, axis=1, keepdims=True)

@@ -1,7 +1,7 @@
-"""The face of a kind of physics that a rig for joints can conceal, and of the law that it acts by.
+"""Base class of hidden effects on joints, and of the laws by which they act.
 
-A kind has one scalar amplitude, which is never negative and 0 for nothing at all, and a shape that is drawn.
-It overrides the methods of the places where it acts and inherits the others, which change nothing. A shape is
+A hidden effect has one scalar amplitude, never negative and 0 for no effect, and a shape that is drawn. It
+overrides the hooks through which it acts and inherits the others, which change nothing. A shape is
 a dictionary of plain numbers, lists and words, which goes into the sealed truth as it is.
 """
 
@@ -21,7 +21,7 @@ Shape = Mapping[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class NominalMotion:
-    """What a shape may depend on: how a rig moves in a session while it conceals nothing.
+    """Motion of the nominal rig in a session, on which shapes may depend.
 
     Attributes:
         rig: that moves.
@@ -57,28 +57,28 @@ class NominalMotion:
 
 
 class Bounds(NamedTuple):
-    """Of an amplitude: one to start a search from, the least that can be simulated, the largest possible."""
+    """Bounds of an amplitude: a typical one to start a search from, the minimum and the maximum."""
 
-    usual: float
-    least: float
-    largest: float
+    typical: float
+    minimum: float
+    maximum: float
 
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """What a law acts on: the simulations of all episodes of a session, which take steps together.
+    """The plant on which laws act: simulations of all episodes of a session, stepped together.
 
     Attributes:
         rig: that moves.
         batch: one simulation an episode.
         model: of all of them.
-        place: (episodes,) in the session, from 0 for the first to 1 for the last one.
+        session: (episodes,) position in the session, from 0 for the first to 1 for the last episode.
     """
 
     rig: Rig
     batch: Batch
     model: mujoco.MjModel
-    place: Array
+    session: Array
 
     @property
     def timestep(self) -> float:
@@ -91,8 +91,8 @@ class Plant:
 
 
 @dataclass(eq=False)
-class Now:
-    """A step of all episodes.
+class StepState:
+    """State of all episodes in one step.
 
     Attributes:
         time: s from the episodes' start, negative while the rig comes to rest; of the middle of the step, as
@@ -111,29 +111,29 @@ class Now:
 
 
 class Law:
-    """What a kind does in every step; arrays are changed in place."""
+    """A law applied in every step; arrays are changed in place."""
 
-    def command(self, told: Array, now: Now) -> None:
-        """What actuators (episodes, joints) are told, as it gets through; `now.load` is that before."""
+    def command(self, commands: Array, state: StepState) -> None:
+        """Change the commands (episodes, joints) of the actuators; `state.load` is the previous load."""
 
-    def drive(self, force: Array, now: Now) -> None:
-        """What actuators (episodes, joints) do, N m."""
+    def drive(self, force: Array, state: StepState) -> None:
+        """Change the actuator torques (episodes, joints), N m."""
 
-    def act(self, torque: Array, now: Now) -> None:
-        """Add to what acts on all degrees of freedom (episodes, dofs), N m or N."""
+    def act(self, torque: Array, state: StepState) -> None:
+        """Add to the generalised forces (episodes, dofs), N m or N."""
 
-    def push(self, wrench: Array, now: Now) -> None:
+    def push(self, wrench: Array, state: StepState) -> None:
         """Add forces (N) and torques (N m) that act on bodies, (episodes, bodies, 6)."""
 
 
 class HiddenEffect:
-    """Physics that can be concealed.
+    """A hidden effect.
 
     Attributes:
         name: as in settings and in the truth.
-        catalogued: whether a list of what rigs usually conceal has it.
+        catalogued: whether the catalogue of a diagnosis has a counterpart.
         unit: of the amplitude.
-        amplitude: what the amplitude is, in words.
+        amplitude: meaning of the amplitude.
     """
 
     name: ClassVar[str]
@@ -142,19 +142,19 @@ class HiddenEffect:
     amplitude: ClassVar[str]
 
     def fits(self, rig: Rig) -> bool:
-        """Whether it makes sense on a rig, and shows."""
+        """Whether the effect applies to a rig and is observable."""
         return True
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        """Draw what the amplitude leaves open; "joint" or "body" says where it applies, if anywhere."""
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        """Draw the shape; "joint" or "body" is where the effect applies, if anywhere."""
         raise NotImplementedError
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         """Of the amplitude."""
         raise NotImplementedError
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
-        """Name -> value and unit of what a person would call this physics by."""
+        """Name -> value and unit of the physical parameters."""
         return {}
 
     def build(self, amplitude: float, shape: Shape, spec: mujoco.MjSpec, rig: Rig) -> None:
@@ -164,63 +164,63 @@ class HiddenEffect:
         """Change the compiled model; constants that follow from it are worked out afterwards."""
 
     def law(self, amplitude: float, shape: Shape, plant: Plant) -> Law | None:
-        """What it does in every step, from the first one on."""
+        """The law applied in every step."""
         return None
 
     def when(self, amplitude: float, shape: Shape, times: Array) -> Array:
-        """Times (...) in s at which the joint's encoder is really read."""
+        """Times (...) in s at which the joint's encoder is actually read."""
         return times
 
     def read(self, amplitude: float, shape: Shape, angles: Array) -> Array:
-        """The joint's angles (episodes, samples) in rad as its encoder tells them."""
+        """Readings of the joint's encoder (episodes, samples) in rad."""
         return angles
 
     @classmethod
     def has(cls, hook: str) -> bool:
-        """Whether the kind overrides a method."""
+        """Whether the effect overrides a hook."""
         return getattr(cls, hook) is not getattr(HiddenEffect, hook)
 
     @classmethod
     def moves(cls) -> bool:
-        """Whether the rig moves differently, and not only its encoders tell something else."""
+        """Whether the effect changes the motion, and not only the readings."""
         return cls.has("build") or cls.has("tune") or cls.has("law")
 
 
 @dataclass(frozen=True, eq=False)
 class Concealed:
-    """A kind with its amplitude and its shape: one piece of concealed physics.
+    """A hidden effect with its amplitude and shape.
 
     Attributes:
-        kind: what.
-        amplitude: how much, in the kind's unit.
-        shape: what was drawn.
+        effect: the hidden effect.
+        amplitude: in the effect's unit.
+        shape: drawn shape.
         size: rms change that it alone makes to the joint whose noiseless record changes most, over the
             noise's standard deviation; None where it was not measured.
-        asked: size that was asked for; None where the amplitude was given.
-        bounded: whether the amplitude is the largest or the least one because `asked` cannot be reached.
+        requested: size that was requested; None where the amplitude was given.
+        bounded: whether the amplitude is the largest or the least one because `requested` cannot be attained.
     """
 
-    kind: HiddenEffect
+    effect: HiddenEffect
     amplitude: float
     shape: Shape
     size: float | None = None
-    asked: float | None = None
+    requested: float | None = None
     bounded: bool = False
 
     def truth(self) -> dict[str, Any]:
         """For the sealed file: plain numbers, lists and words."""
-        kind = self.kind
-        parameters = kind.parameters(self.amplitude, self.shape)
+        effect = self.effect
+        parameters = effect.parameters(self.amplitude, self.shape)
         return {
-            "kind": kind.name,
-            "catalogued": kind.catalogued,
+            "kind": effect.name,
+            "catalogued": effect.catalogued,
             "joint": self.shape.get("joint"),
             "body": self.shape.get("body"),
             "amplitude": self.amplitude,
-            "amplitude_unit": kind.unit,
-            "amplitude_is": kind.amplitude,
+            "amplitude_unit": effect.unit,
+            "amplitude_is": effect.amplitude,
             "size": self.size,
-            "size_asked": self.asked,
+            "size_asked": self.requested,
             "bounded": self.bounded,
             "parameters": {name: {"value": v, "unit": unit} for name, (v, unit) in parameters.items()},
             "shape": dict(self.shape),

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from slapshot.case_list import draw_command, write_new
-from slapshot.lab.joints.case import SIZES, TOGETHER_NEVER
+from slapshot.lab.joints.case_spec import CaseSpec, Colour, MeasurementCondition
 from slapshot.lab.joints.cases import Case, write_cases
 from slapshot.lab.joints.noise import CORRELATION
-from slapshot.lab.joints.order import Colour, Condition, Order
+from slapshot.lab.joints.record_case import INCOMPATIBLE, SIZES
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import rig_named
 
@@ -21,30 +21,30 @@ _QUANTISED = (0.15, (5e-4, 1e-3, 2e-3))  # share of recordings with coarse encod
 
 
 @dataclass(frozen=True)
-class _Group:
+class CaseGroup:
     """Cases of one condition.
 
     Attributes:
         condition: in words.
         count: of cases.
-        together: kinds concealed in one case.
-        catalogued: which kinds.
+        effects_per_case: number of hidden effects in one case.
+        catalogued: whether they are catalogued.
         cluttered: see `noise.Condition`.
     """
 
     condition: str
     count: int
-    together: int = 0
+    effects_per_case: int = 0
     catalogued: bool = True
     cluttered: bool = False
 
     def conceals(self, rng: np.random.Generator) -> Iterator[tuple[str, tuple[str, ...]]]:
-        """Rig and kinds of each case: all kinds in turn."""
-        names = [name for name, kind in HIDDEN_EFFECTS.items() if kind.catalogued == self.catalogued]
+        """Rig and hidden effects of each case; all effects in turn."""
+        names = [name for name, effect in HIDDEN_EFFECTS.items() if effect.catalogued == self.catalogued]
         turn: list[str] = []
         for _ in range(self.count):
             rig = str(rng.choice(list(_RIGS), p=list(_RIGS.values())))
-            if self.together == 0:
+            if self.effects_per_case == 0:
                 yield rig, ()
                 continue
             turn = turn or rng.permutation(names).tolist()
@@ -52,30 +52,30 @@ class _Group:
             while not HIDDEN_EFFECTS[first].fits(rig_named(rig)):
                 rig = str(rng.choice(list(_RIGS), p=list(_RIGS.values())))
             others = [n for n in names if HIDDEN_EFFECTS[n].fits(rig_named(rig)) and n != first]
-            others = [n for n in others if {n, first} != TOGETHER_NEVER]
-            yield rig, (first, *rng.choice(others, self.together - 1, replace=False).tolist())
+            others = [n for n in others if {n, first} != INCOMPATIBLE]
+            yield rig, (first, *rng.choice(others, self.effects_per_case - 1, replace=False).tolist())
 
 
 _EPISODES = 10  # of a session: with twenty, the full list takes ten hours of a core
 
 _FULL = (
-    _Group("null", 102),
-    _Group("null, cluttered", 51, cluttered=True),
-    _Group("single", 104, together=1),
-    _Group("pair", 40, together=2),
-    _Group("uncatalogued", 42, together=1, catalogued=False),
+    CaseGroup("null", 102),
+    CaseGroup("null, cluttered", 51, cluttered=True),
+    CaseGroup("single", 104, effects_per_case=1),
+    CaseGroup("pair", 40, effects_per_case=2),
+    CaseGroup("uncatalogued", 42, effects_per_case=1, catalogued=False),
 )
 _SMALL = (
-    _Group("null", 4),
-    _Group("null, cluttered", 2, cluttered=True),
-    _Group("single", 12, together=1),
-    _Group("pair", 3, together=2),
-    _Group("uncatalogued", 3, together=1, catalogued=False),
+    CaseGroup("null", 4),
+    CaseGroup("null, cluttered", 2, cluttered=True),
+    CaseGroup("single", 12, effects_per_case=1),
+    CaseGroup("pair", 3, effects_per_case=2),
+    CaseGroup("uncatalogued", 3, effects_per_case=1, catalogued=False),
 )
-LISTS: Mapping[str, Sequence[_Group]] = {"full": _FULL, "small": _SMALL}
+LISTS: Mapping[str, Sequence[CaseGroup]] = {"full": _FULL, "small": _SMALL}
 
 
-def draw_list(groups: Sequence[_Group], prefix: str) -> list[Case]:
+def draw_list(groups: Sequence[CaseGroup], prefix: str) -> list[Case]:
     """Cases under new seeds of the operating system, in random order and called by their numbers."""
     rng = np.random.default_rng(secrets.randbits(128))
     rows = [(group, *conceals) for group in groups for conceals in group.conceals(rng)]
@@ -85,14 +85,14 @@ def draw_list(groups: Sequence[_Group], prefix: str) -> list[Case]:
         group, rig, kinds = rows[i]
         sizes = np.exp(rng.uniform(np.log(SIZES[0]), np.log(SIZES[1]), len(kinds)))
         share, steps = _QUANTISED
-        condition = Condition(
+        condition = MeasurementCondition(
             noise=colours[rng.choice(len(colours), p=_COLOURS)],
             cluttered=group.cluttered,
             quantised=float(rng.choice(steps)) if rng.uniform() < share else None,
         )
-        conceals = tuple((kind, float(f"{size:.3g}")) for kind, size in zip(kinds, sizes, strict=True))
-        order = Order(rig, secrets.randbits(48), conceals, condition, _EPISODES)
-        cases.append(Case(f"{prefix}{number:04d}", group.condition, order))
+        conceals = tuple((effect, float(f"{size:.3g}")) for effect, size in zip(kinds, sizes, strict=True))
+        spec = CaseSpec(rig, secrets.randbits(48), conceals, condition, _EPISODES)
+        cases.append(Case(f"{prefix}{number:04d}", group.condition, spec))
     return cases
 
 

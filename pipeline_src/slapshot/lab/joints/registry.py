@@ -1,4 +1,4 @@
-"""All kinds of physics that a rig for joints can conceal, by name."""
+"""All hidden effects on joints, by name."""
 
 from collections.abc import Mapping
 
@@ -38,15 +38,17 @@ _ALL: tuple[HiddenEffect, ...] = (
     encoder.StickySensor(),
 )
 
-HIDDEN_EFFECTS: Mapping[str, HiddenEffect] = {kind.name: kind for kind in _ALL}
+HIDDEN_EFFECTS: Mapping[str, HiddenEffect] = {effect.name: effect for effect in _ALL}
 
 
 def hidden_effect_named(name: str) -> HiddenEffect:
-    """A kind.
+    """A hidden effect.
 
     Raises:
         InputError: there is none of that name.
     """
     if name not in HIDDEN_EFFECTS:
-        raise InputError(f"lab: no kind {name!r} for joints; use one of: {', '.join(HIDDEN_EFFECTS)}")
+        raise InputError(
+            f"lab: no hidden effect {name!r} for joints; use one of: {', '.join(HIDDEN_EFFECTS)}"
+        )
     return HIDDEN_EFFECTS[name]

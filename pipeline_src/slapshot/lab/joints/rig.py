@@ -1,4 +1,4 @@
-"""What everybody believes of a rig with joints, and how it is made to move and recorded."""
+"""Nominal description of a rig with joints, its excitation and its channels."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -34,14 +34,14 @@ CLOCK = Clock()
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A rig as a diagnosis is given it, and what the lab needs besides.
+    """A rig as given to a diagnosis, with further data for the lab.
 
     Attributes:
         name: of the rig.
         xml: nominal MJCF, angles in radians, without files of its own and with hinges and slides alone. Each
             joint that moves has the actuator of its name, but for a gripper that is dragged.
-        drive: "torque" for motors that are told a torque, "servo" for servos that are told an angle, "mocap"
-            for a gripper that is dragged by a body that is told a velocity.
+        drive: "torque" for torque motors, "servo" for position servos, "mocap" for a gripper that is dragged
+            by a velocity-controlled body.
         base: body that stands on the ground and carries the rest.
         tip: body of the last link, and where its tip is in the body's frame (m).
         loaded: joints that gravity loads, in most poses.
@@ -55,7 +55,7 @@ class Rig:
         turns: how its base can turn: "slide" along x, or "yaw" about the upright.
         clock: when things happen.
         moving: joints that are observed; all if empty.
-        site: whose place is observed besides, if any.
+        site: whose position is also observed, if any.
     """
 
     name: str
@@ -95,7 +95,7 @@ class Rig:
         return np.array([_joints_of(self.xml)[name].armature for name in self.joints])
 
     def controls(self) -> dict[str, Channel]:
-        """Channels of what is told, in the order of `Motion.told`."""
+        """Control channels, in the order of `SimulatedMotion.commands`."""
         if self.drive != "mocap":
             unit = "N m" if self.drive == "torque" else "rad"
             return {
@@ -118,7 +118,7 @@ class Rig:
         }
 
     def observations(self) -> dict[str, Channel]:
-        """Channels of what is observed: joints, then the site's place."""
+        """Observation channels: joints, then the site's position."""
         found = {
             f"{_plain(name)}_position": Channel(
                 clock=_ENCODERS, role="observation", quantity="position", joint=name, unit="rad"
@@ -165,3 +165,36 @@ def _joints_of(xml: str) -> dict[str, _Joint]:
 def _mocap_of(xml: str) -> str:
     model = mujoco.MjModel.from_xml_string(xml)
     return next(model.body(i).name for i in range(model.nbody) if model.body_mocapid[i] >= 0)
+
+
+_WAVES = 6  # sines that are added up
+_RAMP = 0.3  # s, in which they set in
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """Of a session; joints and units as in `Rig.centre` and `Rig.swing`.
+
+    Attributes:
+        centre: (episodes, joints).
+        wave: (episodes, commands, joints), 0 in the beginning.
+    """
+
+    centre: Array
+    wave: Array
+
+
+def draw_excitation(rig: Rig, episodes: int, seconds: float, rng: np.random.Generator) -> Excitation:
+    """Sums of sines with random phases and frequencies, which set in smoothly from rest."""
+    size = (episodes, len(rig.swing), _WAVES)
+    low, high = np.array(rig.centre).T
+    centre = rng.uniform(low, high, size[:2])
+    frequency = np.exp(rng.uniform(np.log(rig.band[0]), np.log(rig.band[1]), size))
+    phase, share = rng.uniform(0, 2 * np.pi, size), rng.uniform(0.5, 1.0, size)
+    share *= np.array(rig.swing)[:, None] * np.sqrt(2 / (share**2).sum(-1, keepdims=True))
+    times = np.arange(round(seconds / rig.clock.period)) * rig.clock.period
+    angle = 2 * np.pi * frequency[..., None] * times + phase[..., None]
+    rise = np.clip(times / _RAMP, 0, 1)
+    rise = rise**3 * (10 - 15 * rise + 6 * rise**2)
+    wave = (share[..., None] * np.sin(angle)).sum(2) * rise
+    return Excitation(centre, wave.transpose(0, 2, 1).copy())

@@ -79,9 +79,9 @@ def _kuka() -> Rig:
 def _fetchslide_arm() -> Rig:
     """FetchSlide's robot, which the environment drags by its gripper; nothing is there to touch.
 
-    Inertias are the bodies' own, so that meshes can go. Where joints that nobody observes are (base, torso,
-    head) stands in the model's keyframe. The environment sets the weld of gripper and mocap body when it
-    begins, as is done here; its step is Euler's with 2 ms, both here and in the lab.
+    Inertias are the bodies' own, so that meshes can go. The pose of unobserved joints (base, torso,
+    head) is in the model's keyframe. The weld of gripper and mocap body is set as at the environment's start;
+    the integrator is Euler's with 2 ms, here and in the environment.
     """
     from slapshot.domains.fetchslide import build_scene
     from slapshot.domains.fetchslide.model import GRIPPER
@@ -94,7 +94,7 @@ def _fetchslide_arm() -> Rig:
         if not body.name.startswith("robot0:"):
             spec.delete(body)
     parts = (spec.geoms, spec.cameras, spec.lights, spec.excludes, spec.textures, spec.materials, spec.meshes)
-    for part in [part for kind in parts for part in kind]:
+    for part in [part for effect in parts for part in effect]:
         spec.delete(part)
     for weld in spec.equalities:
         data = np.array(weld.data)

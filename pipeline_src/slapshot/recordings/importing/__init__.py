@@ -1,5 +1,5 @@
-"""Import of tracks from anybody's CSV files: a mapping, a YAML file, says which column is what.
+"""Import of CSV files: a mapping, a YAML file, defines which column is what.
 
-`mapping` reads that file, `csv_files` the tables, `cut` finds the hit in each, `importer` writes the
+`mapping` reads that file, `csv_files` the tables, `segmentation` finds the hit in each, `importer` writes the
 recording. `slapshot import MAPPING SOURCE OUT` is all of it.
 """

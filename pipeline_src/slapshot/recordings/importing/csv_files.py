@@ -15,10 +15,10 @@ from slapshot.recordings.importing.rows import Rows, read_rows
 
 @dataclass(frozen=True)
 class RawHit:
-    """A hit as the file has it, frames that saw nothing left out.
+    """A hit as read from its file, without frames that did not detect the object.
 
     Attributes:
-        name: for people: the file, and which hit of it.
+        name: for messages: the file, and which hit of it.
         fields: texts that name it.
         lines: (n,) lines of the frames in the file.
         t: (n,) s from its first row.
@@ -44,7 +44,7 @@ def read_hits(mapping: TrackMapping, source: Path) -> list[RawHit]:
     """All hits of a source, in the natural order of their names (hit 2 before hit 10).
 
     Args:
-        mapping: says what is what.
+        mapping: meaning of files and columns.
         source: a folder, a file, or a path with * in it.
 
     Raises:
@@ -90,10 +90,10 @@ def _raw_hit(
     xy = np.stack([numbers["x"], numbers["y"]], axis=1)
     seen = ~(np.isnan(t) | np.isnan(xy).any(axis=1))
     if not seen.all():
-        remarks.append(f"{(~seen).sum()} of {len(seen)} frames saw nothing")
-    twice = _said_twice(t, xy, seen)
+        remarks.append(f"{(~seen).sum()} of {len(seen)} frames did not detect the object")
+    twice = _duplicate_frames(t, xy, seen)
     if twice.any():
-        remarks.append(f"{twice.sum()} frames stand there twice and were left out once")
+        remarks.append(f"{twice.sum()} duplicate frames were removed")
     keep = np.flatnonzero(seen & ~twice)
     _check_times(rows, t[keep], lines[keep])
     starts = [numbers[role] for role in ("start_x", "start_y") if role in numbers]
@@ -107,7 +107,7 @@ def _raw_hit(
     if start is not None and np.isnan(start).any():
         raise InputError(
             f"{rows.file}: line {lines[0]}: {name}: start_x or start_y is empty; fill it in, or leave both "
-            "out of the mapping: the frames before the hit tell"
+            "out of the mapping: it is estimated from the frames before the hit"
         )
     return RawHit(
         name=name,
@@ -122,8 +122,8 @@ def _raw_hit(
     )
 
 
-def _said_twice(t: Array, xy: Array, seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(n,) whether a frame repeats time and place of the last one that saw something."""
+def _duplicate_frames(t: Array, xy: Array, seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(n,) whether a frame repeats time and position of the previous frame with a detection."""
     rows = np.flatnonzero(seen)
     same = (np.diff(t[rows]) == 0) & (np.diff(xy[rows], axis=0) == 0).all(axis=1)
     twice = np.zeros(len(t), dtype=bool)
@@ -138,7 +138,7 @@ def _check_times(rows: Rows, t: Array, lines: NDArray[np.int64]) -> None:
         problem = "the same time at two places" if t[after] == t[before] else "time goes backwards"
         raise InputError(
             f"{rows.file}: line {lines[after]}: {problem} ({t[before]:.10g} s in line {lines[before]}, then "
-            f"{t[after]:.10g} s); mend the lines, name a hit or new_hit column if other hits follow, or "
+            f"{t[after]:.10g} s); correct the lines, name a hit or new_hit column if other hits follow, or "
             "leave t out of the mapping to count frames"
         )
 

@@ -11,12 +11,12 @@ from slapshot.errors import InputError
 from slapshot.recordings.importing.mapping import Files
 from slapshot.recordings.importing.name_pattern import NamePattern
 
-_MOST_ENTRIES = 500_000  # of folders that are searched: nobody's recordings, but a whole disk
+_MAX_ENTRIES = 500_000  # entries to search: more is a whole disk and not a folder of recordings
 _ANY_DEPTH = "**"
 
 
 def find_sources(files: Files, source: Path) -> tuple[Path, list[Path]]:
-    """The folder that names are told from, and the files in natural order.
+    """The folder that names are relative to, and the files in natural order.
 
     Args:
         files: says which files in a folder are meant.
@@ -61,7 +61,8 @@ def fields_of_names(pattern: NamePattern | None, files: list[Path]) -> list[dict
     for file, fields, more in zip(files, own, pattern.fields([file.stem for file in files]), strict=True):
         if more is None:
             raise InputError(
-                f"{file}: the name does not match files.name_pattern ({pattern.pattern}); mend the pattern, "
+                f"{file}: the name does not match files.name_pattern ({pattern.pattern}); correct the "
+                "pattern, "
                 "or narrow files.pattern so that it leaves this file out"
             )
         found.append(fields | more)
@@ -90,9 +91,9 @@ def _matching(root: Path, pattern: str) -> Iterator[Path]:
         with os.scandir(folder) as entries:
             for entry in entries:
                 count += 1
-                if count > _MOST_ENTRIES:
+                if count > _MAX_ENTRIES:
                     raise InputError(
-                        f"{root}: {pattern} leads through more than {_MOST_ENTRIES:,} files and folders; "
+                        f"{root}: {pattern} leads through more than {_MAX_ENTRIES:,} files and folders; "
                         "name the folder of the recordings"
                     )
                 hits = {i for i in places if _matches(entry.name, parts[i])}

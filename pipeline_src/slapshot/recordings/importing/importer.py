@@ -16,12 +16,12 @@ from slapshot.recordings.format import Recording
 from slapshot.recordings.importing.csv_files import RawHit, read_hits
 from slapshot.recordings.importing.files import natural_key
 from slapshot.recordings.importing.mapping import TrackMapping, fill, load_mapping
-from slapshot.recordings.importing.segmentation import Cut, cut_hit
-from slapshot.recordings.units import FRAME_INTERVAL_FACTOR, check_metres
+from slapshot.recordings.importing.segmentation import HitSegment, segment_hit
+from slapshot.recordings.plausibility import FRAME_INTERVAL_FACTOR, check_metres
 from slapshot.recordings.write import check_new, write_recording
 from slapshot.validation import short
 
-# Which file and lines each hit is from, and what was done to it; no part of the format.
+# Source file and lines of each hit, and what was changed; not part of the format.
 SOURCES_FILE = "import.json"
 
 
@@ -34,7 +34,7 @@ class ImportSummary:
         hits: how many it has.
         frames: how many it has.
         dropped: names of hits that were left out.
-        lines: what a person should know, one line a hit or fact.
+        lines: notes for the user, one line for each hit or fact.
     """
 
     out: Path
@@ -48,12 +48,12 @@ def import_tracks(mapping: Path, source: Path, out: Path) -> ImportSummary:
     """Make a recording of the hits in CSV files.
 
     Args:
-        mapping: YAML file that says what is what, see `TrackMapping`.
+        mapping: YAML file, see `TrackMapping`.
         source: a folder of CSV files, one of them, or a path with * in it.
         out: folder of the recording; must not exist yet.
 
     Returns:
-        What was kept, cropped and dropped.
+        A summary of what was kept, cropped and dropped.
 
     Raises:
         InputError: The mapping or a file cannot be used, no hit is left, or `out` exists.
@@ -63,27 +63,27 @@ def import_tracks(mapping: Path, source: Path, out: Path) -> ImportSummary:
     raw = _in_order(read_hits(rules, source), rules)
     _check_rate(raw, rules)
     _check_places(raw, rules)
-    cuts = [cut_hit(hit.t, hit.xy, rules) for hit in raw]
-    kept = [(hit, cut) for hit, cut in zip(raw, cuts, strict=True) if cut.dropped is None]
+    segments = [segment_hit(hit.t, hit.xy, rules) for hit in raw]
+    kept = [(hit, segment) for hit, segment in zip(raw, segments, strict=True) if segment.dropped is None]
     if not kept:
         raise InputError(
-            f"{source}: no hit is left: {raw[0].name} {cuts[0].dropped}; check the columns and factors "
+            f"{source}: no hit is left: {raw[0].name} {segments[0].dropped}; check the columns and factors "
             f"in {mapping}"
         )
     recording = _recording(rules, kept)
     write_recording(recording, out)
     lines = _facts(rules)
-    for hit, cut in zip(raw, cuts, strict=True):
-        said = [f"dropped, for it {cut.dropped}"] if cut.dropped else [*hit.remarks, *cut.remarks]
+    for hit, segment in zip(raw, segments, strict=True):
+        said = [f"dropped, for it {segment.dropped}"] if segment.dropped else [*hit.remarks, *segment.remarks]
         lines += [f"{hit.name}: {'; '.join(said)}"] if said else []
-    dropped = tuple(hit.name for hit, cut in zip(raw, cuts, strict=True) if cut.dropped)
+    dropped = tuple(hit.name for hit, segment in zip(raw, segments, strict=True) if segment.dropped)
     write_sources(out, {"lines": lines, "hits": _sources(kept)})
     frames = 0 if recording.tracks is None else len(recording.tracks)
     return ImportSummary(out, len(kept), frames, dropped, tuple(lines))
 
 
 def _in_order(hits: list[RawHit], rules: TrackMapping) -> list[RawHit]:
-    """Hits in the order of execution, as far as anything tells it."""
+    """Hits in the order of execution, as far as it is known."""
     if "order" in rules.numbers:
         for hit in hits:
             if hit.order is None or np.isnan(hit.order):
@@ -97,7 +97,7 @@ def _in_order(hits: list[RawHit], rules: TrackMapping) -> list[RawHit]:
 
 
 def _check_rate(hits: list[RawHit], rules: TrackMapping) -> None:
-    """Refuse times in another unit before all motion looks slow or fast because of it."""
+    """Refuse times in another unit before motion detection depends on them."""
     intervals = np.concatenate([np.diff(hit.t) for hit in hits])
     frames = float(np.median(intervals)) * rules.camera_rate_hz if len(intervals) else 1.0
     if not 1 / FRAME_INTERVAL_FACTOR <= frames <= FRAME_INTERVAL_FACTOR:
@@ -109,7 +109,7 @@ def _check_rate(hits: list[RawHit], rules: TrackMapping) -> None:
 
 
 def _check_places(hits: list[RawHit], rules: TrackMapping) -> None:
-    """Refuse places in another unit before everything seems to move."""
+    """Refuse positions in another unit before motion detection depends on them."""
     places = np.concatenate([hit.xy for hit in hits])
     check_metres(pd.DataFrame(places, columns=["x", "y"]), "x", "y", rules.where("columns"))
 
@@ -125,11 +125,11 @@ def _facts(rules: TrackMapping) -> list[str]:
     return facts
 
 
-def _recording(rules: TrackMapping, kept: list[tuple[RawHit, Cut]]) -> Recording:
+def _recording(rules: TrackMapping, kept: list[tuple[RawHit, HitSegment]]) -> Recording:
     hits, tracks = [], []
     commands: dict[str, int] = {}
-    for number, (hit, cut) in enumerate(kept):
-        start = cut.start if hit.start is None else hit.start
+    for number, (hit, segment) in enumerate(kept):
+        start = segment.start if hit.start is None else hit.start
         hits.append(
             {
                 "hit": number,
@@ -139,13 +139,13 @@ def _recording(rules: TrackMapping, kept: list[tuple[RawHit, Cut]]) -> Recording
                 "command_id": _command_id(hit, rules, commands),
                 "start_x": start[0],
                 "start_y": start[1],
-                "rest_x": cut.rest[0],
-                "rest_y": cut.rest[1],
+                "rest_x": segment.rest[0],
+                "rest_y": segment.rest[1],
             }
         )
-        stay = slice(cut.first, cut.last + 1)
+        stay = slice(segment.first, segment.last + 1)
         x, y = hit.xy[stay].T
-        t = hit.t[stay] - hit.t[cut.first]
+        t = hit.t[stay] - hit.t[segment.first]
         tracks.append(pd.DataFrame({"hit": number, "t": t, "x": x, "y": y, "yaw": hit.yaw[stay]}))
     table = pd.DataFrame(hits)
     table["command_id"] = pd.array(table["command_id"].tolist(), dtype="Int64")
@@ -187,32 +187,32 @@ def _recorded_at(hit: RawHit, rules: TrackMapping) -> datetime:
     text = fill(spec.text, hit.fields)
     try:
         local = datetime.strptime(text, spec.format)
-        # A zone in the text (%z) is worth more than the mapping's.
+        # A time zone in the text (%z) takes precedence over the mapping's.
         zoned = local if local.tzinfo else local.replace(tzinfo=UTC) - timedelta(hours=spec.utc_offset_h)
         return zoned.astimezone(UTC)
     except (ValueError, OverflowError, re.error) as error:  # the last for a directive that stands twice
         raise InputError(
             f"{hit.name}: recorded_at: {short(text)} is no time of the format {short(spec.format)} "
-            f"({str(error)[:200]}); mend {rules.where('recorded_at')}"
+            f"({str(error)[:200]}); correct {rules.where('recorded_at')}"
         ) from None
 
 
-def _sources(kept: list[tuple[RawHit, Cut]]) -> list[dict[str, Any]]:
+def _sources(kept: list[tuple[RawHit, HitSegment]]) -> list[dict[str, Any]]:
     """The lines of the files that each hit is from."""
     return [
         {
             "hit": number,
             "source": hit.name,
-            "first_line": int(hit.lines[cut.first]),
-            "last_line": int(hit.lines[cut.last]),
+            "first_line": int(hit.lines[segment.first]),
+            "last_line": int(hit.lines[segment.last]),
             "fields": hit.fields,
         }
-        for number, (hit, cut) in enumerate(kept)
+        for number, (hit, segment) in enumerate(kept)
     ]
 
 
 def write_sources(out: Path, content: dict[str, Any]) -> None:
-    """Write beside a recording what it was made from.
+    """Write the sources of a recording beside it.
 
     Args:
         out: folder of the recording.

@@ -1,4 +1,4 @@
-"""A mapping: which files and columns are what, read from a YAML file and checked."""
+"""A mapping: the meaning of files and columns, read from a YAML file and checked."""
 
 import re
 from collections import Counter
@@ -16,19 +16,19 @@ from pydantic import (
 )
 
 from slapshot.errors import InputError
-from slapshot.recordings.header import Described, FreeText
+from slapshot.recordings.header import FreeText, RigDescription
 from slapshot.recordings.importing.name_pattern import NamePattern
 from slapshot.validation import Model, short, validated
 from slapshot.yaml_file import Document, read_document
 
-LONGEST_TEXT = 200  # characters of a pattern, a template, or a text in a file
+MAX_TEXT = 200  # characters of a pattern, a template, or a text in a file
 # Fields that every hit has; the others come from the file's name and from columns.
 FILE_FIELDS = ("file", "folder")
 _FIELD = re.compile(r"\{(\w+)\}")
 _HUGE, _TINY = 1e6, 1e-9  # bounds far beyond any rig
 _DELIMITERS = {"tab": "\t", "blanks": None}
 _IN_NUMBERS = "0123456789+-.eE"
-# Memory that nobody wrote to reads as numbers like 1e-310 or 1e160. No tracker reports these.
+# Uninitialised memory reads as numbers like 1e-310 or 1e160. No tracker reports these.
 _TINIEST, _LARGEST = 1e-30, 1e6
 
 T = TypeVar("T")
@@ -67,21 +67,21 @@ def _delimiter(text: str) -> str:
     return text
 
 
-Text = Annotated[str, Field(min_length=1, max_length=LONGEST_TEXT)]
+Text = Annotated[str, Field(min_length=1, max_length=MAX_TEXT)]
 Template = Annotated[Text, AfterValidator(_template)]
 Number = Annotated[float, Field(ge=-_HUGE, le=_HUGE)]
-Place = (
+ColumnRef = (
     Annotated[int, Field(ge=0, le=int(_HUGE))]
-    | Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=LONGEST_TEXT)]
+    | Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=MAX_TEXT)]
 )
 _PLACE = "name in the header, or number of the column from 0"
 _TEMPLATE = "a {name} in it stands for a field, {file} and {folder} for the names of the file and its folder"
 
 
-class Column(Model):
+class ScaledColumn(Model):
     """A column of numbers: value in the recording = factor * number + offset."""
 
-    column: Place = Field(description=_PLACE)
+    column: ColumnRef = Field(description=_PLACE)
     factor: Number = Field(
         default=1.0, description="what to multiply by: 0.001 turns mm into m, -1 turns an axis round"
     )
@@ -103,23 +103,26 @@ class Column(Model):
 class Columns(Model):
     """Which column holds what."""
 
-    x: Column = Field(description="place of the object, in m")
-    y: Column = Field(description="place of the object, in m")
-    yaw: Given[Column] = Field(default=None, description="turn of the object about z, in rad")
-    t: Given[Column] = Field(
+    x: ScaledColumn = Field(description="place of the object, in m")
+    y: ScaledColumn = Field(description="place of the object, in m")
+    yaw: Given[ScaledColumn] = Field(default=None, description="turn of the object about z, in rad")
+    t: Given[ScaledColumn] = Field(
         default=None, description="time of the frame, in s; without it frames are counted at camera_rate_hz"
     )
-    start_x: Given[Column] = Field(
-        default=None, description="place before the hit, in m; else the frames tell"
+    start_x: Given[ScaledColumn] = Field(
+        default=None, description="place before the hit, in m; else estimated from the frames"
     )
-    start_y: Given[Column] = Field(
-        default=None, description="place before the hit, in m; else the frames tell"
+    start_y: Given[ScaledColumn] = Field(
+        default=None, description="place before the hit, in m; else estimated from the frames"
     )
-    order: Given[Column] = Field(
-        default=None, description="place of the hit in the order of execution; without it file names tell"
+    order: Given[ScaledColumn] = Field(
+        default=None,
+        description="place of the hit in the order of execution; without it the order of file names",
     )
-    hit: Given[Place] = Field(default=None, description=f"which hit of the file a row belongs to: {_PLACE}")
-    new_hit: Given[Place] = Field(
+    hit: Given[ColumnRef] = Field(
+        default=None, description=f"which hit of the file a row belongs to: {_PLACE}"
+    )
+    new_hit: Given[ColumnRef] = Field(
         default=None, description=f"a column whose change begins a new hit in a file: {_PLACE}"
     )
 
@@ -150,7 +153,7 @@ class CsvStyle(Model):
         default=0, ge=0, le=int(_HUGE), description="lines before the header or the first row"
     )
     missing: Annotated[
-        tuple[Annotated[str, Field(max_length=LONGEST_TEXT, description="a text, in quotes")], ...],
+        tuple[Annotated[str, Field(max_length=MAX_TEXT, description="a text, in quotes")], ...],
         Field(strict=False, max_length=100),
     ] = Field(default=(), description="texts that mean 'not seen', in quotes, besides an empty one and NaN")
 
@@ -177,7 +180,7 @@ class Crop(Model):
     after_rest_s: float = Field(ge=0, le=_HUGE, description="s after the object came to rest")
 
 
-class TrackMapping(Described):
+class TrackMapping(RigDescription):
     """How CSV files become a recording."""
 
     note: FreeText = ""
@@ -190,7 +193,7 @@ class TrackMapping(Described):
     files: Files = Files()
     csv: CsvStyle = CsvStyle()
     columns: Columns
-    fields: dict[Annotated[str, Field(pattern=r"^\w{1,64}$")], Place] = Field(
+    fields: dict[Annotated[str, Field(pattern=r"^\w{1,64}$")], ColumnRef] = Field(
         default={}, max_length=100, description="field -> column whose text in the hit's first row it takes"
     )
     recorded_at: Given[RecordedAt] = Field(default=None, description="when a hit was executed")
@@ -215,7 +218,7 @@ class TrackMapping(Described):
         """Least and largest size of what a tracker reports."""
         return _TINIEST, _LARGEST
 
-    def place_of(self, role: str) -> str:
+    def location_of(self, role: str) -> str:
         """File, line and key of the mapping where a role's column is named."""
         return self.where("columns", role)
 
@@ -224,9 +227,9 @@ class TrackMapping(Described):
         return f"{self._document.where(loc)}: {'.'.join(loc)}"
 
     @property
-    def numbers(self) -> dict[str, Column]:
+    def numbers(self) -> dict[str, ScaledColumn]:
         """Role (x, y, yaw, t, start_x, start_y, order) -> column."""
-        return {role: column for role, column in self.columns if isinstance(column, Column)}
+        return {role: column for role, column in self.columns if isinstance(column, ScaledColumn)}
 
     @property
     def texts(self) -> dict[str, str | int]:
@@ -264,7 +267,7 @@ def fill(template: str, fields: dict[str, str]) -> str:
 
 
 def _check_columns(mapping: TrackMapping) -> None:
-    """Refuse columns that no single key can judge."""
+    """Checks of columns that involve several keys."""
     style, numbers = mapping.csv, mapping.numbers
     if style.separator == style.decimal:
         raise InputError(

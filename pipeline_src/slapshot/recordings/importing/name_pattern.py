@@ -1,6 +1,6 @@
 """A user's regular expression for names of files, matched within a time limit.
 
-Some patterns take longer than anybody waits ('^(h+)+!$' against thirty h), and nothing can stop Python's
+Some patterns take practically forever ('^(h+)+!$' against thirty h), and nothing can stop Python's
 matching in its own process: so another one does it, which can be ended.
 """
 
@@ -59,6 +59,6 @@ class NamePattern:
         answer: dict[str, Any] = json.loads(done.stdout)
         if "error" in answer:
             raise InputError(
-                f"{self._where}: no regular expression ({answer['error']}); mend it, in single quotes"
+                f"{self._where}: no regular expression ({answer['error']}); correct it, in single quotes"
             )
         return answer

@@ -1,7 +1,7 @@
-"""Rows of one CSV file: the named columns as numbers and texts, whatever stands in the others.
+"""Rows of one CSV file: the named columns as numbers and texts; other columns are ignored.
 
 Read with Python's csv and not pandas: a row knows its line, rows may differ in length, and columns that
-nobody named may hold anything.
+are not named may hold anything.
 """
 
 import csv
@@ -19,19 +19,19 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.errors import InputError, reading
-from slapshot.recordings.importing.mapping import LONGEST_TEXT, Column, CsvStyle
+from slapshot.recordings.importing.mapping import MAX_TEXT, CsvStyle, ScaledColumn
 from slapshot.validation import short
 
 _NOT_SEEN = {"", "nan", "na", "null", "none"}
-_LONGEST_FILE = 200_000_000  # bytes
+_MAX_FILE_BYTES = 200_000_000  # bytes
 _DAMAGED = "\ufffd"
-# One clock may tell the order of hits, too, and a place that changes begins where the hit does.
+# A clock may define the order of hits, and the start position may be the first of the positions.
 _MAY_SHARE = {("t", "order"), ("x", "start_x"), ("y", "start_y")}
 _LARGEST_TIME = 1e11  # s; clocks may count from 1970, in any unit
 
 
 class NamedColumns(Protocol):
-    """What a mapping says of the columns of a file."""
+    """The columns of a file, as defined by a mapping."""
 
     @property
     def csv(self) -> CsvStyle:
@@ -42,7 +42,7 @@ class NamedColumns(Protocol):
         """The mapping's own."""
 
     @property
-    def numbers(self) -> Mapping[str, Column]:
+    def numbers(self) -> Mapping[str, ScaledColumn]:
         """Role -> column of numbers; t is the time in s."""
 
     @property
@@ -51,9 +51,9 @@ class NamedColumns(Protocol):
 
     @property
     def sizes(self) -> tuple[float, float]:
-        """Least and largest size of a number other than 0 and t: others are memory that nobody wrote to."""
+        """Least and largest size of a number other than 0 and t: others are uninitialised memory."""
 
-    def place_of(self, role: str) -> str:
+    def location_of(self, role: str) -> str:
         """File, line and key of the mapping where a role's column is named."""
 
 
@@ -143,7 +143,7 @@ class _Row:
 
 
 def _text(file: Path) -> str:
-    with reading(file, "give a CSV file, or the folder that holds such files", _LONGEST_FILE):
+    with reading(file, "give a CSV file, or the folder that holds such files", _MAX_FILE_BYTES):
         raw = file.read_bytes()
     if b"\0" in raw:
         raise InputError(f"{file}: is binary or UTF-16, not plain text; save it as CSV in UTF-8")
@@ -161,7 +161,7 @@ def _split(text: str, style: CsvStyle, file: Path) -> Iterator[_Row]:
     source = io.StringIO(text, newline="")
     for _ in range(style.skip_rows):
         source.readline()
-    # Strict: a quote that nobody closes would swallow all rows behind it.
+    # Strict: an unclosed quote would swallow all following rows.
     reader = csv.reader(source, delimiter=style.separator, strict=True)
     before = 0
     try:
@@ -171,7 +171,7 @@ def _split(text: str, style: CsvStyle, file: Path) -> Iterator[_Row]:
             before = reader.line_num
     except csv.Error as error:
         line = style.skip_rows + before + 1
-        raise InputError(f"{file}: line {line} is no CSV ({error}); mend that line") from None
+        raise InputError(f"{file}: line {line} is no CSV ({error}); correct that line") from None
 
 
 def _check_apart(numbers: dict[str, int], mapping: NamedColumns) -> None:
@@ -179,7 +179,7 @@ def _check_apart(numbers: dict[str, int], mapping: NamedColumns) -> None:
     for a, b in combinations(numbers, 2):
         if numbers[a] == numbers[b] and (a, b) not in _MAY_SHARE:
             raise InputError(
-                f"{mapping.place_of(b)}: takes the column of {a}, {mapping.numbers[b].column!r}; "
+                f"{mapping.location_of(b)}: takes the column of {a}, {mapping.numbers[b].column!r}; "
                 "name another one"
             )
 
@@ -192,7 +192,8 @@ def _check_header_fits(row: _Row, names: list[str] | None, style: CsvStyle, file
     fewer = style.separator is None and len(row.cells) < len(names)
     if more or fewer:
         raise InputError(
-            f"{file}: line {row.line} has {len(row.cells)} columns, but the header names {len(names)}; mend "
+            f"{file}: line {row.line} has {len(row.cells)} columns, but the header names {len(names)}; "
+            "correct "
             "the line, or correct csv.delimiter and csv.decimal"
         )
 
@@ -213,7 +214,7 @@ def _index(place: str | int, names: list[str] | None, role: str, file: Path) -> 
         return place
     names = names or []
     if names.count(place) != 1:
-        problem = "stands there twice; name it by its number" if place in names else "is missing"
+        problem = "is duplicated; name it by its number" if place in names else "is missing"
         raise InputError(
             f"{file}: column {short(place)} ({role.strip('<>')}) {problem}; correct the mapping or the file "
             f"(columns: {', '.join(names[:50])[:200]})"
@@ -240,14 +241,15 @@ def _numbers(
             value = _number(text, style.decimal)
         except ValueError:
             raise InputError(
-                f"{where}: {text[:40]!r} is no number; mend the line, correct csv.decimal, or list the text "
+                f"{where}: {text[:40]!r} is no number; correct the line, correct csv.decimal, or list the "
+                "text "
                 "under csv.missing"
             ) from None
         scaled = column.factor * value + column.offset
         if 0 < abs(value) < least or not abs(scaled) <= limit:
             raise InputError(
-                f"{where}: {text[:40]} cannot be: it looks like memory that nobody wrote to; name another "
-                "column, mend the line, or list the text under csv.missing"
+                f"{where}: {text[:40]} cannot be: it looks like uninitialised memory; name another "
+                "column, correct the line, or list the text under csv.missing"
             )
         values[i] = scaled
     return values
@@ -267,10 +269,10 @@ def _number(text: str, decimal: str) -> float:
 def _texts(cells: tuple[str, ...], role: str, file: Path, lines: NDArray[np.int64]) -> list[str]:
     """One column as texts; refuses what is too long, or was no UTF-8: two such texts may look equal."""
     for line, cell in zip(lines, cells, strict=True):
-        if _DAMAGED in cell or len(cell) > LONGEST_TEXT:
+        if _DAMAGED in cell or len(cell) > MAX_TEXT:
             problem = "is not UTF-8" if _DAMAGED in cell else f"has {len(cell):,} characters"
             raise InputError(
                 f"{file}: line {line}, {role.strip('<>')}: {short(cell)} {problem}; save the file as UTF-8, "
-                f"with texts of at most {LONGEST_TEXT} characters"
+                f"with texts of at most {MAX_TEXT} characters"
             )
     return [cell.strip() for cell in cells]

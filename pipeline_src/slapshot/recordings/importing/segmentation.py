@@ -1,4 +1,4 @@
-"""Which frames of a track are the hit, where the object lay before it and where it came to rest."""
+"""Segmentation of a track: which frames are the hit, and the object's start and rest points."""
 
 from dataclasses import dataclass
 
@@ -6,23 +6,23 @@ import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.recordings.importing.mapping import Crop, TrackMapping
-from slapshot.recordings.motion import Episode, find_episodes, find_slide
+from slapshot.recordings.motion_detection import MotionInterval, find_motion_intervals, find_slide
 
-_FEWEST_FRAMES = 5
+_MIN_FRAMES = 5
 _START_WINDOW_S = 0.2  # before motion begins: earlier frames may be from before a nudge
 _REST_FRAMES = 3  # fewer are no rest
 
 
 @dataclass(frozen=True)
-class Cut:
-    """The part of a track that is a hit.
+class HitSegment:
+    """The part of a track that belongs to the hit.
 
     Attributes:
         first, last: frames that stay, the last one included.
         start: (2,) m, median of the frames before motion.
         rest: (2,) m, median of the frames at rest after it; NaN where the object was not seen to rest.
-        remarks: what a person should know, in words.
-        dropped: why there is no hit in it, or None.
+        remarks: notes for the user.
+        dropped: why the track contains no hit, or None.
     """
 
     first: int
@@ -33,7 +33,7 @@ class Cut:
     dropped: str | None
 
 
-def cut_hit(t: Array, xy: Array, mapping: TrackMapping) -> Cut:
+def segment_hit(t: Array, xy: Array, mapping: TrackMapping) -> HitSegment:
     """Find the hit in a track.
 
     Args:
@@ -41,34 +41,34 @@ def cut_hit(t: Array, xy: Array, mapping: TrackMapping) -> Cut:
         xy: (n, 2) m.
         mapping: says what to keep.
     """
-    if len(t) < _FEWEST_FRAMES:
+    if len(t) < _MIN_FRAMES:
         return _dropped(f"has only {len(t)} frames")
-    episodes = find_episodes(t, xy)
-    slide = find_slide(episodes)
+    intervals = find_motion_intervals(t, xy)
+    slide = find_slide(intervals)
     if slide is None:
         farthest = 1000 * float(np.linalg.norm(xy - np.median(xy, axis=0), axis=1).max())
-        jumps = " and only jumps" if episodes else ""
+        jumps = " and only jumps" if intervals else ""
         return _dropped(f"never moves{jumps} (at most {farthest:.0f} mm from its median place)")
     remarks = []
     if slide.begin == 0:
         if mapping.moving_at_start == "drop":
-            return _dropped("moves from its first frame on: its beginning was not seen")
+            return _dropped("moves from its first frame on: its start was not recorded")
         remarks.append("moves from its first frame on")
     at_rest = slide.end <= len(t) - _REST_FRAMES
     if not at_rest:
         if mapping.moving_at_end == "drop":
-            return _dropped("still moves in its last frame: its rest was not seen")
+            return _dropped("still moves in its last frame: its rest was not recorded")
         remarks.append("still moves in its last frame: its rest point stays empty")
-    first, last = _window(t, slide, episodes, mapping.crop)
-    rest_end = min([episode.begin for episode in episodes if episode.begin >= slide.end], default=len(t))
-    remarks += _other_motions(t, slide, episodes)
+    first, last = _window(t, slide, intervals, mapping.crop)
+    rest_end = min([interval.begin for interval in intervals if interval.begin >= slide.end], default=len(t))
+    remarks += _other_motions(t, slide, intervals)
     whole, kept = t[-1] - t[0], t[last] - t[first]
     if kept > mapping.longest_s:
         return _dropped(f"lasts {kept:.0f} s, longer than longest_s = {mapping.longest_s:g}; crop it")
     if whole > mapping.longest_s:
-        remarks.append(f"ran on for {whole:.0f} s and was cropped to {kept:.1f} s")
+        remarks.append(f"lasted {whole:.0f} s and was cropped to {kept:.1f} s")
     rest = xy[slide.end : min(last + 1, rest_end)]
-    return Cut(
+    return HitSegment(
         first=first,
         last=last,
         start=_start(t, xy, slide, first),
@@ -78,38 +78,42 @@ def cut_hit(t: Array, xy: Array, mapping: TrackMapping) -> Cut:
     )
 
 
-def _window(t: Array, slide: Episode, episodes: list[Episode], crop: Crop | None) -> tuple[int, int]:
-    """First and last frame to keep; what moves after the slide's rest is no part of the hit."""
+def _window(
+    t: Array, slide: MotionInterval, intervals: list[MotionInterval], crop: Crop | None
+) -> tuple[int, int]:
+    """First and last frame to keep; motion after the slide has come to rest is not part of the hit."""
     if crop is None:
         return 0, len(t) - 1
     first = int(np.searchsorted(t, t[slide.begin] - crop.before_motion_s))
     end = min(slide.end, len(t) - 1)
     last = int(np.searchsorted(t, t[end] + crop.after_rest_s, side="right")) - 1
-    later = [episode.begin - 1 for episode in episodes if episode.begin > slide.end]
+    later = [interval.begin - 1 for interval in intervals if interval.begin > slide.end]
     return first, max(end, min([last, *later]))
 
 
-def _other_motions(t: Array, slide: Episode, episodes: list[Episode]) -> list[str]:
+def _other_motions(t: Array, slide: MotionInterval, intervals: list[MotionInterval]) -> list[str]:
     remarks = []
-    for episode in episodes:
-        far = f"{1000 * episode.travel:.0f} mm"
-        if episode.end <= slide.begin:
-            remarks.append(f"{_how(episode)} {far}, {t[slide.begin] - t[episode.begin]:.2f} s before the hit")
-        elif episode.begin >= slide.end:
-            remarks.append(f"{_how(episode)} {far}, {t[episode.begin] - t[slide.end]:.2f} s after its rest")
+    for interval in intervals:
+        far = f"{1000 * interval.travel:.0f} mm"
+        if interval.end <= slide.begin:
+            remarks.append(
+                f"{_how(interval)} {far}, {t[slide.begin] - t[interval.begin]:.2f} s before the hit"
+            )
+        elif interval.begin >= slide.end:
+            remarks.append(f"{_how(interval)} {far}, {t[interval.begin] - t[slide.end]:.2f} s after its rest")
     return remarks
 
 
-def _how(episode: Episode) -> str:
-    return "jumps" if episode.jump else "also moves"
+def _how(interval: MotionInterval) -> str:
+    return "jumps" if interval.jump else "also moves"
 
 
-def _start(t: Array, xy: Array, slide: Episode, first: int) -> Array:
+def _start(t: Array, xy: Array, slide: MotionInterval, first: int) -> Array:
     before = np.flatnonzero(t[: slide.begin] >= t[slide.begin] - _START_WINDOW_S)
     before = before[before >= first]
     return np.median(xy[before], axis=0) if len(before) else xy[first]
 
 
-def _dropped(reason: str) -> Cut:
+def _dropped(reason: str) -> HitSegment:
     nowhere = np.full(2, np.nan)
-    return Cut(0, -1, nowhere, nowhere, (), reason)
+    return HitSegment(0, -1, nowhere, nowhere, (), reason)

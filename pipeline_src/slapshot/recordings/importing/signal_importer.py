@@ -35,7 +35,7 @@ class SignalSummary:
         out: folder of the recording.
         episodes: how many it has.
         samples: rows of all clocks together.
-        lines: what a person should know, one line a fact.
+        lines: notes for the user, one line each.
     """
 
     out: Path
@@ -49,7 +49,7 @@ class _Part:
     """Rows of one clock in one episode.
 
     Attributes:
-        source: file, for people.
+        source: file, for messages.
         lines: (n,) lines of the rows in the file.
         t: (n,) s, of the file's zero.
         columns: channel -> (n,) in SI, NaN where missing.
@@ -77,7 +77,7 @@ def import_signals(mapping: Path, source: Path, out: Path) -> SignalSummary:
     """Make a recording of the signals in CSV files.
 
     Args:
-        mapping: YAML file that says what is what, see `SignalMapping`.
+        mapping: YAML file, see `SignalMapping`.
         source: a folder of CSV files, one of them, or a path with * in it.
         out: folder of the recording; must not exist yet.
 
@@ -105,7 +105,7 @@ def _read_clock(columns: ClockColumns, source: Path) -> dict[str, _Part]:
     """Name of an episode -> rows of the clock, in natural order of the names.
 
     Episodes are called as the field "episode" of the file's name, or numbered in the order of the files; and
-    as the column that tells them apart.
+    as the column that identifies them.
     """
     root, files = find_sources(columns.rules.files, source)
     pattern = columns.mapping.name_pattern(columns.clock)
@@ -120,7 +120,7 @@ def _read_clock(columns: ClockColumns, source: Path) -> dict[str, _Part]:
             if name in found:
                 raise InputError(
                     f"{file}: episode {short(name)} stands in {found[name].source}, too; let "
-                    "files.name_pattern tell them apart, or name a column as episode"
+                    "files.name_pattern distinguish them, or name a column as episode"
                 )
             found[name] = _part(columns, rows, np.flatnonzero(texts == text), label, of_file != name)
     return {name: found[name] for name in sorted(found, key=natural_key)}
@@ -156,8 +156,8 @@ def _increasing(columns: ClockColumns, file: Path, part: _Part, of_column: bool)
         before, after = wrong[0], wrong[0] + 1
         same = part.t[after] == part.t[before]
         problem = "the same time twice" if same else "time goes backwards"
-        remedy = "say repeats: keep_last under time" if same else "mend the lines"
-        column = "" if of_column else ", or name the column that tells episodes apart"
+        remedy = "say repeats: keep_last under time" if same else "correct the lines"
+        column = "" if of_column else ", or name the column that identifies episodes"
         raise InputError(
             f"{file}: line {part.lines[after]}: {problem} ({part.t[before]:.10g} s in line "
             f"{part.lines[before]}, then {part.t[after]:.10g} s); {remedy}{column}"

@@ -1,4 +1,4 @@
-"""A mapping of signals: which files are episodes, on which clocks, and which column is which channel."""
+"""A mapping of signals: files of episodes and clocks, and the channel of each column."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from slapshot.errors import InputError
 from slapshot.recordings.channels import Channel, Name, check_channels
-from slapshot.recordings.header import FreeText, Line, Stand
-from slapshot.recordings.importing.mapping import Column, CsvStyle, Files, Given, Number, Place
+from slapshot.recordings.header import FreeText, Line, StandIn
+from slapshot.recordings.importing.mapping import ColumnRef, CsvStyle, Files, Given, Number, ScaledColumn
 from slapshot.recordings.importing.name_pattern import NamePattern
 from slapshot.recordings.si import to_si
 from slapshot.validation import Model, ProblemAtError, validated
@@ -18,14 +18,14 @@ from slapshot.yaml_file import Document, read_document
 
 SIGNAL_KEYS = frozenset({"format_version", "channels", "clocks"})  # of which a mapping of tracks has none
 ONLY_CLOCK = "main"
-EPISODE = "<episode>"  # role of the column that tells episodes apart
+EPISODE = "<episode>"  # role of the column that identifies episodes
 _LARGEST = 1e9
 
 
 class Time(Model):
     """When the rows of a file were sampled."""
 
-    column: Given[Place] = Field(
+    column: Given[ColumnRef] = Field(
         default=None, description="name in the header, or number of the column from 0"
     )
     unit: str = Field(default="s", max_length=20, description="s, ms, us or ns")
@@ -52,8 +52,9 @@ class ClockFiles(Model):
     files: Files = Files()
     csv: CsvStyle = CsvStyle()
     time: Time
-    episode: Given[Place] = Field(
-        default=None, description="column that tells the episodes of a file apart; without it a file is one"
+    episode: Given[ColumnRef] = Field(
+        default=None,
+        description="column that identifies the episodes of a file; without it a file is one episode",
     )
 
 
@@ -61,7 +62,7 @@ class ChannelColumn(Channel):
     """A channel and the column that it is from: value in `unit` = sign * scale * number + offset."""
 
     clock: Name = Field(default=ONLY_CLOCK, description="which of the clocks has it")
-    column: Place = Field(description="name in the header, or number of the column from 0")
+    column: ColumnRef = Field(description="name in the header, or number of the column from 0")
     scale: Annotated[Number, Field(gt=0)] = Field(
         default=1.0, description="what to multiply by: a gear's ratio, or a sensor's unit a count"
     )
@@ -83,10 +84,10 @@ class ChannelColumn(Channel):
         return Channel.model_validate(values | {"clock": self.clock, "unit": si.unit, "noise": noise})
 
     @property
-    def numbers(self) -> Column:
+    def numbers(self) -> ScaledColumn:
         """The column in SI."""
         factor = to_si(self.unit).factor
-        return Column.model_construct(
+        return ScaledColumn.model_construct(
             column=self.column, factor=factor * self.sign * self.scale, offset=factor * self.offset
         )
 
@@ -96,7 +97,7 @@ class SignalMapping(Model):
 
     format_version: Literal[2] = 2
     rig: Line = Field(description="name of the set-up")
-    stand_in: Stand = False
+    stand_in: StandIn = False
     note: FreeText = ""
     clocks: dict[Name, ClockFiles] = Field(
         min_length=1, max_length=100, description="name -> files of what was sampled together"
@@ -172,20 +173,20 @@ class ClockColumns:
         return [name for name, channel in self.mapping.channels.items() if channel.clock == self.clock]
 
     @property
-    def numbers(self) -> Mapping[str, Column]:
+    def numbers(self) -> Mapping[str, ScaledColumn]:
         """Role (t and the channels) -> column."""
         time = self.rules.time
         found = {name: self.mapping.channels[name].numbers for name in self.names}
         if time.column is None:
             return found
         return {
-            "t": Column.model_construct(column=time.column, factor=to_si(time.unit).factor, offset=0.0),
+            "t": ScaledColumn.model_construct(column=time.column, factor=to_si(time.unit).factor, offset=0.0),
             **found,
         }
 
     @property
     def texts(self) -> Mapping[str, str | int]:
-        """The column that tells episodes apart, if there is one."""
+        """The column that identifies episodes, if any."""
         return {} if self.rules.episode is None else {EPISODE: self.rules.episode}
 
     @property
@@ -193,7 +194,7 @@ class ClockColumns:
         """Sizes of numbers; a computed control may be as small as it likes."""
         return 0.0, _LARGEST
 
-    def place_of(self, role: str) -> str:
+    def location_of(self, role: str) -> str:
         """Where the mapping names a role's column."""
         loc = ("clocks", self.clock, "time") if role == "t" else ("channels", role)
         return self.mapping.where(*loc, "column")
@@ -227,7 +228,7 @@ def load_signal_mapping(file: Path) -> SignalMapping:
 
 
 def _check_style(mapping: SignalMapping, clock: str) -> None:
-    """Refuse what no single key of a clock can judge."""
+    """Checks of a clock that involve several keys."""
     columns = ClockColumns(mapping, clock)
     style = columns.csv
     if style.separator == style.decimal:
@@ -240,6 +241,7 @@ def _check_style(mapping: SignalMapping, clock: str) -> None:
     for role, column in columns.numbers.items():
         if isinstance(column.column, str):
             raise InputError(
-                f"{columns.place_of(role)}: {column.column!r} is a name, but csv.header is false; write the "
+                f"{columns.location_of(role)}: {column.column!r} is a name, but csv.header is false; write "
+                "the "
                 "number of the column (the first is 0), or header: true"
             )

@@ -15,7 +15,7 @@ from slapshot.diagnosis.pucks.report import style
 from slapshot.diagnosis.pucks.report.location_map import arrow_scale
 from slapshot.diagnosis.pucks.report.outcome import Outcome
 from slapshot.diagnosis.pucks.report.predictions import Predicted
-from slapshot.viewer.names import APPLICATION, TIME
+from slapshot.viewer.bodies import APPLICATION, TIME
 
 RECORDING_FILE = "diagnosis.rrd"
 HIT = "hit"

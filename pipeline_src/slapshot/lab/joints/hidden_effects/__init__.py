@@ -1,5 +1,5 @@
-"""Kinds of physics that a rig for joints can conceal, each by where it acts.
+"""Hidden effects on joints, grouped by where they act.
 
-Most are made by another law than a person would write down first: friction is of bristles, films answer late,
-gains fade. A diagnosis must not win by knowing the lab.
+Most differ from the textbook law: friction is a bristle model, viscous films respond with a lag, gains fade.
+Knowing the lab must give a diagnosis no advantage.
 """

@@ -1,4 +1,4 @@
-"""Concealed in how a rig stands: crooked, on something soft, or on feet that slip."""
+"""Hidden effects of the base: tilt, compliance and slip."""
 
 from typing import Any
 
@@ -6,7 +6,15 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.lab.joints.hidden_effect import Bounds, HiddenEffect, Law, NominalMotion, Now, Plant, Shape
+from slapshot.lab.joints.hidden_effect import (
+    Bounds,
+    HiddenEffect,
+    Law,
+    NominalMotion,
+    Plant,
+    Shape,
+    StepState,
+)
 from slapshot.lab.joints.hidden_effects.friction import Bristles
 from slapshot.lab.joints.hidden_effects.structure import linear
 from slapshot.lab.joints.rig import Rig
@@ -15,7 +23,7 @@ _TILT, _SLIP = "lab_base_", "lab_slip"
 
 
 class GravityTilt(HiddenEffect):
-    """The base stands crooked: gravity comes from the side. A rig that compensates gravity hides it."""
+    """Tilted base, which changes the direction of gravity. Gravity compensation hides it."""
 
     name = "gravity_tilt"
     unit, amplitude = "rad", "angle to the upright"
@@ -23,12 +31,12 @@ class GravityTilt(HiddenEffect):
     def fits(self, rig: Rig) -> bool:
         return bool(rig.loaded)
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         # Where level axes are alike, gravity must lean across them to show.
-        lean = np.pi / 3 if setting.rig.turns == "slide" else np.pi
+        lean = np.pi / 3 if nominal.rig.turns == "slide" else np.pi
         return {"towards_rad": float(rng.uniform(-lean, lean) + np.pi * rng.integers(2))}
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(0.02, 0.0, 1.0)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -44,7 +52,7 @@ class GravityTilt(HiddenEffect):
 
 
 class BaseCompliance(HiddenEffect):
-    """The base rocks on what it is screwed to, about both level axes. Stiff servos hardly feel it."""
+    """Compliant mounting about both horizontal axes. Stiff servos hardly excite it."""
 
     name = "base_compliance"
     unit, amplitude = "rad/(N m)", "mean compliance about both axes"
@@ -52,14 +60,14 @@ class BaseCompliance(HiddenEffect):
     def fits(self, rig: Rig) -> bool:
         return bool(rig.loaded) and rig.drive != "mocap"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
-            "body": setting.rig.base,
+            "body": nominal.rig.base,
             "ratio": float(np.exp(rng.uniform(-0.7, 0.7))),
             "damping_ratio": float(rng.uniform(0.05, 0.2)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(1e-3, 1e-6, 0.05)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -84,9 +92,9 @@ class BaseCompliance(HiddenEffect):
 
 
 class SlippingBase(HiddenEffect):
-    """The base is not screwed to anything: what its feet do not hold by friction moves it, in jerks.
+    """The base stands on feet that stick and slip.
 
-    No effect that rigs usually conceal is like it. Stiff servos do not feel it.
+    It has no counterpart in the catalogue. Stiff servos do not excite it.
     """
 
     name = "slipping_base"
@@ -96,18 +104,18 @@ class SlippingBase(HiddenEffect):
     def fits(self, rig: Rig) -> bool:
         return bool(rig.loaded) and rig.drive != "mocap"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
-            "body": setting.rig.base,
-            "direction": setting.rig.turns,
+            "body": nominal.rig.base,
+            "direction": nominal.rig.turns,
             "static_over_sliding": float(rng.uniform(1.1, 1.6)),
             "stribeck_per_s": float(rng.uniform(0.01, 0.05)),
             "bend": float(rng.uniform(1e-4, 3e-4)),
             "damping_time_s": float(rng.uniform(1e-3, 3e-3)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
-        force = setting.peak(0) / (0.35 if setting.rig.turns == "slide" else 1.0)
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
+        force = nominal.peak(0) / (0.35 if nominal.rig.turns == "slide" else 1.0)
         return Bounds(1.3 / force, 0.02 / force, 50 / force)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -132,14 +140,14 @@ class _Feet(Law):
         self._friction, self._shape, self._dof = friction, shape, plant.dof(_SLIP)
         self._bristles = Bristles(shape["bend"], friction, shape["damping_time_s"], plant.timestep)
 
-    def act(self, torque: Array, now: Now) -> None:
-        speed, more = now.speeds[:, self._dof], self._shape["static_over_sliding"] - 1
+    def act(self, torque: Array, state: StepState) -> None:
+        speed, more = state.speeds[:, self._dof], self._shape["static_over_sliding"] - 1
         slow = np.exp(-np.abs(speed) / self._shape["stribeck_per_s"])
         torque[:, self._dof] += self._bristles.torque(speed, self._friction * (1 + more * slow))
 
 
 def _base_joint(spec: mujoco.MjSpec, rig: Rig, **of: Any) -> None:
-    """A joint of the body that otherwise stands still."""
+    """Add a joint to the base body."""
     free = mujoco.mjtLimited.mjLIMITED_FALSE
     spec.body(rig.base).add_joint(
         **({"damping": linear(0), "stiffness": linear(0), "armature": 0, "limited": free} | of)

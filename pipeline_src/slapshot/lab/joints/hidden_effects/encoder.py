@@ -1,6 +1,6 @@
-"""Concealed in what is recorded of a joint; the rig itself moves as believed.
+"""Hidden effects of the recorded encoder; the rig itself moves nominally.
 
-Recorded is an encoder of its own on the link. What a servo or a controller reads is another one, and right.
+The recorded encoder sits on the link. Servo and controller read another one, which is correct.
 """
 
 from typing import Any
@@ -19,20 +19,20 @@ from slapshot.lab.joints.hidden_effect import (
 
 
 class EncoderScale(HiddenEffect):
-    """A radian in the recording is none, and a disc that is mounted out of centre adds a wave a turn."""
+    """Scale error of the encoder, and eccentricity with one period per turn."""
 
     name = "encoder_scale"
     unit, amplitude = "1", "size of what is added to a scale of 1"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
-            "joint": draw_joint(setting.rig, rng),
+            "joint": draw_joint(nominal.rig, rng),
             "sign": draw_sign(rng),
             "eccentric_share": float(rng.uniform(0.0, 0.1)),
             "phase_rad": float(rng.uniform(0, 2 * np.pi)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(0.01, 0.0, 0.5)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -45,19 +45,19 @@ class EncoderScale(HiddenEffect):
 
 
 class EncoderDelay(HiddenEffect):
-    """What is recorded is old, by a little more or less as time goes on."""
+    """Delay of the readings, which varies slowly."""
 
     name = "encoder_delay"
     unit, amplitude = "s", "mean delay"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
-            "joint": draw_joint(setting.rig, rng),
+            "joint": draw_joint(nominal.rig, rng),
             "wander_share": float(rng.uniform(0.0, 0.15)),
             "wander_hz": float(rng.uniform(0.2, 1.0)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(3e-3, 0.0, 0.1)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -69,19 +69,19 @@ class EncoderDelay(HiddenEffect):
 
 
 class StickySensor(HiddenEffect):
-    """An encoder that repeats its last value until the angle has changed by more than so much.
+    """An encoder that repeats its last value until the angle has changed by a threshold.
 
-    No effect that rigs usually conceal is like it.
+    It has no counterpart in the catalogue.
     """
 
     name = "sticky_sensor"
     catalogued = False
     unit, amplitude = "rad", "change that it takes"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        return {"joint": draw_joint(setting.rig, rng)}
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        return {"joint": draw_joint(nominal.rig, rng)}
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(2e-3, 0.0, 0.5)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:

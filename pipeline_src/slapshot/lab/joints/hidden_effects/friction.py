@@ -1,12 +1,13 @@
-"""Concealed friction in a joint, by bristles that bend before they slip.
+"""Hidden joint friction, by bristles that bend before they slip.
 
 Dry friction is LuGre's (Canudas de Wit, Olsson, Astrom, Lischinsky 1995, "A new model for control of systems
 with friction"): bristles of deflection z with
 
     dz/dt = v - s0 |v| z / g(v),    torque = -(s0 z + s1 dz/dt)
 
-so that there is no torque that jumps with the sign of the speed: what sticks moves a little. g is the level
-of sliding friction, which is where the kinds differ.
+so that the torque does not jump with the sign of the speed: in stiction the joint moves slightly. g is the
+level
+of sliding friction, in which the effects differ.
 """
 
 from collections.abc import Callable
@@ -20,9 +21,9 @@ from slapshot.lab.joints.hidden_effect import (
     HiddenEffect,
     Law,
     NominalMotion,
-    Now,
     Plant,
     Shape,
+    StepState,
     draw_joint,
     draw_sign,
 )
@@ -50,7 +51,7 @@ class Bristles:
         """After another step at `speed` (episodes,) with a sliding friction of `level`."""
         rate = np.abs(speed) * self._stiffness / level
         slipping = np.sign(speed) * level / self._stiffness
-        # Exact for a speed that stays: bristles are far stiffer than the steps are short.
+        # Exact for constant speed, since bristles are too stiff for explicit steps.
         decay = np.exp(-rate * self._timestep)
         gone = np.where(rate * self._timestep > 1e-9, slipping * (1 - decay), speed * self._timestep)
         self._deflection = self._deflection * decay + gone
@@ -72,37 +73,39 @@ class DryLaw(Law):
         self._level, self._dof = level, plant.dof(shape["joint"])
         self._joint = plant.rig.joints.index(shape["joint"])
 
-    def act(self, torque: Array, now: Now) -> None:
-        speed = now.speeds[:, self._dof]
-        torque[:, self._dof] += self._bristles.torque(speed, self._level(speed, now.load[:, self._joint]))
+    def act(self, torque: Array, state: StepState) -> None:
+        speed = state.speeds[:, self._dof]
+        torque[:, self._dof] += self._bristles.torque(speed, self._level(speed, state.load[:, self._joint]))
 
 
-def _draw_bristles(setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+def _draw_bristles(nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
     return {
-        "joint": draw_joint(setting.rig, rng),
+        "joint": draw_joint(nominal.rig, rng),
         "bend_rad": float(np.exp(rng.uniform(*np.log((3e-4, 1e-3))))),
         "damping_time_s": float(rng.uniform(1e-3, 3e-3)),
     }
 
 
-def _force_bounds(setting: NominalMotion, shape: Shape, usual: float = 0.05, largest: float = 3.0) -> Bounds:
+def _force_bounds(
+    nominal: NominalMotion, shape: Shape, typical: float = 0.05, maximum: float = 3.0
+) -> Bounds:
     """Shares of what the joint's actuator does."""
-    force = setting.force(setting.rig.joints.index(shape["joint"]))
-    return Bounds(usual * force, 0.0, largest * force)
+    force = nominal.force(nominal.rig.joints.index(shape["joint"]))
+    return Bounds(typical * force, 0.0, maximum * force)
 
 
 class ViscousFriction(HiddenEffect):
-    """A film of oil or a thin grease: it answers late, and thins as it is sheared.
+    """Viscous friction of a film that responds with a lag and is shear-thinning.
 
-    With less damping than believed, the film is the rig's own, which wants some of what it was said to have.
+    A negative sign reduces the rig's own damping.
     """
 
     name = "viscous_friction"
     unit, amplitude = "N m s/rad", "torque over speed of a slow joint"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        joint = draw_joint(setting.rig, rng)
-        speed = setting.speed(setting.rig.joints.index(joint))
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        joint = draw_joint(nominal.rig, rng)
+        speed = nominal.speed(nominal.rig.joints.index(joint))
         return {
             "joint": joint,
             "sign": float(rng.choice((-1.0, 1.0), p=(0.25, 0.75))),
@@ -110,12 +113,12 @@ class ViscousFriction(HiddenEffect):
             "thins_at_rad_s": speed * float(rng.uniform(2, 6)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
-        joint = setting.rig.joints.index(shape["joint"])
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
+        joint = nominal.rig.joints.index(shape["joint"])
         if shape["sign"] < 0:
-            damping = setting.rig.damping[joint]
+            damping = nominal.rig.damping[joint]
             return Bounds(0.3 * damping, 0.0, 0.9 * damping)
-        slope = setting.force(joint) / setting.speed(joint)
+        slope = nominal.force(joint) / nominal.speed(joint)
         return Bounds(0.05 * slope, 0.0, 5 * slope)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -131,24 +134,24 @@ class _Film(Law):
         self._thins, self._torque = shape["thins_at_rad_s"], 0.0
         self._share = 1 - np.exp(-plant.timestep / shape["answer_s"])
 
-    def act(self, torque: Array, now: Now) -> None:
-        speed = now.speeds[:, self._dof]
+    def act(self, torque: Array, state: StepState) -> None:
+        speed = state.speeds[:, self._dof]
         wanted = -self._size * speed / np.sqrt(1 + (speed / self._thins) ** 2)
         self._torque = self._torque + self._share * (wanted - self._torque)
         torque[:, self._dof] += self._torque
 
 
 class CoulombFriction(HiddenEffect):
-    """The same at every speed, once the bristles slip."""
+    """Coulomb friction once the bristles slip."""
 
     name = "coulomb_friction"
     unit, amplitude = "N m", "sliding friction"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        return _draw_bristles(setting, rng)
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        return _draw_bristles(nominal, rng)
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
-        return _force_bounds(setting, shape)
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
+        return _force_bounds(nominal, shape)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {"friction": (amplitude, "N m")}
@@ -158,22 +161,22 @@ class CoulombFriction(HiddenEffect):
 
 
 class StribeckFriction(HiddenEffect):
-    """More at slow speeds than at fast ones."""
+    """Friction that is higher at low speed (Stribeck)."""
 
     name = "stribeck_friction"
     unit, amplitude = "N m", "sliding friction of a fast joint"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        shape = _draw_bristles(setting, rng)
-        speed = setting.speed(setting.rig.joints.index(shape["joint"]))
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        shape = _draw_bristles(nominal, rng)
+        speed = nominal.speed(nominal.rig.joints.index(shape["joint"]))
         return shape | {
             "static_over_sliding": float(rng.uniform(1.8, 3.5)),
             "stribeck_rad_s": speed * float(rng.uniform(0.1, 0.4)),
             "power": float(rng.uniform(0.7, 2.0)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
-        return _force_bounds(setting, shape)
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
+        return _force_bounds(nominal, shape)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {
@@ -193,7 +196,7 @@ class StribeckFriction(HiddenEffect):
 
 
 class LoadFriction(HiddenEffect):
-    """In proportion to what the gear transmits, as of teeth that press on each other."""
+    """Friction in proportion to the transmitted torque."""
 
     name = "load_friction"
     unit, amplitude = "1", "sliding friction over the torque that is transmitted"
@@ -201,18 +204,18 @@ class LoadFriction(HiddenEffect):
     def fits(self, rig: Rig) -> bool:
         return rig.drive != "mocap"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        shape = _draw_bristles(setting, rng)
-        return shape | {"scale_n_m": setting.force(setting.rig.joints.index(shape["joint"]))}
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        shape = _draw_bristles(nominal, rng)
+        return shape | {"scale_n_m": nominal.force(nominal.rig.joints.index(shape["joint"]))}
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(0.05, 0.0, 0.9)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {"friction_per_load": (amplitude, "1")}
 
     def law(self, amplitude: float, shape: Shape, plant: Plant) -> Law:
-        share, pressed = 1 - np.exp(-plant.timestep / _LOAD_TIME), np.zeros(len(plant.place))
+        share, pressed = 1 - np.exp(-plant.timestep / _LOAD_TIME), np.zeros(len(plant.session))
 
         def level(speed: Array, load: Array) -> Array:
             pressed[:] += share * (np.abs(load) - pressed)
@@ -222,16 +225,16 @@ class LoadFriction(HiddenEffect):
 
 
 class DirectionFriction(HiddenEffect):
-    """More one way than the other, as of worn teeth: a (1 + d) forwards and a (1 - d) backwards."""
+    """Friction that depends on direction, as with worn teeth: a (1 + d) forwards and a (1 - d) backwards."""
 
     name = "direction_friction"
     unit, amplitude = "N m", "mean of the sliding friction in both directions"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        return _draw_bristles(setting, rng) | {"difference": draw_sign(rng) * float(rng.uniform(0.5, 0.95))}
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        return _draw_bristles(nominal, rng) | {"difference": draw_sign(rng) * float(rng.uniform(0.5, 0.95))}
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
-        return _force_bounds(setting, shape)
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
+        return _force_bounds(nominal, shape)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {
@@ -249,14 +252,14 @@ class DirectionFriction(HiddenEffect):
 
 
 class FrictionDrift(HiddenEffect):
-    """Cold grease: a joint that is stiff at the session's start runs itself warm."""
+    """Warm-up: the friction of cold grease falls over the session."""
 
     name = "friction_drift"
     unit, amplitude = "N m", "friction in the first episode at the joint's usual speed"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        joint = draw_joint(setting.rig, rng)
-        speed = setting.speed(setting.rig.joints.index(joint))
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        joint = draw_joint(nominal.rig, rng)
+        speed = nominal.speed(nominal.rig.joints.index(joint))
         return {
             "joint": joint,
             "warm_share": float(rng.uniform(0.0, 0.25)),
@@ -266,15 +269,15 @@ class FrictionDrift(HiddenEffect):
             "turns_at_rad_s": speed * float(rng.uniform(0.05, 0.2)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
-        return _force_bounds(setting, shape)
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
+        return _force_bounds(nominal, shape)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {"first": (amplitude, "N m"), "warm": (amplitude * shape["warm_share"], "N m")}
 
     def law(self, amplitude: float, shape: Shape, plant: Plant) -> Law:
         warm = shape["warm_share"]
-        level = amplitude * (warm + (1 - warm) * np.exp(-plant.place / shape["warms_in"]))
+        level = amplitude * (warm + (1 - warm) * np.exp(-plant.session / shape["warms_in"]))
         return _Grease(level, shape, plant)
 
 
@@ -282,8 +285,8 @@ class _Grease(Law):
     def __init__(self, level: Array, shape: Shape, plant: Plant) -> None:
         self._level, self._shape, self._dof = level, shape, plant.dof(shape["joint"])
 
-    def act(self, torque: Array, now: Now) -> None:
-        speed, shape = now.speeds[:, self._dof], self._shape
+    def act(self, torque: Array, state: StepState) -> None:
+        speed, shape = state.speeds[:, self._dof], self._shape
         dry = np.tanh(speed / shape["turns_at_rad_s"])
         viscous = speed / shape["usual_rad_s"]
         share = shape["viscous_share"]

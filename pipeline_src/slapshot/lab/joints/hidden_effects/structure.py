@@ -1,4 +1,4 @@
-"""Concealed in what a rig is built of: masses, springs, gaps, and where its angles begin."""
+"""Hidden effects of the structure: masses, springs, backlash and joint zeros."""
 
 from functools import cache
 from itertools import product
@@ -14,9 +14,9 @@ from slapshot.lab.joints.hidden_effect import (
     HiddenEffect,
     Law,
     NominalMotion,
-    Now,
     Plant,
     Shape,
+    StepState,
     draw_joint,
     draw_sign,
 )
@@ -32,18 +32,18 @@ class _Geared(HiddenEffect):
 
 
 class JointElasticity(_Geared):
-    """A soft gear: the rotor is servoed on its side, and link and encoder hang behind a spring."""
+    """Elastic gear: the servo acts on the rotor; link and encoder follow behind a spring."""
 
     name = "joint_elasticity"
     unit, amplitude = "rad/(N m)", "compliance of the spring"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        return {"joint": draw_joint(setting.rig, rng), "damping_ratio": float(rng.uniform(0.1, 0.3))}
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        return {"joint": draw_joint(nominal.rig, rng), "damping_ratio": float(rng.uniform(0.1, 0.3))}
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
-        force = setting.force(setting.rig.joints.index(shape["joint"]))
-        least = (setting.rig.clock.step / _STEEPEST) ** 2 / _between_inertia(setting.rig, shape["joint"])
-        return Bounds(max(3e-3 / force, least), least, max(0.5 / force, 2 * least))
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
+        force = nominal.force(nominal.rig.joints.index(shape["joint"]))
+        minimum = (nominal.rig.clock.step / _STEEPEST) ** 2 / _between_inertia(nominal.rig, shape["joint"])
+        return Bounds(max(3e-3 / force, minimum), minimum, max(0.5 / force, 2 * minimum))
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {"stiffness": (1 / amplitude, "N m/rad")}
@@ -56,19 +56,19 @@ class JointElasticity(_Geared):
 
 
 class Backlash(_Geared):
-    """Play in a gear: link and encoder are loose against the rotor, between two ends."""
+    """Backlash: link and encoder move freely against the rotor between two stops."""
 
     name = "backlash"
     unit, amplitude = "rad", "gap from end to end"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {
-            "joint": draw_joint(setting.rig, rng),
+            "joint": draw_joint(nominal.rig, rng),
             "damping_ratio": float(rng.uniform(0.3, 0.8)),
             "drag_share": float(rng.uniform(0.05, 0.2)),  # of the joint's damping
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(3e-3, 0.0, 0.3)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -104,7 +104,7 @@ def _split(spec: mujoco.MjSpec, name: str) -> mujoco.MjsJoint:
 
 @cache
 def _between_inertia(rig: Rig, joint: str) -> float:
-    """Kg m^2, the least with which rotor and link swing against each other in the poses of a session."""
+    """Kg m^2, the least with which rotor and link swing against each other in the poses of a position."""
     spec = mujoco.MjSpec.from_string(rig.xml)
     _split(spec, joint)
     model = spec.compile()
@@ -120,17 +120,17 @@ def _between_inertia(rig: Rig, joint: str) -> float:
 
 
 class Armature(HiddenEffect):
-    """A rotor that is heavier or lighter than believed."""
+    """Error of the rotor inertia."""
 
     name = "armature"
     unit, amplitude = "kg m^2", "size of the difference, reflected through the gear"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        return {"joint": draw_joint(setting.rig, rng), "sign": draw_sign(rng)}
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        return {"joint": draw_joint(nominal.rig, rng), "sign": draw_sign(rng)}
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
-        believed = setting.rig.armature[setting.rig.joints.index(shape["joint"])]
-        return Bounds(0.1 * believed, 0.0, 0.9 * believed if shape["sign"] < 0 else 20 * believed)
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
+        modelled = nominal.rig.armature[nominal.rig.joints.index(shape["joint"])]
+        return Bounds(0.1 * modelled, 0.0, 0.9 * modelled if shape["sign"] < 0 else 20 * modelled)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {"difference": (shape["sign"] * amplitude, "kg m^2")}
@@ -140,18 +140,18 @@ class Armature(HiddenEffect):
 
 
 class LinkMass(HiddenEffect):
-    """A link weighs more or less than believed; its inertia is off by another factor.
+    """Error of a link's mass; its inertia is off by another factor.
 
-    A controller that compensates gravity goes on compensating that of the believed mass.
+    Gravity compensation still uses the nominal mass.
     """
 
     name = "link_mass"
     unit, amplitude = "1", "size of the logarithm of true over believed mass"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         # The first link of an upright axis turns on the spot.
         links = [
-            b for b, j in zip(setting.rig.links, setting.rig.joints, strict=True) if _weighs(setting.rig, j)
+            b for b, j in zip(nominal.rig.links, nominal.rig.joints, strict=True) if _weighs(nominal.rig, j)
         ]
         return {
             "body": str(rng.choice(links)),
@@ -159,7 +159,7 @@ class LinkMass(HiddenEffect):
             "inertia_power": float(rng.uniform(0.7, 1.3)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(0.1, 0.0, 1.8)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -177,39 +177,39 @@ def _weighs(rig: Rig, joint: str) -> bool:
 
 
 class Payload(HiddenEffect):
-    """Something hangs at the tip that nobody told of; a controller does not compensate its weight."""
+    """An unmodelled payload at the tip; gravity compensation does not include it."""
 
     name = "payload"
     unit, amplitude = "kg", "mass"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         away = rng.normal(size=3)
         return {
-            "body": setting.rig.tip[0],
+            "body": nominal.rig.tip[0],
             "from_tip_m": (away / np.linalg.norm(away) * rng.uniform(0.0, 0.06)).tolist(),
             "radius_m": float(rng.uniform(0.02, 0.05)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(0.02, 0.0, 15.0)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {"mass": (amplitude, "kg")}
 
     def build(self, amplitude: float, shape: Shape, spec: mujoco.MjSpec, rig: Rig) -> None:
-        body, place = rig.tip
+        body, position = rig.tip
         radius = shape["radius_m"]
-        load = spec.body(body).add_body(name="lab_payload", pos=np.add(place, shape["from_tip_m"]))
+        load = spec.body(body).add_body(name="lab_payload", pos=np.add(position, shape["from_tip_m"]))
         load.mass, load.ipos = amplitude, [0, 0, 0]
         load.inertia = np.full(3, 0.4 * amplitude * radius**2)
         load.explicitinertial = True
 
 
 class JointOffset(HiddenEffect):
-    """An encoder's zero is off; servo and recording read the same encoder.
+    """Zero offset of an encoder that servo and recording share.
 
-    What differs is where gravity finds the link. An upright axis does not show it, nor does a controller that
-    compensates gravity by the same encoders with stiff servos.
+    It is observable through gravity only: not at a vertical axis, nor with gravity compensation by the same
+    encoders and stiff servos.
     """
 
     name = "joint_offset"
@@ -218,10 +218,10 @@ class JointOffset(HiddenEffect):
     def fits(self, rig: Rig) -> bool:
         return bool(rig.loaded)
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        return {"joint": draw_joint(setting.rig, rng, setting.rig.loaded), "sign": draw_sign(rng)}
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        return {"joint": draw_joint(nominal.rig, rng, nominal.rig.loaded), "sign": draw_sign(rng)}
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(0.02, 0.0, 1.0)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -232,14 +232,14 @@ class JointOffset(HiddenEffect):
 
 
 class Spring(HiddenEffect):
-    """A hose or cable bundle along a joint: it pulls back to a rest angle, and stiffens as it is bent."""
+    """A hose or cable bundle along a joint: a hardening spring about a rest angle."""
 
     name = "spring"
     unit, amplitude = "N m/rad", "stiffness at the rest angle"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        joint = draw_joint(setting.rig, rng)
-        angles = setting.positions[..., setting.rig.joints.index(joint)]
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        joint = draw_joint(nominal.rig, rng)
+        angles = nominal.positions[..., nominal.rig.joints.index(joint)]
         middle, spread = angles.mean(), angles.std()
         return {
             "joint": joint,
@@ -247,9 +247,9 @@ class Spring(HiddenEffect):
             "stiffens_at_rad": float(spread * rng.uniform(2, 5)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
-        joint = setting.rig.joints.index(shape["joint"])
-        stiffness = setting.force(joint) / setting.positions[..., joint].std()
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
+        joint = nominal.rig.joints.index(shape["joint"])
+        stiffness = nominal.force(joint) / nominal.positions[..., joint].std()
         return Bounds(0.03 * stiffness, 0.0, 3 * stiffness)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -264,6 +264,6 @@ class _Hose(Law):
         self._stiffness, self._shape = amplitude, shape
         self._joint, self._dof = plant.rig.joints.index(shape["joint"]), plant.dof(shape["joint"])
 
-    def act(self, torque: Array, now: Now) -> None:
-        bend = now.position[:, self._joint] - self._shape["rest_rad"]
+    def act(self, torque: Array, state: StepState) -> None:
+        bend = state.position[:, self._joint] - self._shape["rest_rad"]
         torque[:, self._dof] -= self._stiffness * bend * (1 + (bend / self._shape["stiffens_at_rad"]) ** 2)

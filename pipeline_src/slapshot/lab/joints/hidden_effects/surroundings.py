@@ -1,4 +1,4 @@
-"""Concealed around a rig: what pushes, pulls, attracts or is in the way."""
+"""Hidden effects of the surroundings: pushes, a cable, a magnet, an obstacle."""
 
 from typing import Any
 
@@ -11,9 +11,9 @@ from slapshot.lab.joints.hidden_effect import (
     HiddenEffect,
     Law,
     NominalMotion,
-    Now,
     Plant,
     Shape,
+    StepState,
     draw_joint,
     draw_sign,
 )
@@ -24,19 +24,19 @@ _WITHIN = (0.03, 0.25)  # share of the time in which a tip touches an obstacle
 
 
 class ExternalPulse(HiddenEffect):
-    """Somebody pushes, once in some of the episodes."""
+    """External pushes, one in each of some episodes."""
 
     name = "external_pulse"
     unit, amplitude = "N m", "torque at the height of a push"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        count = max(1, round(setting.episodes / 3))
-        episodes = np.sort(rng.permutation(setting.episodes)[:count])
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        count = max(1, round(nominal.episodes / 3))
+        episodes = np.sort(rng.permutation(nominal.episodes)[:count])
         lasts = rng.uniform(0.05, 0.3, count)
-        begins = rng.uniform(0.1, setting.seconds - 0.1 - lasts)
+        begins = rng.uniform(0.1, nominal.seconds - 0.1 - lasts)
         pushes = zip(episodes, begins, begins + lasts, rng.choice((-1.0, 1.0), count), strict=True)
         return {
-            "joint": draw_joint(setting.rig, rng),
+            "joint": draw_joint(nominal.rig, rng),
             "pushes": [
                 {"episode": int(e), "from_s": float(a), "to_s": float(b), "sign": float(s)}
                 for e, a, b, s in pushes
@@ -44,8 +44,8 @@ class ExternalPulse(HiddenEffect):
             "flat_share": float(rng.uniform(0.0, 0.7)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
-        force = setting.force(setting.rig.joints.index(shape["joint"]))
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
+        force = nominal.force(nominal.rig.joints.index(shape["joint"]))
         return Bounds(0.3 * force, 0.0, 30 * force)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -65,35 +65,35 @@ class _Pushes(Law):
         self._height = amplitude * np.array([push["sign"] for push in pushes])
         self._edge, self._dof = (1 - shape["flat_share"]) / 2, plant.dof(shape["joint"])
 
-    def act(self, torque: Array, now: Now) -> None:
-        share = np.clip((now.time - self._begin) / (self._end - self._begin), 0, 1)
+    def act(self, torque: Array, state: StepState) -> None:
+        share = np.clip((state.time - self._begin) / (self._end - self._begin), 0, 1)
         rise = np.minimum(np.minimum(share, 1 - share) / self._edge, 1)
         torque[self._episodes, self._dof] += self._height * (1 - np.cos(np.pi * rise)) / 2
 
 
 class SlackCable(HiddenEffect):
-    """A cable from the tip to a hook beside the rig, which pulls when it is taut and hangs otherwise.
+    """A cable from the tip to a hook beside the rig, which pulls when it is taut.
 
-    No effect that rigs usually conceal is like it: it acts on one side only, and on all joints.
+    It has no counterpart in the catalogue: it is unilateral and acts on all joints.
     """
 
     name = "slack_cable"
     catalogued = False
     unit, amplitude = "N/m", "stiffness of the taut cable"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         away = rng.normal(size=3)
-        middle = setting.tip.reshape(-1, 3).mean(0)
+        middle = nominal.tip.reshape(-1, 3).mean(0)
         hook = middle + away / np.linalg.norm(away) * rng.uniform(0.3, 0.6)
-        distance = np.linalg.norm(setting.tip - hook, axis=-1)
+        distance = np.linalg.norm(nominal.tip - hook, axis=-1)
         return {
-            "body": setting.rig.tip[0],
+            "body": nominal.rig.tip[0],
             "hook_m": hook.tolist(),
             "slack_m": float(np.quantile(distance, rng.uniform(0.4, 0.8))),
             "damping_s": float(rng.uniform(0.001, 0.005)),  # over stiffness
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(10.0, 0.0, 5000.0)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -104,26 +104,26 @@ class SlackCable(HiddenEffect):
 
 
 class _AtTip(Law):
-    """What pushes the tip with a force (episodes, 3) in N that depends on where it is."""
+    """Base class of position-dependent forces (episodes, 3) in N on the tip."""
 
     def __init__(self, plant: Plant) -> None:
         self._body, self._site = plant.model.site(TIP).bodyid[0], plant.model.site(TIP).id
-        self._places, self._centres = plant.batch.bind("site_xpos"), plant.batch.bind("xipos")
+        self._site_positions, self._centres = plant.batch.bind("site_xpos"), plant.batch.bind("xipos")
         self._timestep = plant.timestep
         self._last: Array | None = None
 
-    def force(self, place: Array, velocity: Array) -> Array:
+    def force(self, position: Array, velocity: Array) -> Array:
         raise NotImplementedError
 
-    def push(self, wrench: Array, now: Now) -> None:
-        place = self._places[:, self._site].copy()
-        last = place if self._last is None else self._last
-        velocity = (place - last) / self._timestep
-        self._last = place
-        place = place + velocity * self._timestep / 2
-        force = self.force(place, velocity)
+    def push(self, wrench: Array, state: StepState) -> None:
+        position = self._site_positions[:, self._site].copy()
+        last = position if self._last is None else self._last
+        velocity = (position - last) / self._timestep
+        self._last = position
+        position = position + velocity * self._timestep / 2
+        force = self.force(position, velocity)
         wrench[:, self._body, :3] += force
-        wrench[:, self._body, 3:] += np.cross(place - self._centres[:, self._body], force)
+        wrench[:, self._body, 3:] += np.cross(position - self._centres[:, self._body], force)
 
 
 class _Cable(_AtTip):
@@ -131,8 +131,8 @@ class _Cable(_AtTip):
         super().__init__(plant)
         self._stiffness, self._shape, self._hook = amplitude, shape, np.array(shape["hook_m"])
 
-    def force(self, place: Array, velocity: Array) -> Array:
-        way = self._hook - place
+    def force(self, position: Array, velocity: Array) -> Array:
+        way = self._hook - position
         length = np.linalg.norm(way, axis=1)
         stretch = length - self._shape["slack_m"]
         lengthens = -(velocity * way).sum(1) / length
@@ -143,26 +143,26 @@ class _Cable(_AtTip):
 class Magnet(HiddenEffect):
     """A magnet beside the tip's path, which attracts or repels it when it comes near.
 
-    No effect that rigs usually conceal is like it.
+    It has no counterpart in the catalogue.
     """
 
     name = "magnet"
     catalogued = False
     unit, amplitude = "N", "largest force"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        path = setting.tip.reshape(-1, 3)
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        path = nominal.tip.reshape(-1, 3)
         away = rng.normal(size=3)
         near = path[rng.integers(len(path))] + away / np.linalg.norm(away) * rng.uniform(0.01, 0.05)
         return {
-            "body": setting.rig.tip[0],
+            "body": nominal.rig.tip[0],
             "place_m": near.tolist(),
             "reach_m": float(rng.uniform(0.06, 0.12)),
             "sign": draw_sign(rng),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
-        return Bounds(0.5 * setting.force(0) / _LEVER, 0.0, 1000.0)
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
+        return Bounds(0.5 * nominal.force(0) / _LEVER, 0.0, 1000.0)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
         return {"force": (shape["sign"] * amplitude, "N"), "reach": (shape["reach_m"], "m")}
@@ -179,42 +179,42 @@ class _Magnet(_AtTip):
         self._place, self._reach = np.array(shape["place_m"]), shape["reach_m"]
         self._size = shape["sign"] * amplitude / (0.5 / 1.25**2.5)  # f is largest at u = 1/2
 
-    def force(self, place: Array, velocity: Array) -> Array:
-        way = (self._place - place) / self._reach
+    def force(self, position: Array, velocity: Array) -> Array:
+        way = (self._place - position) / self._reach
         return self._size * way / (1 + (way**2).sum(1, keepdims=True)) ** 2.5
 
 
 class SoftObstacle(HiddenEffect):
-    """Something soft stands in a part of the workspace, and the tip touches it now and then.
+    """A soft obstacle in the workspace, which the tip touches intermittently.
 
-    No effect that rigs usually conceal is like it.
+    It has no counterpart in the catalogue.
     """
 
     name = "intermittent_contact"
     catalogued = False
     unit, amplitude = "N/m^1.5", "Hertz's stiffness"
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        path = setting.tip.reshape(-1, 3)
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        path = nominal.tip.reshape(-1, 3)
         radius = float(rng.uniform(0.06, 0.12))
         best, miss = path[0], np.inf
         for _ in range(_TRIES):
             away = rng.normal(size=3)
-            place = path[rng.integers(len(path))] + 0.7 * radius * away / np.linalg.norm(away)
-            within = float((np.linalg.norm(path - place, axis=1) < radius).mean())
+            position = path[rng.integers(len(path))] + 0.7 * radius * away / np.linalg.norm(away)
+            within = float((np.linalg.norm(path - position, axis=1) < radius).mean())
             off = max(_WITHIN[0] - within, within - _WITHIN[1], 0.0)
             if off < miss:
-                best, miss = place, off
+                best, miss = position, off
             if off == 0:
                 break
         return {
-            "body": setting.rig.tip[0],
+            "body": nominal.rig.tip[0],
             "place_m": best.tolist(),
             "radius_m": radius,
             "damping_s_m": float(rng.uniform(0.1, 0.6)),
         }
 
-    def bounds(self, setting: NominalMotion, shape: Shape) -> Bounds:
+    def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(300.0, 0.0, 1e6)
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, tuple[float, str]]:
@@ -231,8 +231,8 @@ class _Obstacle(_AtTip):
         super().__init__(plant)
         self._stiffness, self._shape, self._place = amplitude, shape, np.array(shape["place_m"])
 
-    def force(self, place: Array, velocity: Array) -> Array:
-        out = place - self._place
+    def force(self, position: Array, velocity: Array) -> Array:
+        out = position - self._place
         distance = np.maximum(np.linalg.norm(out, axis=1), 1e-9)
         depth = np.maximum(self._shape["radius_m"] - distance, 0)
         deepens = -(velocity * out).sum(1) / distance

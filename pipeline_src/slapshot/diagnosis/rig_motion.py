@@ -1,4 +1,4 @@
-"""How a rig was moved: the scales on which priors of effects stand."""
+"""Scales of a rig's recorded motion, from which priors of effects are derived."""
 
 import mujoco
 import numpy as np
@@ -7,25 +7,25 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.hypothesis import actuator_force
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.segments import Segments
-from slapshot.effects.joints.effect import Joint, Sensed, Situation
+from slapshot.effects.joints.effect import Joint, RigMotion, SensedChannel
 
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _SAMPLES = 500
-_SMALLEST = 1e-3  # of the largest scale of its kind: what is less, nobody moved
+_SMALLEST = 1e-3  # relative to the largest scale: lower bound
 
 
-def situation(rig: Rig, segments: Segments, path: Array) -> Situation:
-    """Scales of the motion along a path.
+def rig_motion(rig: Rig, segments: Segments, trajectory: Array) -> RigMotion:
+    """Scales of the motion along a trajectory.
 
     Args:
         rig: nominal.
         segments: data.
-        path: (S, L, nq + nv + na), such as the recorded one.
+        trajectory: (S, L, nq + nv + na), such as the recorded one.
     """
     model, inside = rig.model, segments.inside
-    x = path[inside]
+    x = trajectory[inside]
     q, v = x[:, : model.nq], x[:, model.nq : model.nq + model.nv]
-    torque, inertia = _dynamics(model, segments, path)
+    torque, inertia = _dynamics(model, segments, trajectory)
     control = segments.control()[..., 0, :][inside]
     driven = np.abs(actuator_force(model, x, control))
     largest = np.quantile(driven, 0.999, axis=0) if len(driven) else np.zeros(model.nu)
@@ -63,29 +63,29 @@ def situation(rig: Rig, segments: Segments, path: Array) -> Situation:
     ]
     flight = max((float(np.sqrt(np.mean(np.sum(v[:, a : a + 3] ** 2, 1)))) for _, a in free), default=0.0)
     sensed = tuple(
-        Sensed(c, o.channel, o.quantity, o.part if o.dof is not None else None)
+        SensedChannel(c, o.channel, o.quantity, o.part if o.dof is not None else None)
         for c, o in enumerate(rig.observations)
     )
-    return Situation(
+    return RigMotion(
         model, tuple(joints), tuple(free), sensed, segments.interval, len(np.unique(segments.episode)), flight
     )
 
 
-def torque_scale(rig: Rig, segments: Segments, path: Array) -> Array:
-    """(nv,) rms generalised force that moves each degree of freedom along a path, N m or N."""
-    return _dynamics(rig.model, segments, path)[0]
+def torque_scale(rig: Rig, segments: Segments, trajectory: Array) -> Array:
+    """(nv,) rms generalised force that moves each degree of freedom along a trajectory, N m or N."""
+    return _dynamics(rig.model, segments, trajectory)[0]
 
 
-def _dynamics(model: mujoco.MjModel, segments: Segments, path: Array) -> tuple[Array, Array]:
+def _dynamics(model: mujoco.MjModel, segments: Segments, trajectory: Array) -> tuple[Array, Array]:
     """Rms torque by inverse dynamics, gravity included, and mean diagonal of the mass matrix; (nv,) each."""
     nq, nv = model.nq, model.nv
-    rate = segments.rate(path[..., nq : nq + nv])
+    rate = segments.rate(trajectory[..., nq : nq + nv])
     good = np.argwhere(segments.inside)
     some = good[np.unique(np.linspace(0, len(good) - 1, min(_SAMPLES, len(good))).astype(int))]
     data, full = mujoco.MjData(model), np.zeros((nv, nv))
     torque, inertia = np.zeros(nv), np.zeros(nv)
     for s, t in some:
-        data.qpos[:], data.qvel[:] = path[s, t, :nq], path[s, t, nq : nq + nv]
+        data.qpos[:], data.qvel[:] = trajectory[s, t, :nq], trajectory[s, t, nq : nq + nv]
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         mujoco.mj_fullM(model, data, full)

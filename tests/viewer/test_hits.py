@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from slapshot.viewer.choice import choose_evenly, even_quotas
+from slapshot.viewer.hits import choose_evenly, even_quotas
 
 
 @given(st.lists(st.integers(0, 12), max_size=9), st.integers(0, 60))
@@ -19,10 +19,10 @@ def test_quotas_are_as_equal_as_the_groups_allow(sizes, count):
 @given(st.lists(st.integers(0, 4), max_size=40), st.integers(0, 50))
 def test_rows_are_chosen_once_and_group_by_group(groups, count):
     table = pd.DataFrame({"group": groups, "row": range(len(groups))})
-    chosen = choose_evenly(table, ["group"], count)
-    assert len(chosen) == min(count, len(groups))
-    assert chosen["row"].is_unique
-    assert chosen["row"].isin(table["row"]).all()
+    selected = choose_evenly(table, ["group"], count)
+    assert len(selected) == min(count, len(groups))
+    assert selected["row"].is_unique
+    assert selected["row"].isin(table["row"]).all()
 
 
 def test_rows_are_spread_over_a_group():

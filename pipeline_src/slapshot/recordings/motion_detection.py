@@ -1,8 +1,8 @@
-"""When a tracked object moves and when it rests, told from its track alone.
+"""Detect when a tracked object moves and when it rests, from its track alone.
 
-Trackers flicker, lose the object for a frame and report places where it never was, and people nudge an
-object before a hit or carry it back after one. So speed is taken over a window of some frames, what
-counts as moving follows from the frames that rest, and a jump is told from a slide.
+Trackers flicker, lose the object for a frame and report positions where it never was, and people nudge an
+object before a hit or carry it back after one. Speed is therefore computed over a window of several frames,
+the threshold for motion follows from the frames at rest, and jumps are distinguished from slides.
 """
 
 from dataclasses import dataclass
@@ -13,29 +13,29 @@ from scipy.ndimage import median_filter
 from slapshot.arrays import Array
 
 HALF_WINDOW_S = 0.03
-_OUTLIER_FRAMES = 5  # a median over so many frames passes no one or two wrong ones
-_PAUSE_S = 0.1  # a shorter halt does not part one motion from the next
-# Between these two the speed lies that counts as moving, in m/s: below the first creeping and flicker of
-# a good tracker are, above the second nothing is that a camera takes for rest.
+_OUTLIER_FRAMES = 5  # a median over this many frames rejects one or two outliers
+_PAUSE_S = 0.1  # a shorter halt does not separate two motions
+# The speed threshold for motion lies between these two, in m/s: creeping and the flicker of a good tracker
+# stay below the first, and nothing at rest exceeds the second.
 _SLOWEST, _FASTEST_REST = 0.03, 0.2
-# Times the lower quartile of the speed at rest: five standard deviations of normal noise, and still not much
-# more than that where half of the slow frames are the end of a slide.
+# Factor on the lower quartile of the speed at rest: five standard deviations of normal noise, and not much
+# more where half of the slow frames are the end of a slide.
 _NOISE = 6.6
-_LEAST_TRAVEL_M = 0.02
-_LEAST_SHARE = 0.2  # of the farthest motion: a nudge is shorter
-# In one interval hardly anything but a jump both starts and stops: friction never decelerates so.
+_MIN_TRAVEL_M = 0.02
+_MIN_SHARE = 0.2  # of the longest motion: a nudge is shorter
+# Only a jump starts and stops within one frame interval: friction never decelerates an object that fast.
 _JUMP_SHARE, _JUMP_DECELERATION = 0.8, 50.0
 
 
 @dataclass(frozen=True)
-class Episode:
-    """A time in which the object moves.
+class MotionInterval:
+    """An interval in which the object moves.
 
     Attributes:
         begin: frame at which it begins, at most half a window too early.
         end: first frame at rest after it, at most half a window too late; the number of frames if none is.
         travel: m, from its first to its last place.
-        jump: whether it is no motion but a change of place between two frames.
+        jump: whether it is a change of position between two frames rather than a motion.
     """
 
     begin: int
@@ -45,7 +45,7 @@ class Episode:
 
 
 def half_window(t: Array) -> int:
-    """Frames on either side over which speed is taken.
+    """Number of frames on either side over which speed is computed.
 
     Args:
         t: (n,) s.
@@ -55,7 +55,7 @@ def half_window(t: Array) -> int:
 
 
 def smooth(xy: Array) -> Array:
-    """(n, 2) places in m without single wrong frames: a running median keeps what moves one way."""
+    """(n, 2) positions in m without single outliers: a running median preserves monotonic motion."""
     return median_filter(xy, size=(_OUTLIER_FRAMES, 1), mode="mirror")
 
 
@@ -77,15 +77,15 @@ def windowed_speed(t: Array, xy: Array) -> Array:
 
 
 def moving_speed(speed: Array) -> float:
-    """Speed in m/s above which an object moves, from the (n,) speeds of which most quiet ones are noise."""
+    """Speed threshold in m/s above which an object moves, from (n,) speeds that are mostly noise."""
     quiet = speed[speed < _FASTEST_REST]
     if len(quiet) < _OUTLIER_FRAMES:
         return (_SLOWEST + _FASTEST_REST) / 2
     return float(np.clip(_NOISE * np.percentile(quiet, 25), _SLOWEST, _FASTEST_REST))
 
 
-def find_episodes(t: Array, xy: Array) -> list[Episode]:
-    """All times in which the object moves, in order; short of 2 cm is no motion.
+def find_motion_intervals(t: Array, xy: Array) -> list[MotionInterval]:
+    """All intervals in which the object moves, in order; less than 2 cm of travel does not count.
 
     Args:
         t: (n,) s, increasing.
@@ -103,18 +103,18 @@ def find_episodes(t: Array, xy: Array) -> list[Episode]:
     for begin, end in runs:
         inside = place[begin : min(end + 1, len(t))]
         travel = float(np.linalg.norm(inside - inside[0], axis=1).max())
-        if travel >= _LEAST_TRAVEL_M:
+        if travel >= _MIN_TRAVEL_M:
             found.append(
-                Episode(begin, end, travel, _is_jump(t[begin : begin + len(inside)], inside, travel))
+                MotionInterval(begin, end, travel, _is_jump(t[begin : begin + len(inside)], inside, travel))
             )
     return found
 
 
-def find_slide(episodes: list[Episode]) -> Episode | None:
-    """The first motion that is neither a jump nor a mere nudge: what a hit does; None without one."""
-    real = [episode for episode in episodes if not episode.jump]
-    farthest = max((episode.travel for episode in real), default=0.0)
-    return next((episode for episode in real if episode.travel >= _LEAST_SHARE * farthest), None)
+def find_slide(intervals: list[MotionInterval]) -> MotionInterval | None:
+    """The first motion that is neither a jump nor a nudge, which is the slide of a hit; None without one."""
+    real = [interval for interval in intervals if not interval.jump]
+    farthest = max((interval.travel for interval in real), default=0.0)
+    return next((interval for interval in real if interval.travel >= _MIN_SHARE * farthest), None)
 
 
 def _is_jump(t: Array, place: Array, travel: float) -> bool:

@@ -1,4 +1,4 @@
-"""What can be measured of a channel without a model: sampling, steps of its numbers, white noise, runs.
+"""Statistics of a channel that need no model: sampling, quantisation, white noise, runs.
 
 Samples of one episode are times t (n,) in s, increasing, and values x (n,), none of them missing.
 """
@@ -19,9 +19,9 @@ _GAP, _UNEVEN_GAP = (
     4.0,
 )  # intervals and, beyond the usual one, sds of an uneven clock: longer lacks a sample
 MAD_TO_SD = 1.4826  # of a normal distribution
-_FEWEST, _BULK = 20, 4.0  # samples that a measure of spread needs; sds within which all but odd ones lie
+_MIN_SAMPLES, _BULK = 20, 4.0  # samples that a measure of spread needs; sds beyond which values are outliers
 # Steps: numbers of one grid are multiples of it, and the numbers of a text file err in their last digit.
-_SAME, _ON_GRID, _MOST_ON_GRID, _FEWEST_STEPS = 1e-9, 0.1, 0.95, 3
+_EQUAL, _ON_GRID, _MIN_ON_GRID, _MIN_STEPS = 1e-9, 0.1, 0.95, 3
 _FAR_STEPS = 20
 
 
@@ -45,12 +45,12 @@ def series_of(recording: SignalRecording, name: str) -> list[Series]:
 
 @dataclass(frozen=True)
 class Sampling:
-    """How regularly something was sampled.
+    """Regularity of sampling.
 
     Attributes:
         interval_s: median interval; NaN where no episode has two samples.
         jitter: standard deviation of intervals that lack no sample, in median intervals.
-        missing: share of samples that are missing, as far as gaps between others tell.
+        missing: share of samples that are missing, as far as gaps show.
         longest_gap_s: longest interval that lacks a sample; 0 without one.
     """
 
@@ -61,7 +61,7 @@ class Sampling:
 
 
 def sampling(times: Sequence[Array]) -> Sampling:
-    """How regularly samples follow each other in episodes."""
+    """Regularity of the samples of all episodes."""
     intervals = np.concatenate([np.diff(t) for t in times])
     if not len(intervals):
         return Sampling(float("nan"), float("nan"), 0.0, 0.0)
@@ -78,31 +78,30 @@ def sampling(times: Sequence[Array]) -> Sampling:
     )
 
 
-def number_step(x: Array) -> float:
-    """Step between neighbouring numbers of a channel; NaN where its numbers lie on no grid.
+def quantisation_step(x: Array) -> float:
+    """Quantisation step of a channel; NaN where its values are not quantised.
 
-    The grid is looked for in the differences of neighbouring distinct values: of numbers on one grid they are
-    small multiples of its step.
+    Differences of neighbouring distinct values are small multiples of the step if the values are quantised.
     """
     distinct = np.unique(x)
     differences = np.diff(distinct)
-    differences = differences[differences > _SAME * max(float(np.ptp(x)), np.finfo(float).tiny)]
-    if len(differences) < _FEWEST_STEPS:
+    differences = differences[differences > _EQUAL * max(float(np.ptp(x)), np.finfo(float).tiny)]
+    if len(differences) < _MIN_STEPS:
         return float("nan")
     step = float(differences.min())
     near = differences[differences < _FAR_STEPS * step]
     step = float(near.sum() / np.rint(near / step).sum())
     whole = differences / step
-    # Where most values were seen once only, small differences are few: those far apart say nothing of a grid.
-    tells = whole < _FAR_STEPS
-    on_grid = np.abs(whole[tells] - np.rint(whole[tells])) < _ON_GRID
-    if tells.mean() < 0.5 or on_grid.mean() < _MOST_ON_GRID:
+    # Where most values occur only once, small differences are rare, and large ones carry no information.
+    informative = whole < _FAR_STEPS
+    on_grid = np.abs(whole[informative] - np.rint(whole[informative])) < _ON_GRID
+    if informative.mean() < 0.5 or on_grid.mean() < _MIN_ON_GRID:
         return float("nan")
     return step
 
 
 def residuals(t: Array, x: Array) -> Array:
-    """What each sample differs from the cubic through its two neighbours on either side.
+    """Residual of each sample from the cubic through its two neighbours on either side.
 
     The differences are scaled so that white noise keeps its standard deviation: with the cubic's weights w_j
     of the neighbours, r_i = (x_i - sum_j w_j x_j) / sqrt(1 + sum_j w_j^2). Times need not be regular.
@@ -124,19 +123,19 @@ def residuals(t: Array, x: Array) -> Array:
 
 
 def robust_sd(values: Array, least: float = 0.0) -> float:
-    """Root mean square of all values but those that stand out, about 0.
+    """Root mean square about 0 of all values except outliers.
 
-    The median absolute value, from which those are told, is itself no good sd: of rounding errors, which are
-    even over a step, it would make a fourth too much.
+    The median absolute value, which defines the outliers, is itself a poor estimate of the sd: for rounding
+    errors, which are uniform over a step, it is a quarter too large.
 
     Args:
         values: (n,).
-        least: size of the sd by which values are told to stand out, at least.
+        least: lower bound of the sd that defines outliers.
 
     Returns:
-        NaN of too few values.
+        NaN for too few values.
     """
-    if len(values) < _FEWEST:
+    if len(values) < _MIN_SAMPLES:
         return float("nan")
     most = _BULK * max(MAD_TO_SD * float(np.median(np.abs(values))), least)
     bulk = values[np.abs(values) <= most]
@@ -144,7 +143,7 @@ def robust_sd(values: Array, least: float = 0.0) -> float:
 
 
 def white_noise(series: Sequence[Series], step: float) -> float:
-    """Standard deviation of a channel's white noise, that of rounding to its step at least.
+    """Standard deviation of a channel's white noise, at least that of quantisation.
 
     Args:
         series: of the channel.
@@ -158,8 +157,8 @@ def white_noise(series: Sequence[Series], step: float) -> float:
 
 
 @dataclass(frozen=True)
-class Measured:
-    """A channel and what was measured of it.
+class ChannelStatistics:
+    """Statistics of a channel.
 
     Attributes:
         name: of the channel.
@@ -167,7 +166,7 @@ class Measured:
         series: its samples by episode.
         step: number_step of them.
         noise: white_noise of them.
-        sampling: how regularly they follow each other.
+        sampling: regularity of its sampling.
     """
 
     name: str
@@ -178,21 +177,21 @@ class Measured:
     sampling: Sampling
 
     @property
-    def values(self) -> Array:
+    def samples(self) -> Array:
         """(n,) its samples of all episodes."""
         return np.concatenate([one.x for one in self.series])
 
     @property
     def grid(self) -> float:
-        """Step of its numbers; 0 where they lie on no grid."""
+        """Quantisation step; 0 where the values are not quantised."""
         return float(np.nan_to_num(self.step))
 
 
-def measure(recording: SignalRecording, name: str) -> Measured:
-    """Measure a channel of a recording."""
+def channel_statistics(recording: SignalRecording, name: str) -> ChannelStatistics:
+    """Compute the statistics of a channel."""
     series = series_of(recording, name)
-    step = number_step(np.concatenate([one.x for one in series]))
-    return Measured(
+    step = quantisation_step(np.concatenate([one.x for one in series]))
+    return ChannelStatistics(
         name=name,
         channel=recording.channels[name],
         series=series,
@@ -202,15 +201,15 @@ def measure(recording: SignalRecording, name: str) -> Measured:
     )
 
 
-def measure_all(recording: SignalRecording) -> dict[str, Measured]:
-    """Name -> measure, of every channel."""
-    return {name: measure(recording, name) for name in recording.channels}
+def all_channel_statistics(recording: SignalRecording) -> dict[str, ChannelStatistics]:
+    """Name -> statistics, for every channel."""
+    return {name: channel_statistics(recording, name) for name in recording.channels}
 
 
 def noise_sd(recording: SignalRecording, name: str) -> float:
-    """Standard deviation of a channel's white noise: as the recording says it, else as its samples do."""
+    """Standard deviation of a channel's white noise: from the recording if given, else estimated."""
     given = recording.channels[name].noise
-    return measure(recording, name).noise if given is None else given
+    return channel_statistics(recording, name).noise if given is None else given
 
 
 def runs(x: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -1,4 +1,4 @@
-"""The path that segments are linearised about: at first what was recorded, smoothed a little."""
+"""Initial trajectory for linearisation: the recorded signals, smoothed."""
 
 import mujoco
 import numpy as np
@@ -13,12 +13,12 @@ from slapshot.diagnosis.tangent import Tangent, angular_velocity
 _WINDOW_S = 0.06  # longer than the noise of an encoder, shorter than the motion of a robot
 
 
-def recorded_path(rig: Rig, segments: Segments) -> Array:
+def recorded_trajectory(rig: Rig, segments: Segments) -> Array:
     """States on all nodes, (S, L, nq + nv + na).
 
     Positions and velocities of joints that are observed, and of bodies with a free joint, follow the record;
-    so do rotations of which all four components are observed. What is not observed rests where the model's
-    first keyframe has it, or at its initial position without one. Fits move the path to where the model goes.
+    so do rotations of which all four components are observed. Unobserved coordinates rest at the
+    model's first keyframe, or at its initial position. Fits move the trajectory towards the model's motion.
     """
     tangent = Tangent(rig.model)
     S, L = segments.shape
@@ -44,7 +44,7 @@ def recorded_path(rig: Rig, segments: Segments) -> Array:
 
 
 def _smoothed(segments: Segments, own: NDArray[np.intp], columns: list[int]) -> tuple[Array, Array]:
-    """What was observed of segments in a row, and its derivative, (nodes, columns); empty without data."""
+    """Smoothed observations of consecutive segments and their rate, (nodes, columns); empty if none."""
     inside, h = segments.inside[own], segments.interval
     value = segments.y[own][:, :, columns][inside]
     late = segments.shift[own][:, :, columns[0]][inside] / h

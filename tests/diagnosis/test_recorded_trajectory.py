@@ -1,4 +1,4 @@
-"""The first path against motions in closed form, and the scales that are read from it."""
+"""The first trajectory against motions in closed form, and the scales that are read from it."""
 
 import mujoco
 import numpy as np
@@ -6,13 +6,13 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.linear import linearise
-from slapshot.diagnosis.path import recorded_path
+from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.segments import Segments, cut
-from slapshot.diagnosis.situation import situation, torque_scale
+from slapshot.diagnosis.rig_motion import rig_motion, torque_scale
+from slapshot.diagnosis.segments import Segments, segment_recording
 from slapshot.recordings.channels import QUATERNION, Channel
 
-from .mechanisms import ARM, BRICK, CART, HANGER, PENDULUM, joint, place, recording, simulate, told
+from .mechanisms import ARM, BRICK, CART, HANGER, PENDULUM, control_channel, joint, place, recording, simulate
 
 INERTIA = 1 / 12 + 0.25
 
@@ -22,7 +22,7 @@ def cut_up(
 ) -> tuple[Rig, Segments]:
     made = recording(t, data)
     rig = bind(MjSpec.from_string(text), made.channels)
-    return rig, cut(made, rig, segment_s=segment_s)
+    return rig, segment_recording(made, rig, segment_s=segment_s)
 
 
 def test_joints_follow_what_was_recorded():
@@ -31,7 +31,7 @@ def test_joints_follow_what_was_recorded():
     angle = np.sin(3 * t)
     data = {"e": (joint("elbow"), angle + 1e-4 * rng.standard_normal(300))}
     rig, segments = cut_up(ARM, t, data)
-    x = recorded_path(rig, segments)
+    x = recorded_trajectory(rig, segments)
     nodes = segments.time[segments.inside]
     there = x[segments.inside]
     np.testing.assert_allclose(there[:, 1], np.sin(3 * nodes), atol=5e-4)
@@ -47,7 +47,7 @@ def test_what_nobody_observed_rests_at_the_keyframe():
     home = '<keyframe><key name="home" qpos="0.3 -0.2"/></keyframe></mujoco>'
     t = np.arange(100) * 0.01
     rig, segments = cut_up(ARM.replace("</mujoco>", home), t, {"e": (joint("elbow"), np.sin(3 * t))})
-    x = recorded_path(rig, segments)
+    x = recorded_trajectory(rig, segments)
     assert np.all(x[..., 0] == 0.3)
     assert np.all(x[..., 2] == 0)
     np.testing.assert_allclose(
@@ -62,7 +62,7 @@ def test_gaps_and_jitter_are_bridged():
     keep = np.ones(300, bool)
     keep[100:108] = False
     rig, segments = cut_up(PENDULUM, t[keep], {"a": (joint("swing"), 2 * t[keep])})
-    x = recorded_path(rig, segments)
+    x = recorded_trajectory(rig, segments)
     there = segments.inside
     # Straight lines come back as they were, wherever the samples lie.
     np.testing.assert_allclose(x[there][:, 0], 2 * segments.time[there], atol=0.02)
@@ -91,7 +91,7 @@ def test_rotations_follow_what_was_recorded(text):
         channels = {c: joint("hook", unit="1", component=c) for c in QUATERNION}
     rig, segments = cut_up(text, t, {c: (channels[c], q[:, i]) for i, c in enumerate(QUATERNION)})
     assert rig.quaternions == ([0, 1, 2, 3],)
-    x = recorded_path(rig, segments)[segments.inside]
+    x = recorded_trajectory(rig, segments)[segments.inside]
     model = rig.model
     at = 3 if text is BRICK else 0
     there = x[:, at : at + 4]
@@ -102,8 +102,8 @@ def test_rotations_follow_what_was_recorded(text):
     )
     # Neither sign of a quaternion is a residual.
     simulator, hypothesis = Simulator(rig), Hypothesis(rig)
-    path = recorded_path(rig, segments)
-    r = linearise(simulator, hypothesis, np.zeros(0), segments, path).system.r
+    trajectory = recorded_trajectory(rig, segments)
+    r = linearise(simulator, hypothesis, np.zeros(0), segments, trajectory).system.r
     assert np.abs(r[segments.inside]).max() < 1e-2
 
 
@@ -111,7 +111,7 @@ def test_a_quaternion_that_is_observed_in_part_is_none():
     t = np.arange(20) * 0.01
     rig, segments = cut_up(BRICK, t, {c: (place("body", "brick", c), np.ones(20)) for c in "xyz"})
     assert rig.quaternions == ()
-    x = recorded_path(rig, segments)
+    x = recorded_trajectory(rig, segments)
     np.testing.assert_allclose(x[segments.inside][:, :3], 1)
     assert np.all(x[..., 3:7] == [1, 0, 0, 0])
 
@@ -121,7 +121,7 @@ def test_a_flying_body_follows_its_place():
     place_ = np.stack([3 * t, 1 - t, 2 + 4 * t - 9.81 / 2 * t**2], axis=1)
     data = {c: (place("body", "brick", c), place_[:, i]) for i, c in enumerate("xyz")}
     rig, segments = cut_up(BRICK, t, data)
-    x = recorded_path(rig, segments)[segments.inside]
+    x = recorded_trajectory(rig, segments)[segments.inside]
     # Parabolas are cubics: exact.
     np.testing.assert_allclose(x[:, :3], place_[: len(x)], atol=1e-9)
     velocity = np.stack([0 * t + 3, 0 * t - 1, 4 - 9.81 * t], axis=1)[: len(x)]
@@ -132,8 +132,8 @@ def test_episodes_are_smoothed_apart():
     t = np.arange(50) * 0.01
     made = recording([t, t], {"a": (joint("swing"), [np.zeros(50), np.ones(50)])})
     rig = bind(MjSpec.from_string(PENDULUM), made.channels)
-    segments = cut(made, rig, segment_s=0.25)
-    x = recorded_path(rig, segments)
+    segments = segment_recording(made, rig, segment_s=0.25)
+    x = recorded_trajectory(rig, segments)
     np.testing.assert_allclose(x[:2, :, 0], 0, atol=1e-12)
     np.testing.assert_allclose(x[2:, :, 0], 1, atol=1e-12)
     np.testing.assert_allclose(x[..., 1], 0, atol=1e-10)
@@ -143,7 +143,7 @@ def test_episodes_are_smoothed_apart():
 def test_very_short_episodes(samples):
     t = np.arange(samples) * 0.01
     rig, segments = cut_up(PENDULUM, t, {"a": (joint("swing"), 0.5 + 3 * t)})
-    x = recorded_path(rig, segments)
+    x = recorded_trajectory(rig, segments)
     np.testing.assert_allclose(x[segments.inside][:, 0], 0.5 + 3 * t, atol=1e-12)
     np.testing.assert_allclose(x[segments.inside][:, 1], 3, atol=1e-9)
 
@@ -153,13 +153,15 @@ def test_scales_of_a_swinging_rod():
     t = np.arange(230) * 0.01  # ends in the middle of a segment, in full motion
     q, v, a = 0.8 * np.sin(4 * t), 3.2 * np.cos(4 * t), -12.8 * np.sin(4 * t)
     u = 0.7 * np.ones(230)
-    rig, segments = cut_up(PENDULUM, t, {"a": (joint("swing"), q), "drive": (told(actuator="drive"), u)})
+    rig, segments = cut_up(
+        PENDULUM, t, {"a": (joint("swing"), q), "drive": (control_channel(actuator="drive"), u)}
+    )
     assert not segments.inside.all()
-    path = recorded_path(rig, segments)
+    trajectory = recorded_trajectory(rig, segments)
     torque = np.sqrt(np.mean((INERTIA * a + 9.81 * 0.5 * np.sin(q)) ** 2))
     # 6 % for one-sided differences at the ends of segments.
-    np.testing.assert_allclose(torque_scale(rig, segments, path), [torque], rtol=0.06)
-    of = situation(rig, segments, path)
+    np.testing.assert_allclose(torque_scale(rig, segments, trajectory), [torque], rtol=0.06)
+    of = rig_motion(rig, segments, trajectory)
     (swing,) = of.joints
     assert (swing.name, swing.q, swing.v, swing.unit, swing.actuators) == ("swing", 0, 0, "N m", (0,))
     assert swing.torque == pytest.approx(torque, rel=0.06)
@@ -174,7 +176,7 @@ def test_what_hardly_moves_has_a_scale_all_the_same():
     t = np.arange(100) * 0.01
     data = {"s": (joint("shoulder"), np.sin(6 * t)), "e": (joint("elbow"), 0 * t)}
     rig, segments = cut_up(ARM, t, data)
-    of = situation(rig, segments, recorded_path(rig, segments))
+    of = rig_motion(rig, segments, recorded_trajectory(rig, segments))
     shoulder, elbow = of.joints
     assert 0 < elbow.speed == pytest.approx(1e-3 * shoulder.speed, rel=1e-6)
     assert elbow.travel > 0
@@ -184,13 +186,13 @@ def test_scales_of_a_flying_body():
     t = np.arange(100) * 0.01
     data = {c: (place("body", "brick", c), (2.0, 1.0, 0.0)[i] * t) for i, c in enumerate("xyz")}
     rig, segments = cut_up(BRICK, t, data)
-    path = recorded_path(rig, segments)
-    of = situation(rig, segments, path)
+    trajectory = recorded_trajectory(rig, segments)
+    of = rig_motion(rig, segments, trajectory)
     assert of.joints == ()
     assert of.free_bodies == ((1, 0),)
     assert of.speed == pytest.approx(np.sqrt(5))
     # To fly level it takes its weight.
-    torque = torque_scale(rig, segments, path)
+    torque = torque_scale(rig, segments, trajectory)
     assert torque[2] == pytest.approx(0.4 * 9.81, rel=1e-6)
     assert np.all(torque[[0, 1, 3, 4, 5]] == pytest.approx(1e-3 * torque[2]))
 
@@ -199,7 +201,7 @@ def test_units_of_slides():
     t = np.arange(60) * 0.01
     place_, speed, _, _ = simulate(CART, t, np.ones((60, 1)), [0.0], [0.0])
     rig, segments = cut_up(CART, t, {"p": (joint("rail", unit="m"), place_[:, 0])})
-    (rail,) = situation(rig, segments, recorded_path(rig, segments)).joints
+    (rail,) = rig_motion(rig, segments, recorded_trajectory(rig, segments)).joints
     assert (rail.unit, rail.angle_unit) == ("N", "m")
     assert rail.torque == pytest.approx(1.0, rel=0.02)
     assert rail.inertia == pytest.approx(2.0)
@@ -207,10 +209,10 @@ def test_units_of_slides():
 
 
 def test_a_gap_where_segments_were_taken_out_is_no_motion():
-    """Held-out blocks of a long episode are no part of the data: the path does not jump across them."""
+    """Held-out blocks of a long episode are no part of the data: the trajectory does not jump across them."""
     t = np.arange(400) * 0.01
     rig, whole = cut_up(CART, t, {"p": (joint("rail", unit="m"), 0.3 * t)})
     part = whole.select(np.array([0, 1, 4, 5, 7]))
     assert [list(run) for run in part.runs()] == [[0, 1], [2, 3], [4]]
-    x = recorded_path(rig, part)[part.inside]
+    x = recorded_trajectory(rig, part)[part.inside]
     np.testing.assert_allclose(x[:, rig.model.nq], 0.3, rtol=1e-9)

@@ -1,4 +1,4 @@
-"""Concealed in the slide, following the place on the board, or the time."""
+"""Hidden effects on the slide that vary with the position on the board or with time."""
 
 from typing import Any
 
@@ -18,10 +18,10 @@ class UnevenBoard(HiddenEffect):
 
     name = "uneven_board"
     phase = "slide"
-    like = None
-    unit, amplitude, usual, largest = "m/m", "rms slope", 0.01, 0.08
+    parameter_match = None
+    unit, amplitude, typical_amplitude, max_amplitude = "m/m", "rms slope", 0.01, 0.08
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         return {"waves": draw_height(1.0, _WAVELENGTHS, _WAVES, rng).tolist()}
 
     def ground(self, amplitude: float, shape: Shape, ground: Ground) -> Ground:
@@ -29,18 +29,23 @@ class UnevenBoard(HiddenEffect):
 
 
 class PlaceFriction(HiddenEffect):
-    """Slippery here and rough there: random waves, a worn lane, or a patch with a soft edge."""
+    """Position-dependent friction: random waves, a worn lane, or a patch with a soft edge."""
 
     name = "place_friction"
     phase = "slide"
-    like = None
-    unit, amplitude, usual, largest = "1", "rms of waves, or size, of log friction", 0.2, 1.0
+    parameter_match = None
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "1",
+        "rms of waves, or size, of log friction",
+        0.2,
+        1.0,
+    )
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         what = str(rng.choice(["waves", "lane", "patch"]))
         if what == "waves":
             return {"what": what, "waves": draw_log_friction(1.0, _WAVELENGTHS, _WAVES, rng).tolist()}
-        place, ahead = _on_the_way(setting, rng, 0.3, 0.8)
+        place, ahead = _on_the_way(nominal, rng, 0.3, 0.8)
         size = (2.0, rng.uniform(0.08, 0.2)) if what == "lane" else rng.uniform(0.12, 0.3, 2)
         turned = ahead + (rng.normal(0, 0.2) if what == "lane" else rng.uniform(0, np.pi))
         return {
@@ -72,11 +77,16 @@ class AttractingSpot(HiddenEffect):
     name = "attracting_spot"
     phase = "slide"
     catalogued = False
-    like = None
-    unit, amplitude, usual, largest = "m/s^2", "largest acceleration along the board", 0.5, 1.8
+    parameter_match = None
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "m/s^2",
+        "largest acceleration along the board",
+        0.5,
+        1.8,
+    )
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        place, _ = _on_the_way(setting, rng, 0.3, 0.7)
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        place, _ = _on_the_way(nominal, rng, 0.3, 0.7)
         return {
             "place_m": place.tolist(),
             "depth_m": float(rng.uniform(0.12, 0.25)),
@@ -98,13 +108,13 @@ class Tether(HiddenEffect):
     name = "tether"
     phase = "slide"
     catalogued = False
-    like = None
-    unit, amplitude, usual, largest = "1/s^2", "stiffness over mass", 2.0, 60.0
+    parameter_match = None
+    unit, amplitude, typical_amplitude, max_amplitude = "1/s^2", "stiffness over mass", 2.0, 60.0
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        start = np.array(setting.scene.info.start)
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        start = np.array(nominal.scene.info.start)
         anchor = start + rng.normal(0, 0.15, 2)
-        travel = np.median(np.linalg.norm(setting.rests - anchor, axis=1))
+        travel = np.median(np.linalg.norm(nominal.rests - anchor, axis=1))
         return {
             "anchor_m": anchor.tolist(),
             "length_m": float(rng.uniform(0.35, 0.7) * travel),
@@ -125,12 +135,17 @@ class PulsingFan(HiddenEffect):
     name = "pulsing_fan"
     phase = "slide"
     catalogued = False
-    like = None
-    unit, amplitude, usual, largest = "m/s^2", "mean acceleration in the middle of the jet", 0.2, 0.9
+    parameter_match = None
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "m/s^2",
+        "mean acceleration in the middle of the jet",
+        0.2,
+        0.9,
+    )
 
-    def draw(self, setting: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
         what = str(rng.choice(["jet", "gusts", "both"]))
-        place, ahead = _on_the_way(setting, rng, 0.4, 0.8)
+        place, ahead = _on_the_way(nominal, rng, 0.4, 0.8)
         side = ahead + rng.choice((-1.0, 1.0)) * rng.uniform(1.1, 2.0)
         return {
             "what": what,
@@ -154,11 +169,11 @@ class PulsingFan(HiddenEffect):
 
 
 def _on_the_way(
-    setting: NominalMotion, rng: np.random.Generator, low: float, high: float
+    nominal: NominalMotion, rng: np.random.Generator, low: float, high: float
 ) -> tuple[Array, float]:
-    """A place between the start and where some hit ends, and the direction (rad) to there."""
-    start = np.array(setting.scene.info.start)
-    way = setting.rests[rng.integers(len(setting.rests))] - start
+    """A point between the start and the rest point of some hit, and the direction (rad) to it."""
+    start = np.array(nominal.scene.info.start)
+    way = nominal.rests[rng.integers(len(nominal.rests))] - start
     return start + rng.uniform(low, high) * way, float(np.arctan2(way[1], way[0]))
 
 
@@ -166,3 +181,46 @@ def _scaled(waves: list[list[float]], amplitude: float) -> Array:
     field = np.array(waves)
     field[:, 2] *= amplitude
     return field
+
+
+_TERMS = 16  # of the random walk
+
+
+class FrictionDrift(HiddenEffect):
+    """Friction wears towards another value, with a random walk on top, over u in [0, 1].
+
+        log factor = sign amplitude ((1 - e^(-u / tau)) / (1 - e^(-1 / tau)) + walk(u)) less its mean,
+        walk(u) = share sqrt(2) sum_k c_k sin((k - 1/2) pi u) / ((k - 1/2) pi),  c_k standard normal
+
+    which is Karhunen and Loeve's series of Brownian motion, so that a walk does not depend on how many hits
+    there are.
+    """
+
+    name = "friction_drift"
+    phase = "across hits"
+    unit, amplitude, typical_amplitude, max_amplitude = (
+        "1",
+        "log of friction last over first, but for the walk",
+        0.2,
+        1.5,
+    )
+
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+        return {
+            "sign": float(rng.choice((-1.0, 1.0))),
+            "saturation": float(rng.uniform(0.25, 1.0)),
+            "walk_share": float(rng.uniform(0.0, 0.15)),
+            "walk": rng.normal(size=_TERMS).tolist(),
+        }
+
+    def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
+        return {"log_change": shape["sign"] * amplitude}
+
+    def log_friction(self, amplitude: float, shape: Shape, place: float) -> float:
+        tau, share = shape["saturation"], shape["walk_share"]
+        rate = (np.arange(_TERMS) + 0.5) * np.pi
+        scale = 1 / (1 - np.exp(-1 / tau))
+        worn = scale * (1 - np.exp(-place / tau))
+        walk = share * np.sqrt(2) * np.array(shape["walk"]) / rate
+        mean = scale * (1 - tau * (1 - np.exp(-1 / tau))) + walk @ (1 / rate)
+        return float(shape["sign"] * amplitude * (worn + walk @ np.sin(rate * place) - mean))

@@ -15,7 +15,7 @@ from slapshot.diagnosis.verdict import versioned
 from slapshot.effects.joints.catalogue import import_joint_effects
 from slapshot.errors import InputError, check_writable, writing
 from slapshot.progress import Steps
-from slapshot.recordings.signal_quality import warnings_of
+from slapshot.recordings.signal_quality import quality_warning_lines
 from slapshot.recordings.signals import read_signals
 from slapshot.store.code_dependencies import code_digest
 from slapshot.store.content import content_digest
@@ -44,7 +44,7 @@ def run_diagnose(args: argparse.Namespace) -> int:
     with Steps() as steps:
         diagnosis = diagnose(
             recording, rig, seed=args.seed, threads=os.cpu_count() or 1,
-            findings=warnings_of(recording), report=steps,
+            findings=quality_warning_lines(recording), report=steps,
         )  # fmt: skip
     versions = {
         "slapshot": version("slapshot"),

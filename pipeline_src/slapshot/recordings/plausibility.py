@@ -1,7 +1,7 @@
-"""Units that cannot be: values far beyond any rig are millimetres, degrees, milliseconds, grams.
+"""Plausibility of units: values far beyond any rig are millimetres, degrees, milliseconds or grams.
 
-Checks of units take the median, since a camera that loses the object may well report a few absurd
-places, and raise InputError with one line that says how to convert. `check_possible` looks at each value.
+Checks of units use the median, since a camera that loses the object may report a few absurd positions, and
+raise InputError with one line that says how to convert. `check_possible` checks each value.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ FARTHEST_M = 20.0
 LARGEST_ANGLE_RAD = 4 * np.pi
 LONGEST_SWING_S = 100.0
 LATEST_BEGIN_S = 100.0
-# What not even a tracker that lost its object, a clock that jumped or an encoder that slipped reports.
+# Bounds beyond what a tracker that lost its object, a clock that jumped or an encoder that slipped reports.
 IMPOSSIBLE_M, IMPOSSIBLE_S = 1e6, 1e4
 IMPOSSIBLE_YAW_RAD, IMPOSSIBLE_JOINT_RAD = 1e4, 100.0
 FRAME_INTERVAL_FACTOR = 10.0
@@ -30,7 +30,7 @@ _MILLIMETRES = "if these are millimetres, divide by 1000 (centimetres: by 100)"
 def check_possible(
     table: pd.DataFrame, columns: Sequence[str], limit: float, what: str, file: Path, of: str = "hit"
 ) -> None:
-    """Refuse single values that nothing can have, such as memory that nobody wrote to.
+    """Refuse impossible single values, such as uninitialised memory.
 
     Args:
         table: With a column `of`.

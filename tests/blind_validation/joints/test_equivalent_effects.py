@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.arrays import GRAVITY
-from slapshot.blind_validation.joints.names import ALIASES, Named, named_of, right_names
+from slapshot.blind_validation.joints.score import ALIASES, LocatedEffect, equivalent_effects, parse_key
 from slapshot.effects.joints.catalogue import instances, joint_effects
-from slapshot.effects.joints.effect import Joint, Situation
+from slapshot.effects.joints.effect import Joint, RigMotion
 from slapshot.lab.joints.hidden_effect import Concealed
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import RIGS, nominal_model, rig_named
@@ -30,17 +30,20 @@ def test_every_catalogued_kind_has_an_effect_of_its_name():
 @pytest.mark.parametrize(
     ("one", "names"),
     [
-        (concealed("spring", "joint1"), [Named("spring", "joint1")]),
-        (concealed("payload", body="lower"), [Named("payload", "lower")]),
-        (concealed("gravity_tilt", None), [Named("gravity_tilt", "")]),
-        (concealed("base_compliance", body="base"), [Named("base_compliance", "")]),
-        (concealed("joint_offset", "joint1"), [Named("joint_offset", "joint1"), Named("gravity_tilt", "")]),
-        (concealed("joint_offset", "joint2"), [Named("joint_offset", "joint2")]),
-        (concealed("armature", "joint1"), [Named("armature", "joint1")]),
+        (concealed("spring", "joint1"), [LocatedEffect("spring", "joint1")]),
+        (concealed("payload", body="lower"), [LocatedEffect("payload", "lower")]),
+        (concealed("gravity_tilt", None), [LocatedEffect("gravity_tilt", "")]),
+        (concealed("base_compliance", body="base"), [LocatedEffect("base_compliance", "")]),
+        (
+            concealed("joint_offset", "joint1"),
+            [LocatedEffect("joint_offset", "joint1"), LocatedEffect("gravity_tilt", "")],
+        ),
+        (concealed("joint_offset", "joint2"), [LocatedEffect("joint_offset", "joint2")]),
+        (concealed("armature", "joint1"), [LocatedEffect("armature", "joint1")]),
     ],
 )
 def test_right_names_on_the_pendulum(one, names):
-    assert list(right_names("pendulum", one)) == names
+    assert list(equivalent_effects("pendulum", one)) == names
 
 
 @pytest.mark.parametrize(
@@ -54,7 +57,7 @@ def test_right_names_on_the_pendulum(one, names):
     ],
 )
 def test_keys_of_effects_are_read(key, name):
-    assert named_of(key) == Named(*name)
+    assert parse_key(key) == LocatedEffect(*name)
 
 
 def test_keys_of_effects_are_those_of_the_catalogue():
@@ -64,10 +67,10 @@ def test_keys_of_effects_are_those_of_the_catalogue():
         Joint(name, i, i, "N m", (i,), 1.0, (1.0,), 1.0, 0.5, 0.0, 0.1)
         for i, name in enumerate(("joint1", "joint2"))
     )
-    found = instances(Situation(model, joints, (), (), 0.005, 20))
+    found = instances(RigMotion(model, joints, (), (), 0.005, 20))
     assert len(found) > 30
     for effect in found:
-        assert named_of(effect.key) == Named(effect.name, effect.part), effect.key
+        assert parse_key(effect.key) == LocatedEffect(effect.name, effect.part), effect.key
 
 
 def inverse(model, rng):
@@ -82,15 +85,15 @@ def inverse(model, rng):
     return np.array(found)
 
 
-def with_concealed(rig, kind, place):
+def with_concealed(rig, kind, part):
     """Model of the rig that conceals a kind."""
     shape, amplitude = CHANGES[kind]
-    where = "joint" if place in rig.joints else "body"
-    one = Concealed(HIDDEN_EFFECTS[kind], amplitude, shape | {where: place})
+    where = "joint" if part in rig.joints else "body"
+    one = Concealed(HIDDEN_EFFECTS[kind], amplitude, shape | {where: part})
     spec = mujoco.MjSpec.from_string(rig.xml)
-    one.kind.build(one.amplitude, one.shape, spec, rig)
+    one.effect.build(one.amplitude, one.shape, spec, rig)
     model = spec.compile()
-    one.kind.tune(one.amplitude, one.shape, model, rig)
+    one.effect.tune(one.amplitude, one.shape, model, rig)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
 
@@ -131,9 +134,11 @@ def test_what_is_merely_alike_is_no_alias():
     """Of a joint that gravity loads, a rotor is not a heavier link: the same comparison tells them apart."""
     rig = rig_named("arm")
     wanted = change(with_concealed(rig, "armature", "joint3"), rig)
-    unit = change(with_alias(rig, Named("link_mass", "fore"), 0.1), rig)
+    unit = change(with_alias(rig, LocatedEffect("link_mass", "fore"), 0.1), rig)
     value = 0.1 * float((wanted * unit).sum() / (unit**2).sum())
-    assert np.abs(change(with_alias(rig, Named("link_mass", "fore"), value), rig) - wanted).max() > 1e-3
+    assert (
+        np.abs(change(with_alias(rig, LocatedEffect("link_mass", "fore"), value), rig) - wanted).max() > 1e-3
+    )
 
 
 def test_aliases_are_of_rigs_and_parts_that_there_are():

@@ -1,8 +1,8 @@
-"""Fisher scoring: the highest likelihood of a few variances, within limits.
+"""Fisher scoring: maximise a likelihood over a few variances within bounds.
 
-Derivatives are differences. The information is that of Gaussian innovations e with variances s,
+Derivatives are finite differences. The information is that of Gaussian innovations e with variances s,
 Σ ½ ∂(log s) ∂(log s)ᵀ + ∂ν ∂νᵀ / s, where ν = e √s (Harvey 1989, 3.4.6): steps need no second derivatives and
-know how far to go in every direction, so that a few rounds suffice.
+are scaled in every direction, so that a few rounds suffice.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,19 +15,19 @@ from slapshot.arrays import Array
 _DIFFERENCE = 1e-4
 _MOST_ROUNDS = 40
 _LARGEST = 2.0  # step in the logarithm of a variance's root
-_FURTHER = 3.0
+_EXTENSION = 3.0
 _DAMPINGS = (0.0, 0.1, 1.0, 10.0, 100.0, 1e4)
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A likelihood at one place.
+    """A likelihood evaluated at one point.
 
     Attributes:
         value: logarithm of the likelihood; -inf where there is none.
         e: (n,) whitened innovations.
         log_variance: (n,) logarithms of their variances.
-        information: of values that the innovations do not know of, by their index.
+        information: of values on which the innovations do not depend, by index.
     """
 
     value: float
@@ -38,22 +38,22 @@ class Evaluation:
 
 def maximise(
     evaluate: Callable[[Array], Evaluation],
-    begins: Sequence[Array],
+    initial_points: Sequence[Array],
     limits: Sequence[tuple[float, float]],
     rounds: int = _MOST_ROUNDS,
-    still: float = 0.01,
+    tolerance: float = 0.01,
 ) -> tuple[float, Array]:
-    """The highest log-likelihood that is reached from the best of some starts, and where.
+    """The highest log-likelihood reached from the best of several initial points, and its location.
 
     Args:
         evaluate: likelihood at some values.
-        begins: (p,) values each.
+        initial_points: (p,) values each.
         limits: lowest and highest of each value.
         rounds: at most.
-        still: nats that a round could still gain at the end.
+        tolerance: gain in nats per round below which the search stops.
     """
     low, high = np.array(limits).T
-    starts = [np.clip(begin, low, high) for begin in begins]
+    starts = [np.clip(initial_point, low, high) for initial_point in initial_points]
     found = [evaluate(start) for start in starts]
     best = int(np.argmax([one.value for one in found]))
     here, values = found[best], starts[best]
@@ -66,23 +66,23 @@ def maximise(
         before = here.value
         for damping in _DAMPINGS:
             step = np.zeros(len(values))
-            # One nat for each value keeps steps small where the data say nothing.
+            # A unit prior for each value keeps steps small where the data carry no information.
             part = information[np.ix_(free, free)]
             stiff = part + damping * np.diag(np.diag(part)) + np.eye(len(free))
             step[free] = np.linalg.solve(stiff, gradient[free])
             step *= min(1.0, _LARGEST / max(np.abs(step).max(), 1e-12))
             target = np.clip(values + step, low, high)
-            if damping == 0.0 and gradient @ (target - values) < 2 * still:
+            if damping == 0.0 and gradient @ (target - values) < 2 * tolerance:
                 return here.value, values
             there = evaluate(target)
             if there.value > here.value:
                 break
-        # Where the likelihood bends less than it is expected to, the way goes on.
+        # Where the curvature is smaller than expected, the step is extended.
         while there.value > here.value:
-            here, values, step = there, target, _FURTHER * step
+            here, values, step = there, target, _EXTENSION * step
             target = np.clip(values + step, low, high)
             there = evaluate(target)
-        if here.value - before < still / 10:
+        if here.value - before < tolerance / 10:
             break
     return here.value, values
 

@@ -1,13 +1,16 @@
-"""Words and numbers for people: what an effect is called in a sentence, and SI numbers in readable units."""
+"""Phrases, numbers, units and colours that text, figures and the Rerun recording of a report share."""
 
 import html
 import math
 import re
 from collections.abc import Mapping, Sequence
 
+from matplotlib.figure import Figure
+
 from slapshot.diagnosis.verdict import ChannelNoise, Interval, NamedEffect, NamedParameter, Verdict
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.effects.joints.external_pulse import ExternalPulse
+from slapshot.plotting import METHOD_COLOURS, OTHER_COLOURS, STAND_IN
 from slapshot.text import printable
 
 MODELS = {
@@ -102,7 +105,7 @@ def scaled(unit: str, size: float) -> tuple[str, float]:
 
 
 def plain(unit: str) -> str:
-    """Unit of a reading: parts of a quaternion are no shares, which would be told in per cent."""
+    """Unit of a reading: components of a quaternion are not shares, which would be given in per cent."""
     return "" if unit == "1" else unit
 
 
@@ -176,13 +179,13 @@ def label(parameter: NamedParameter) -> str:
 
 
 def rivals_text(rivals: Mapping[str, float]) -> str:
-    """Rivals that cannot be told apart, and by how many nats; better ones have more parameters."""
+    """Equivalent rivals and their difference in nats; better ones have more parameters."""
 
-    def told(key: str, nats: float) -> str:
+    def compare(key: str, nats: float) -> str:
         more = f"{nats:.1f} nats worse" if nats >= 0 else f"{-nats:.1f} nats better, by more parameters"
         return f"{phrase_of(key)} ({more})"
 
-    return listed([told(key, nats) for key, nats in rivals.items()], "or")
+    return listed([compare(key, nats) for key, nats in rivals.items()], "or")
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
@@ -203,12 +206,6 @@ def sentence(text: str) -> str:
     return f"{line[:1].upper()}{line[1:]}."
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown, of cells that are Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
 def escaped(text: str) -> str:
     """A text from outside (a name, a note) as Markdown that shows just it, on one line."""
     line = html.escape(printable(" ".join(text.split())), quote=False)
@@ -217,3 +214,20 @@ def escaped(text: str) -> str:
 
 def _unit(unit: str) -> str:
     return f" {unit}" if unit else ""
+
+
+RECORDED = "#D55E00"
+NOMINAL = "#7A7A7A"
+REFITTED = "#A6761D"
+AUGMENTED = METHOD_COLOURS["kalman"]
+FREE_FORM = OTHER_COLOURS[0]
+NOISE = "#C9DFC3"  # band of what noise alone leaves
+MODEL_COLOURS = {"nominal": NOMINAL, "refitted": REFITTED, "augmented": AUGMENTED, "noise_floor": "black"}
+Z90 = 1.645
+_WARNING = "#A00000"
+
+
+def mark_stand_in(figure: Figure, verdict: Verdict) -> None:
+    """Say at the top where the recording is no robot's."""
+    if verdict.stand_in:
+        figure.suptitle(f"recorded: {STAND_IN}", fontsize=7, color=_WARNING, x=0.995, ha="right")

@@ -9,7 +9,7 @@ from slapshot import cli
 from slapshot.diagnosis.verdict import read_verdict
 from slapshot.recordings.signals import write_signals
 
-from .mechanisms import PENDULUM, joint, recording, simulate, told
+from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -27,7 +27,10 @@ def _folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         u = [2 * np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t)[:, None] for _ in range(episodes)]
         angles = [simulate(damped, t, p, [rng.uniform(-1, 1)], [0.0])[0][:, 0] for p in u]
         noisy = [angle + 1e-3 * rng.standard_normal(len(t)) for angle in angles]
-        channels = {"angle": (joint("swing"), noisy), "drive": (told(actuator="drive"), [p[:, 0] for p in u])}
+        channels = {
+            "angle": (joint("swing"), noisy),
+            "drive": (control_channel(actuator="drive"), [p[:, 0] for p in u]),
+        }
         write_signals(recording([t] * episodes, channels), folder / name)
     (folder / "hits").mkdir()
     (folder / "hits/recording.json").write_text('{"format_version": 1}')

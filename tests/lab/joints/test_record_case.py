@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from slapshot.errors import InputError
 from slapshot.lab.joints.__main__ import main, write_case
-from slapshot.lab.joints.case import check_kinds, make, make_case
+from slapshot.lab.joints.case_spec import CaseSpec, MeasurementCondition
 from slapshot.lab.joints.cases import Case, read_cases, write_cases
 from slapshot.lab.joints.lists import LISTS, draw_list
-from slapshot.lab.joints.order import Condition, Order
+from slapshot.lab.joints.record_case import check_hidden_effects, make, make_case
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.signals import read_signals
@@ -26,7 +26,7 @@ CONCEALS = (("spring", 4.0), ("encoder_scale", 6.0))
 def folders(tmp_path_factory):
     root = tmp_path_factory.mktemp("cases")
     for name, conceals in (("pair", CONCEALS), ("null", ())):
-        write_case(Order("arm", SEED, conceals, **SHORT), root / name)
+        write_case(CaseSpec("arm", SEED, conceals, **SHORT), root / name)
     return root
 
 
@@ -40,8 +40,8 @@ def test_a_case_is_written_whole_and_its_truth_is_sealed(folders):
     truth = json.loads(sealed)
     assert truth["kinds"] == ["spring", "encoder_scale"]
     assert truth["seed"] == SEED
-    for one, (_, asked) in zip(truth["concealed"], CONCEALS, strict=True):
-        assert one["size"] == pytest.approx(asked, rel=0.2)
+    for one, (_, requested) in zip(truth["concealed"], CONCEALS, strict=True):
+        assert one["size"] == pytest.approx(requested, rel=0.2)
 
 
 def test_a_recording_says_neither_what_is_concealed_nor_the_seed(folders):
@@ -102,26 +102,28 @@ def test_clutter_and_coarse_encoders_are_told_in_the_truth_alone():
 
 def test_what_is_not_possible_is_refused(tmp_path):
     for kinds, words in (
-        (("ghost",), "no kind 'ghost'"),
-        (("spring", "spring"), "stands twice"),
-        (("joint_elasticity", "backlash"), "part the same joint"),
+        (("ghost",), "no hidden effect 'ghost'"),
+        (("spring", "spring"), "is given twice"),
+        (("joint_elasticity", "backlash"), "split the same joint"),
     ):
         with pytest.raises(InputError, match=words):
             make_case("arm", kinds, 1)
-    with pytest.raises(InputError, match="does not show on rig kuka"):
+    with pytest.raises(InputError, match="is not observable on rig kuka"):
         make_case("kuka", ("gravity_tilt",), 1)
     with pytest.raises(InputError, match="no rig 'crane'"):
         make_case("crane", (), 1)
     with pytest.raises(InputError, match="no noise 'pink'"):
         make_case("arm", (), 1, noise="pink")
     with pytest.raises(InputError, match="exists already"):
-        write_case(Order("arm", 1), tmp_path)
+        write_case(CaseSpec("arm", 1), tmp_path)
 
 
 def test_lists_are_read_as_they_were_written(tmp_path):
     cases = [
-        Case("j0000", "null, cluttered", Order("arm", 4, (), Condition("ou100", True, 1e-3))),
-        Case("j0001", "pair", Order("kuka", 5, (("spring", 3.5), ("payload", 0.4)), episodes=6, seconds=1.5)),
+        Case("j0000", "null, cluttered", CaseSpec("arm", 4, (), MeasurementCondition("ou100", True, 1e-3))),
+        Case(
+            "j0001", "pair", CaseSpec("kuka", 5, (("spring", 3.5), ("payload", 0.4)), episodes=6, seconds=1.5)
+        ),
     ]
     file = tmp_path / "list.csv"
     write_cases(cases, file)
@@ -131,14 +133,14 @@ def test_lists_are_read_as_they_were_written(tmp_path):
 def test_drawn_lists_have_what_fits_in_random_order_under_new_seeds():
     cases = draw_list(LISTS["full"], "j")
     assert [case.case for case in cases] == [f"j{i:04d}" for i in range(len(cases))]
-    assert len({case.order.seed for case in cases}) == len(cases)
-    assert {case.order.seed for case in cases}.isdisjoint(c.order.seed for c in draw_list(LISTS["full"], "j"))
+    assert len({case.spec.seed for case in cases}) == len(cases)
+    assert {case.spec.seed for case in cases}.isdisjoint(c.spec.seed for c in draw_list(LISTS["full"], "j"))
     for case in cases:
-        kinds = [kind for kind, _ in case.order.conceals]
-        check_kinds(kinds, rig_named(case.order.rig))
+        kinds = [effect for effect, _ in case.spec.conceals]
+        check_hidden_effects(kinds, rig_named(case.spec.rig))
         assert len(kinds) == {"pair": 2, "null": 0}.get(case.condition.split(",")[0], 1)
-        assert all(0.29 < size < 30.1 for _, size in case.order.conceals)
-    shown = {kind for case in cases for kind, _ in case.order.conceals}
+        assert all(0.29 < size < 30.1 for _, size in case.spec.conceals)
+    shown = {effect for case in cases for effect, _ in case.spec.conceals}
     assert shown == set(HIDDEN_EFFECTS)
 
 
@@ -158,7 +160,7 @@ def test_the_lists_that_ship_can_be_read_and_are_large_enough():
     [
         ("a,null,arm,1,,pink,no,,20,3", "pink"),
         ("a,null,crane,1,,white,no,,20,3", "no rig 'crane'"),
-        ("a,single,kuka,1,gravity_tilt:3,white,no,,20,3", "does not show on rig kuka"),
+        ("a,single,kuka,1,gravity_tilt:3,white,no,,20,3", "is not observable on rig kuka"),
         ("a,single,arm,1,spring:lots,white,no,,20,3", "size"),
         ("a,null,arm,1,,white,maybe,,20,3", "cluttered"),
         ("a,null,arm,1,,white,no", "has 7 values"),
@@ -177,33 +179,40 @@ def test_rows_that_cannot_be_say_so_in_one_line(tmp_path, line, words):
 def test_a_plan_reads_rows_without_building_rigs(tmp_path):
     """What a rig cannot conceal is then told by who makes the case; what is no row is told at once."""
     file = tmp_path / "list.csv"
-    write_cases([Case("a", "single", Order("kuka", 1, (("gravity_tilt", 3.0),)))], file)
+    write_cases([Case("a", "single", CaseSpec("kuka", 1, (("gravity_tilt", 3.0),)))], file)
     (case,) = read_cases(file, possible=False)
-    with pytest.raises(InputError, match="does not show on rig kuka"):
-        make(case.order)
+    with pytest.raises(InputError, match="is not observable on rig kuka"):
+        make(case.spec)
     file.write_text(file.read_text().replace("white", "pink"))
     with pytest.raises(InputError, match="pink"):
         read_cases(file, possible=False)
 
 
 @pytest.mark.parametrize(
-    "order",
+    "spec",
     [
-        Order("kuka", 2**47, (("spring", 3.5), ("payload", 0.4)), Condition("ou20", True, 1e-3), 6, 1.5),
-        Order("arm", 4),
+        CaseSpec(
+            "kuka",
+            2**47,
+            (("spring", 3.5), ("payload", 0.4)),
+            MeasurementCondition("ou20", True, 1e-3),
+            6,
+            1.5,
+        ),
+        CaseSpec("arm", 4),
     ],
 )
-def test_an_order_survives_a_recipe(order):
-    assert Order.of_config(json.loads(json.dumps(order.to_config()))) == order
+def test_an_order_survives_a_recipe(spec):
+    assert CaseSpec.of_config(json.loads(json.dumps(spec.to_config()))) == spec
 
 
 def test_the_command_names_what_is_missing(tmp_path, monkeypatch, capsys):
     out, file = tmp_path / "out", tmp_path / "list.csv"
-    write_cases([Case("j0000", "null", Order("arm", 4))], file)
+    write_cases([Case("j0000", "null", CaseSpec("arm", 4))], file)
     for given, words in (
         (["--rig", "arm"], "--seed is missing"),
         (["--case", "j0001", "--list", str(file)], f"--case j0001: is not in {file}"),
-        (["--rig", "arm", "--seed", "1", "--kinds", "ghost"], "lab: no kind 'ghost'"),
+        (["--rig", "arm", "--seed", "1", "--kinds", "ghost"], "lab: no hidden effect 'ghost'"),
     ):
         monkeypatch.setattr("sys.argv", ["joints", *given, "--out", str(out)])
         with pytest.raises(SystemExit, match="1"):

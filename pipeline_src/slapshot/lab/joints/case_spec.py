@@ -1,4 +1,4 @@
-"""What a case is to be; apart from what makes it, so that lists are read without MuJoCo."""
+"""Specification of a case of joints, apart from its recording, so that lists are read without MuJoCo."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -9,13 +9,13 @@ Colour = Literal["white", "ou20", "ou100"]
 
 
 @dataclass(frozen=True)
-class Condition:
-    """How a session is recorded.
+class MeasurementCondition:
+    """Measurement conditions of a session.
 
     Attributes:
-        noise: its colour; the standard deviation is the same.
+        noise: its colour, at equal standard deviation.
         cluttered: whether times jitter, noise has outliers and grows or shrinks, and encoders drift (and
-            whether the rig's laws are off, see `clutter`).
+            whether the rig's laws have model errors, see `clutter`).
         quantised: rad or m, step of the encoders; None for fine ones.
     """
 
@@ -25,8 +25,8 @@ class Condition:
 
 
 @dataclass(frozen=True)
-class Order:
-    """What a case is to be.
+class CaseSpec:
+    """Specification of a case.
 
     Attributes:
         rig: by name.
@@ -40,7 +40,7 @@ class Order:
     rig: str
     seed: int
     conceals: tuple[tuple[str, float | None], ...] = ()
-    condition: Condition = field(default_factory=Condition)
+    condition: MeasurementCondition = field(default_factory=MeasurementCondition)
     episodes: int = 20
     seconds: float = 3.0
 
@@ -48,4 +48,4 @@ class Order:
 class JointCaseSettings(Model):
     """What the stage `joint_case` is told."""
 
-    order: Order
+    spec: CaseSpec

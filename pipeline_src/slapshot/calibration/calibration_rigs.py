@@ -1,6 +1,6 @@
-"""Rigs on which effects are calibrated, simulated apart from the engine.
+"""Rigs for calibration, simulated independently of the engine.
 
-The law of an effect is the effect's own; integration is MuJoCo's plain step, finer than that of a fit.
+The law of an effect is its own; integration is plain MuJoCo stepping, finer than in a fit.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,14 +15,14 @@ from slapshot.diagnosis.hypothesis import Hypothesis, actuator_torque
 from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.structure import restructured
 from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
-from slapshot.lab.joints.excitation import draw_excitation
+from slapshot.lab.joints.rig import draw_excitation
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.channels import Channel, Component
 from slapshot.recordings.signals import SignalRecording
 
 WHITE_NOISE = 1e-3  # rad or m
 INTERVAL = 5e-3  # s between samples
-_FINER = 5  # steps in one of a fit
+_SUBSTEPS = 5  # steps in one of a fit
 _BALL = """
 <mujoco model="ball">
   <option timestep="0.0025" integrator="RK4"/>
@@ -36,21 +36,21 @@ _AXES: tuple[Component, ...] = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
-class Drive:
-    """How a rig is moved.
+class Motion:
+    """Initial states and commands of the episodes.
 
     Attributes:
-        start: (episodes, nq + nv) first states of the nominal model.
-        told: (episodes, samples, nu) controls, each of which holds until the next.
+        start: (episodes, nq + nv) initial states of the nominal model.
+        commands: (episodes, samples, nu) commands, zero-order hold.
     """
 
     start: Array
-    told: Array
+    commands: Array
 
 
 @dataclass(frozen=True)
-class RigSimulator:
-    """A rig, and how motions of it are drawn.
+class CalibrationRig:
+    """A rig and its distribution of motions.
 
     Attributes:
         name: of the rig.
@@ -62,11 +62,11 @@ class RigSimulator:
     name: str
     rig: Rig
     channels: dict[str, Channel]
-    draw: Callable[[int, float, np.random.Generator], Drive]
+    draw: Callable[[int, float, np.random.Generator], Motion]
 
 
 @cache
-def rig_simulator_named(name: str) -> RigSimulator:
+def calibration_rig(name: str) -> CalibrationRig:
     """The two-joint pendulum or the three-joint arm of the lab, or a ball that is thrown."""
     if name == "ball":
         return _ball()
@@ -74,16 +74,16 @@ def rig_simulator_named(name: str) -> RigSimulator:
     channels = own.controls() | own.observations()
     rig = bind(mujoco.MjSpec.from_string(own.xml), channels, name)
 
-    def draw(episodes: int, seconds: float, rng: np.random.Generator) -> Drive:
+    def draw(episodes: int, seconds: float, rng: np.random.Generator) -> Motion:
         excitation = draw_excitation(own, episodes, seconds, rng)
         about = excitation.centre[:, None] if own.drive == "servo" else 0.0
         still = np.zeros((episodes, rig.model.nv))
-        return Drive(np.concatenate([excitation.centre, still], axis=1), about + excitation.wave)
+        return Motion(np.concatenate([excitation.centre, still], axis=1), about + excitation.wave)
 
-    return RigSimulator(name, rig, channels, draw)
+    return CalibrationRig(name, rig, channels, draw)
 
 
-def _ball() -> RigSimulator:
+def _ball() -> CalibrationRig:
     channels: dict[str, Channel] = {
         axis: Channel(
             clock="camera", role="observation", quantity="position", body="ball", component=axis, unit="m"
@@ -91,60 +91,64 @@ def _ball() -> RigSimulator:
         for axis in _AXES
     }
 
-    def draw(episodes: int, seconds: float, rng: np.random.Generator) -> Drive:
+    def draw(episodes: int, seconds: float, rng: np.random.Generator) -> Motion:
         start = np.zeros((episodes, 13))
         start[:, 2], start[:, 3] = 1.0, 1.0
         start[:, 7:9] = _SPEED * rng.standard_normal((episodes, 2))
         start[:, 9] = rng.uniform(0, 2 * _RISE, episodes)
-        return Drive(start, np.zeros((episodes, round(seconds / INTERVAL), 0)))
+        return Motion(start, np.zeros((episodes, round(seconds / INTERVAL), 0)))
 
-    return RigSimulator("ball", bind(mujoco.MjSpec.from_string(_BALL), channels, "ball"), channels, draw)
+    return CalibrationRig("ball", bind(mujoco.MjSpec.from_string(_BALL), channels, "ball"), channels, draw)
 
 
-def recorded(
-    bench: RigSimulator, drive: Drive, effect: JointEffect | None, values: Array, noise: Array | float = 0.0
+def simulate_recording(
+    simulated: CalibrationRig,
+    motion: Motion,
+    effect: JointEffect | None,
+    values: Array,
+    noise: Array | float = 0.0,
 ) -> SignalRecording:
-    """A recording of the rig with an effect.
+    """Simulate a recording of the rig with an effect.
 
     Args:
-        bench: the rig.
-        drive: how it is moved.
-        effect: what the nominal model lacks; None for nothing.
+        simulated: the rig.
+        motion: initial states and commands.
+        effect: missing in the nominal model; None for none.
         values: of the effect.
         noise: (episodes, samples, channels) that is added.
     """
-    y = _simulated(bench, drive, effect, values) + noise
+    y = _simulated(simulated, motion, effect, values) + noise
     episodes, samples, _ = y.shape
     signals: dict[str, tuple[Channel, Sequence[Array]]] = {}
-    controls = [name for name, channel in bench.channels.items() if channel.role == "control"]
+    controls = [name for name, channel in simulated.channels.items() if channel.role == "control"]
     for i, name in enumerate(controls):
-        signals[name] = bench.channels[name], list(drive.told[..., i])
-    for i, observation in enumerate(bench.rig.observations):
-        signals[observation.channel] = bench.channels[observation.channel], list(y[..., i])
+        signals[name] = simulated.channels[name], list(motion.commands[..., i])
+    for i, observation in enumerate(simulated.rig.observations):
+        signals[observation.channel] = simulated.channels[observation.channel], list(y[..., i])
     t = np.asarray(np.arange(samples) * INTERVAL, np.float64)
-    return SignalRecording.from_arrays([t] * episodes, signals, bench.name, stand_in=True)
+    return SignalRecording.from_arrays([t] * episodes, signals, simulated.name, stand_in=True)
 
 
-def _simulated(bench: RigSimulator, drive: Drive, effect: JointEffect | None, values: Array) -> Array:
+def _simulated(simulated: CalibrationRig, motion: Motion, effect: JointEffect | None, values: Array) -> Array:
     """(episodes, samples, channels) without noise."""
-    rig, effects = bench.rig, () if effect is None else (effect,)
+    rig, effects = simulated.rig, () if effect is None else (effect,)
     if effect is not None and overrides(effect, "restructure"):
-        rig = restructured(rig, effect, bench.channels)
-    substeps = _FINER * round(INTERVAL / bench.rig.model.opt.timestep)
+        rig = restructured(rig, effect, simulated.channels)
+    substeps = _SUBSTEPS * round(INTERVAL / simulated.rig.model.opt.timestep)
     step = INTERVAL / substeps
     model = Hypothesis(rig, effects).compiled(values, step)
-    episodes = len(drive.told)
+    episodes = len(motion.commands)
     orders = np.linspace(-0.5, 0.5, episodes) if episodes > 1 else np.zeros(1)
     seen = []
-    for start, told, order in zip(drive.start, drive.told, orders, strict=True):
-        control = np.repeat(told, substeps, axis=0)
+    for start, commands, order in zip(motion.start, motion.commands, orders, strict=True):
+        control = np.repeat(commands, substeps, axis=0)
         if effect is not None:
             control = effect.control(control, step, values)
-        y = _episode(replace(rig, model=model), bench.rig.model, start, control, effect, values, order)
+        y = _episode(replace(rig, model=model), simulated.rig.model, start, control, effect, values, order)
         if effect is not None:
             rate = np.gradient(y, step, axis=0, edge_order=2)
-            bend = np.gradient(rate, step, axis=0, edge_order=2)
-            added = effect.observe(Observed(y, rate, bend, np.full(len(y), order)), values)
+            second_rate = np.gradient(rate, step, axis=0, edge_order=2)
+            added = effect.observe(Observed(y, rate, second_rate, np.full(len(y), order)), values)
             y = y if added is None else y + added
         seen.append(y[::substeps])
     return np.array(seen)
@@ -167,12 +171,12 @@ def _episode(
         own.qpos[:], own.qvel[:] = start[q : q + len(own.qpos)], start[v : v + len(own.qvel)]
     pushes = effect is not None and overrides(effect, "force")
     seen = np.empty((len(control), len(rig.observations)))
-    for k, told in enumerate(control):
-        data.ctrl[:] = told
+    for k, commands in enumerate(control):
+        data.ctrl[:] = commands
         if pushes:
             assert effect is not None
             x = np.concatenate([data.qpos, data.qvel, data.act])[None]
-            load = actuator_torque(model, x, told[None], rig.load)
+            load = actuator_torque(model, x, commands[None], rig.load)
             time = np.array([k * model.opt.timestep])
             state = State(data.qpos[None], data.qvel[None], load, time, np.array([order]))
             force = effect.force(state, values)

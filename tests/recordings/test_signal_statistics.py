@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from slapshot.recordings.signal_measures import (
+from slapshot.recordings.signal_statistics import (
     Series,
-    measure,
+    channel_statistics,
     noise_sd,
-    number_step,
+    quantisation_step,
     residuals,
     runs,
     sampling,
@@ -61,8 +61,8 @@ def test_steps_of_an_encoder_are_found_and_its_rounding_is_noise(step: float) ->
     x = np.round(40 * step * np.sin(3.1 * t) / step) * step + 1e-12 * np.random.default_rng(0).normal(
         size=4000
     )
-    assert number_step(x) == pytest.approx(step, rel=1e-6)
-    assert white_noise([Series(0, t, x)], number_step(x)) >= 0.999999 * step / np.sqrt(12)
+    assert quantisation_step(x) == pytest.approx(step, rel=1e-6)
+    assert white_noise([Series(0, t, x)], quantisation_step(x)) >= 0.999999 * step / np.sqrt(12)
     fast = np.round(4000 * np.sin(31 * t)) * step
     assert white_noise([Series(0, t, fast)], step) == pytest.approx(step / np.sqrt(12), rel=0.15)
 
@@ -78,7 +78,7 @@ def test_steps_of_an_encoder_are_found_and_its_rounding_is_noise(step: float) ->
     ids=["floats", "float32", "constant", "two values"],
 )
 def test_numbers_on_no_grid_have_no_step(x: np.ndarray) -> None:
-    assert np.isnan(number_step(x))
+    assert np.isnan(quantisation_step(x))
 
 
 def test_sampling_counts_what_is_missing() -> None:
@@ -109,8 +109,8 @@ def test_runs_are_stretches_of_equal_values() -> None:
 def test_channels_of_a_recording() -> None:
     recording = make_signals()
     for name, sd in NOISE.items():
-        assert measure(recording, name).noise == pytest.approx(sd, rel=0.15)
-        assert noise_sd(recording, name) == measure(recording, name).noise
+        assert channel_statistics(recording, name).noise == pytest.approx(sd, rel=0.15)
+        assert noise_sd(recording, name) == channel_statistics(recording, name).noise
     assert noise_sd(with_channel(recording, "q", noise=0.7), "q") == 0.7
-    assert measure(recording, "seen").sampling.interval_s == pytest.approx(1 / 60, rel=0.01)
-    assert len(measure(recording, "seen").series) == 2
+    assert channel_statistics(recording, "seen").sampling.interval_s == pytest.approx(1 / 60, rel=0.01)
+    assert len(channel_statistics(recording, "seen").series) == 2
