@@ -12,10 +12,11 @@ from slapshot.lab.joints.__main__ import main, write_case
 from slapshot.lab.joints.case import check_kinds, make, make_case
 from slapshot.lab.joints.cases import Case, read_cases, write_cases
 from slapshot.lab.joints.lists import LISTS, draw_list
-from slapshot.lab.joints.order import Condition, Order
+from slapshot.lab.joints.order import Condition, JointCaseSettings, Order
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.signals import read_signals
+from slapshot.validation import values_of
 
 SHORT = {"episodes": 5, "seconds": 0.5}
 SEED = 918273645
@@ -194,7 +195,8 @@ def test_a_plan_reads_rows_without_building_rigs(tmp_path):
     ],
 )
 def test_an_order_survives_a_recipe(order):
-    assert Order.of_config(json.loads(json.dumps(order.to_config()))) == order
+    told = json.dumps(values_of(JointCaseSettings(order=order)))
+    assert JointCaseSettings.model_validate_json(told).order == order
 
 
 def test_the_command_names_what_is_missing(tmp_path, monkeypatch, capsys):
