@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from slapshot.errors import InputError
 from slapshot.lab.joints.__main__ import main, write_case
-from slapshot.lab.joints.case_spec import CaseSpec, MeasurementCondition
+from slapshot.lab.joints.case_spec import CaseSpec, JointCaseSettings, MeasurementCondition
 from slapshot.lab.joints.cases import Case, read_cases, write_cases
 from slapshot.lab.joints.lists import LISTS, draw_list
 from slapshot.lab.joints.record_case import check_hidden_effects, make, make_case
 from slapshot.lab.joints.registry import HIDDEN_EFFECTS
 from slapshot.lab.joints.rigs import rig_named
 from slapshot.recordings.signals import read_signals
+from slapshot.validation import values_of
 
 SHORT = {"episodes": 5, "seconds": 0.5}
 SEED = 918273645
@@ -202,8 +203,9 @@ def test_a_plan_reads_rows_without_building_rigs(tmp_path):
         CaseSpec("arm", 4),
     ],
 )
-def test_an_order_survives_a_recipe(spec):
-    assert CaseSpec.of_config(json.loads(json.dumps(spec.to_config()))) == spec
+def test_a_specification_survives_a_recipe(spec):
+    written = json.dumps(values_of(JointCaseSettings(spec=spec)))
+    assert JointCaseSettings.model_validate_json(written).spec == spec
 
 
 def test_the_command_names_what_is_missing(tmp_path, monkeypatch, capsys):

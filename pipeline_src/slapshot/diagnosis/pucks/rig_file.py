@@ -47,7 +47,7 @@ class SceneBlock(SceneSettings):
 class RigSettings(Model):
     """What a rig file may say."""
 
-    scene: SceneSettings = Field(description="block `scene` of a domain")
+    scene: SceneBlock = Field(description="block `scene` of a domain")
     friction: tuple[Friction, Friction, Torsional] = Field(
         description="nominal mu_x, mu_y, and torsional friction in m"
     )
