@@ -10,9 +10,8 @@ from slapshot.adaptation.kalman import (
     LARGEST_FACTOR,
     Kalman,
     KalmanSettings,
-    filter_means,
-    kalman_step,
 )
+from slapshot.adaptation.kalman_filter import filter_means, kalman_step
 from slapshot.adaptation.method import Sizes
 from slapshot.errors import InputError
 from torch import Tensor
