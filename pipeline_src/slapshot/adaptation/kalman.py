@@ -11,17 +11,13 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
-from slapshot.adaptation.kalman_filter import filter_means, kalman_step, times
+from slapshot.adaptation.fused_filter import filter_means
+from slapshot.adaptation.kalman_filter import kalman_step, times
 from slapshot.adaptation.layers import StackedMLP
+from slapshot.adaptation.measurement import measurement_size, positive_diagonal, unpack, whiten
 from slapshot.adaptation.method import AdaptationMethod, Sizes
 from slapshot.errors import InputError
-
-LARGEST_FACTOR = 100.0
-"""Bound on the entries of L in Sigma_z^-1 = L L'. The prior's variance starts at 1 in the same
-coordinates, so one sample can shrink a standard deviation about a hundredfold. Without a bound, P
-could come to span more than the seven digits of float32."""
 
 _SOFTPLUS_INVERSE_OF_ONE = math.log(math.e - 1)
 
@@ -53,12 +49,6 @@ class KalmanBelief:
     covariance: Tensor
 
 
-def _positive_diagonal(raw: Tensor) -> Tensor:
-    """Lower triangle of raw (..., h, h) with its diagonal made positive by softplus."""
-    below = torch.ones(raw.shape[-2:], dtype=raw.dtype, device=raw.device).tril(-1)
-    return raw * below + torch.diag_embed(functional.softplus(raw.diagonal(dim1=-2, dim2=-1)))
-
-
 class Kalman(AdaptationMethod[KalmanBelief]):
     """The paper's method: measurement network, Kalman filter, prediction network."""
 
@@ -68,8 +58,7 @@ class Kalman(AdaptationMethod[KalmanBelief]):
         super().__init__(sizes, settings, models, generator)
         h = settings.latent
         query = sizes.state + sizes.action
-        measured = h + h * (h + 1) // 2  # mu_z and the lower triangle of Sigma_z's factor
-        measurement = [query + sizes.outcome, *settings.hidden, measured]
+        measurement = [query + sizes.outcome, *settings.hidden, measurement_size(h)]
         prediction = [query + h, *settings.hidden, sizes.outcome]
         self.measurement_net = StackedMLP(models, measurement, generator)
         self.prediction_net = StackedMLP(models, prediction, generator)
@@ -82,7 +71,7 @@ class Kalman(AdaptationMethod[KalmanBelief]):
 
     def prior(self, tasks: int) -> KalmanBelief:
         """Learned N(mu_phi^0, Sigma_phi^0), Sigma_phi^0 = L L' with L's diagonal positive."""
-        L = _positive_diagonal(self.prior_factor)
+        L = positive_diagonal(self.prior_factor)
         mean, covariance = self.prior_mean[:, None], (L @ L.mT)[:, None]
         return KalmanBelief(mean.expand(-1, tasks, -1), covariance.expand(-1, tasks, -1, -1))
 
@@ -98,20 +87,14 @@ class Kalman(AdaptationMethod[KalmanBelief]):
 
         Inputs are (M, ..., d), results (M, ..., h) and (M, ..., h, h).
         """
-        out = self.measurement_net(torch.cat([state, action, observed], dim=-1))
-        h = self.settings.latent
-        mean, packed = out.split([h, out.shape[-1] - h], dim=-1)
-        packed = packed.clamp(-LARGEST_FACTOR, LARGEST_FACTOR)
-        # Every packed value appears once on or below the diagonal of this square; indexing with
-        # tril_indices would do the same with a slower gradient.
-        square = torch.cat([packed[..., h:], packed.flip(-1)], dim=-1).unflatten(-1, (h, h))
-        return mean, _positive_diagonal(square)
+        return unpack(self._measurement(state, action, observed), self.settings.latent)
+
+    def _measurement(self, state: Tensor, action: Tensor, observed: Tensor) -> Tensor:
+        return self.measurement_net(torch.cat([state, action, observed], dim=-1))
 
     def whiten(self, mean: Tensor, L: Tensor) -> tuple[Tensor, Tensor]:
         """Return y = L' mu_z and H = L' C_z, the measurement as `kalman_step` takes it."""
-        # One product per model rather than one per sample.
-        H = (L.mT.reshape(self.models, -1, L.shape[-1]) @ self.C).view(L.shape)
-        return times(L.mT, mean), H
+        return whiten(mean, L, self.C)
 
     def update(self, belief: KalmanBelief, state: Tensor, action: Tensor, observed: Tensor) -> KalmanBelief:
         """Measure one sample (M, B, d) and integrate it; see `kalman_step`."""
@@ -146,8 +129,8 @@ class Kalman(AdaptationMethod[KalmanBelief]):
         prior = self.prior(state.shape[1])
         # Prediction i is made from the belief after samples 0, ..., i - 1; the last is never used.
         used = (x[:, :, :-1] for x in (state, action, observed))
-        y, H = self.whiten(*self.measure(*used))
-        means = filter_means(prior.mean, prior.covariance, y, H, self.settings.drift)
+        measured = self._measurement(*used)
+        means = filter_means(prior.mean, prior.covariance, measured, self.C, self.settings.drift)
         return self.outcome(means, state, action)
 
     def sample_phi(self, belief: KalmanBelief, samples: int, generator: torch.Generator) -> Tensor:

@@ -6,8 +6,6 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from slapshot.adaptation.fused_filter import FusedFilterMeans
-
 
 class FilterStep(NamedTuple):
     """Result of one filter step and what its adjoint needs."""
@@ -65,22 +63,15 @@ def kalman_step(mean: Tensor, covariance: Tensor, y: Tensor, H: Tensor, drift: f
     )
 
 
-def filter_means(mean: Tensor, covariance: Tensor, y: Tensor, H: Tensor, drift: float) -> Tensor:
-    """Means of phi after 0, 1, ..., N measurements, (M, B, N + 1, h): `kalman_step` in a loop.
-
-    Arguments as in `kalman_step`, with y (M, B, N, k) and H (M, B, N, k, h). The gradient is a
-    hand-written adjoint of matrix products only. On the CPU both are compiled.
-    """
-    means = FusedFilterMeans if H.device.type == "cpu" else PlainFilterMeans
-    return means.apply(mean, covariance, y, H, drift)
-
-
 class PlainFilterMeans(torch.autograd.Function):
-    """Filter recursion with its adjoint in calls of torch, for any device."""
+    """Means of phi after 0, 1, ..., N measurements: `kalman_step` in a loop, for any device.
+
+    The gradient is a hand-written adjoint of matrix products only, faster than differentiating the loop.
+    """
 
     @staticmethod
     def forward(ctx: Any, mean: Tensor, covariance: Tensor, y: Tensor, H: Tensor, drift: float) -> Tensor:
-        """Arguments and result as in `filter_means`."""
+        """Return (M, B, N + 1, h); arguments as in `kalman_step`, with y (M, B, N, k), H (M, B, N, k, h)."""
         ctx.save_for_backward(H)
         ctx.steps = []
         means = [mean]

@@ -2,8 +2,8 @@
 
 An array (..., WIDTH) holds one number of WIDTH tasks in its last axis. `load` takes such a row as a `Lanes`,
 a SIMD vector of LLVM, and what is computed with it runs for all tasks. Written as loops over the last axis
-the same products run a fifth to a hundredth as fast: numba's arrays may overlap, so LLVM writes every partial
-sum back to memory.
+the same products run a twentieth to a hundredth as fast: numba's arrays may overlap, so LLVM writes every
+partial sum back to memory.
 
 Indices count rows of a C-contiguous array and are not checked.
 """
