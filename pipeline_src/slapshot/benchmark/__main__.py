@@ -12,6 +12,7 @@ from rich.table import Table
 
 from slapshot.adaptation.names import method_settings
 from slapshot.benchmark.diagnosis import diagnosis_measures
+from slapshot.benchmark.filter_peer import filter_measures, need_dynamax
 from slapshot.benchmark.gallery import gallery_measures
 from slapshot.benchmark.measures import (
     Measure,
@@ -33,8 +34,9 @@ SCALES = ("default", "paper")
 
 
 def measure(store: Store, cores: int) -> list[Measure]:
-    """All measures: of every domain of the default configuration, the gallery, the diagnosis and its peer."""
+    """All measures: of every domain of the default configuration, the gallery, the diagnosis, and peers."""
     need_sysid()
+    need_dynamax()
     rows: list[Measure] = []
     configs = {name: load_config(Path(f"config/{name}.yaml")) for name in SCALES}
     plans = {name: make_plan(configs[name]) for name in SCALES}
@@ -53,6 +55,8 @@ def measure(store: Store, cores: int) -> list[Measure]:
             for method, own in scale["methods"].items():
                 action = scale["trajectory_model"]["latent"]
                 timed = training_measures(domain, method, method_settings(own), scale["training"], action)
+                if method == "kalman":
+                    timed += filter_measures(domain, own, scale["training"])
                 rows += [Measure(f"{row.measure}_{name}", row.value, row.unit) for row in timed]
         measured = {row.measure: row.value for row in rows}
         for name in SCALES:
