@@ -63,8 +63,10 @@ class FusedFilterMeans(torch.autograd.Function):
         raw = outputs[..., k + places.diagonal()].clamp(-LARGEST_FACTOR, LARGEST_FACTOR)
         blocks = -(-M * B // WIDTH)
         means = C.new_empty(M * B, N + 1, h)
-        # What the adjoint needs of every step, in blocks: mu, Sigma, K and r.
-        steps = [C.new_empty(blocks, N, *size, WIDTH) for size in ((h, 1), (h, h), (h, k), (k, 1))]
+        # What the adjoint needs of every step, in blocks: mu, the lower triangle of Sigma, K and r. K is also
+        # Sigma H', but that loses all digits of float32 once a measurement has taken most of the variance.
+        sizes = ((h, 1), (h * (h + 1) // 2, 1), (h, k), (k, 1))
+        steps = [C.new_empty(blocks, N, *size, WIDTH) for size in sizes]
         given = [x.flatten(0, 1) for x in (mean, covariance, outputs, functional.softplus(raw))]
         _filter(drift, *[_array(x) for x in (*given, places, C, means, *steps)])
         ctx.save_for_backward(outputs, raw, C, *steps)
@@ -117,7 +119,7 @@ def _filter(  # type: ignore[no-untyped-def]
         C: (M, k, h).
         means: result.
         each_mean: mu, result, (blocks, N, h, 1, WIDTH).
-        each_covariance: Sigma, result, (blocks, N, h, h, WIDTH).
+        each_covariance: lower triangle of Sigma by rows, result, (blocks, N, h (h + 1) / 2, 1, WIDTH).
         each_gain: K, result, (blocks, N, h, k, WIDTH).
         each_residual: r, result, (blocks, N, k, 1, WIDTH).
     """
@@ -140,7 +142,7 @@ def _filter(  # type: ignore[no-untyped-def]
         _to_lanes(covariance, first, 0, P)
         _from_lanes(mu, first, 0, means)
         for i in range(samples):
-            Sigma, K, r = each_covariance[block, i], each_gain[block, i], each_residual[block, i]
+            K, r = each_gain[block, i], each_residual[block, i]
             _to_lanes(outputs, first, i, given)
             _to_lanes(diagonal, first, i, d)
             _unpack(given, d, places, L)
@@ -157,10 +159,10 @@ def _filter(  # type: ignore[no-untyped-def]
             _times(r, S_inverse, innovation)
             _shrinkage(F, K, H)
             _times(FP, F, P)
-            _lower_times_transpose(Sigma, FP, F)
-            _add_lower_times_transpose(Sigma, K, K)
-            _mirror(Sigma)
-            _copy(P, Sigma)
+            _lower_times_transpose(P, FP, F)
+            _add_lower_times_transpose(P, K, K)
+            _mirror(P)
+            _pack_symmetric(P, each_covariance[block, i])
             _copy(each_mean[block, i], mu)
             _from_lanes(mu, first, i + 1, means)
 
@@ -185,8 +187,8 @@ def _adjoint(  # type: ignore[no-untyped-def]
     """Fill the gradients `l_mean`, ... with respect to `mean`, ... of `_filter`, and add to `l_C`.
 
     `gradient` (T, N + 1, h) is that with respect to `means`; with respect to the mean and the covariance of
-    one step they are `l_mu` and G, as l and G in `PlainFilterMeans`. `slope` is that of softplus. Of
-    y = L' mu_z and H = L' C follow
+    one step they are `l_mu` and G, as l and G in `PlainFilterMeans`. `slope` is that of softplus.
+    Of y = L' mu_z and H = L' C follow
 
         dL/dmu_z = L dL/dy,   dL/dL = mu_z dL/dy' + C dL/dH',   dL/dC = L dL/dH
     """
@@ -206,7 +208,8 @@ def _adjoint(  # type: ignore[no-untyped-def]
     )
     l_mu, a, l_y = _matrix(h, 1, like), _matrix(h, 1, like), _matrix(k, 1, like)
     Sigma_l, H_r = _matrix(h, 1, like), _matrix(h, 1, like)
-    G, GF, F = _matrix(h, h, like), _matrix(h, h, like), _matrix(h, h, like)
+    Sigma, G = _matrix(h, h, like), _matrix(h, h, like)
+    GF, F = _matrix(h, h, like), _matrix(h, h, like)
     H, KG, l_H = _matrix(k, h, like), _matrix(k, h, like), _matrix(k, h, like)
     for block in range(each_mean.shape[0]):
         first = block * WIDTH
@@ -215,7 +218,8 @@ def _adjoint(  # type: ignore[no-untyped-def]
         G[:] = 0
         l_C_m[:] = 0
         for i in range(samples - 1, -1, -1):
-            Sigma, K, r = each_covariance[block, i], each_gain[block, i], each_residual[block, i]
+            K, r = each_gain[block, i], each_residual[block, i]
+            _unpack_symmetric(each_covariance[block, i], Sigma)
             _to_lanes(outputs, first, i, given)
             _to_lanes(diagonal, first, i, d)
             _unpack(given, d, places, L)
@@ -275,6 +279,27 @@ def _pack(l_L, given, slope, places, l_given):  # type: ignore[no-untyped-def]
     bound, zero = l_L.dtype.type(LARGEST_FACTOR), l_L.dtype.type(0)  # a plain 0 would make it float64
     for n in range(numbers.size):
         gradient[n] = zero if abs(numbers[n]) > bound else gradient[n]
+
+
+@njit(error_model="numpy")
+def _pack_symmetric(X, triangle):  # type: ignore[no-untyped-def]
+    """Copy the lower triangle of X row by row."""
+    n = 0
+    for i in range(X.shape[0]):
+        for j in range(i + 1):
+            store(triangle, n, 0, load(X, i, j))
+            n += 1
+
+
+@njit(error_model="numpy")
+def _unpack_symmetric(triangle, X):  # type: ignore[no-untyped-def]
+    """Undo `_pack_symmetric`."""
+    n = 0
+    for i in range(X.shape[0]):
+        for j in range(i + 1):
+            store(X, i, j, load(triangle, n, 0))
+            n += 1
+    _mirror(X)
 
 
 @njit(error_model="numpy")
