@@ -66,7 +66,11 @@ def compiled(before: str, *options: str) -> dict[str, str]:
         command = [*COMPILE, *options, *sys.argv[1:], "--output-file", str(out)]
         subprocess.run(command, check=True, text=True, input="\n".join(BUILD), cwd=FOLDER.parent)
         blocks = re.split(r"^(?=\w)", out.read_text(), flags=re.MULTILINE)
-    return {re.split("[=[]", block)[0]: block for block in blocks if block.strip()}
+    lines: dict[str, str] = {}
+    for block in filter(str.strip, blocks):
+        name = re.split("[=[]", block)[0]
+        lines[name] = lines.get(name, "") + block  # a version for each Python, where no one serves both
+    return lines
 
 
 if __name__ == "__main__":

@@ -7,12 +7,12 @@ import pytest
 import torch
 from pydantic import ValidationError
 from scipy import stats
+from slapshot.adaptation.fused_filter import filter_means
 from slapshot.adaptation.kalman import (
-    LARGEST_FACTOR,
     Kalman,
-    filter_means,
-    kalman_step,
 )
+from slapshot.adaptation.kalman_filter import kalman_step
+from slapshot.adaptation.measurement import LARGEST_FACTOR, measurement_size, square, unpack
 from slapshot.adaptation.method import Sizes
 from slapshot.config.methods import KalmanSettings
 from torch import Tensor
@@ -57,6 +57,19 @@ def whiten(z: Tensor, noise: Tensor, C: Tensor) -> tuple[Tensor, Tensor]:
     return (L.mT @ z[..., None])[..., 0], L.mT @ C[:, None, None]
 
 
+def outputs_for(z: Tensor, noise: Tensor) -> Tensor:
+    """What a measurement network would say to mean z (..., k) and noise (..., k, k)."""
+    k = z.shape[-1]
+    L = torch.linalg.cholesky(noise.inverse())
+    rows, columns = torch.tril_indices(k, k)
+    diagonal = torch.diag_embed(L.diagonal(dim1=-2, dim2=-1))
+    raw = L - diagonal + diagonal.expm1().log().nan_to_num(neginf=0)  # softplus, inverted
+    outputs = torch.empty(*z.shape[:-1], measurement_size(k), dtype=z.dtype)
+    outputs[..., :k] = z
+    outputs[..., k + square(torch.arange(len(rows)), k)[rows, columns]] = raw[..., rows, columns]
+    return outputs
+
+
 def run_filter(mean, covariance, y, H, drift) -> tuple[Tensor, Tensor]:
     """Means (M, B, N + 1, h) and covariances (M, B, N + 1, h, h) by single steps."""
     means, covariances = [mean], [covariance]
@@ -79,7 +92,7 @@ def test_filter_conditions_the_joint_gaussian(k):
     C = torch.randn(M, k, h, generator=g, dtype=torch.float64)
     y, H = whiten(z, noise, C)
     means, covariances = run_filter(mean, covariance, y, H, drift)
-    fast = filter_means(mean, covariance, y, H, drift)
+    fast = filter_means(mean, covariance, outputs_for(z, noise), C, drift)
     for m, b in np.ndindex(M, B):
         P, c = covariance[m, b].numpy(), C[m].numpy()
         for n in range(1, N + 1):
@@ -204,6 +217,15 @@ def test_measurement_factor_is_full_bounded_and_depends_on_the_sample(method):
     # Absurd inputs cannot make a measurement more precise than float32 carries.
     _, L = method.measure(*(1e6 * x for x in draw_data(5)))
     assert L.abs().max() == LARGEST_FACTOR
+
+
+def test_packed_outputs_are_unpacked():
+    g = generator(7)
+    z, noise = torch.randn(5, 3, generator=g, dtype=torch.float64), draw_covariances(5, size=3, g=g)
+    mean, L = unpack(outputs_for(z, noise), 3)
+    assert torch.equal(mean, z)
+    # Condition numbers below 1e3 in float64.
+    torch.testing.assert_close(L @ L.mT, noise.inverse(), rtol=1e-12, atol=1e-12)
 
 
 def test_whitened_measurement_is_the_measurement(method):

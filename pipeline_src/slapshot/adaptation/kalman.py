@@ -8,21 +8,16 @@ paper's; h is the dimension of phi and k that of z, which are equal in the train
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
-from torch.autograd.function import once_differentiable
-from torch.nn import functional
 
+from slapshot.adaptation.fused_filter import filter_means
+from slapshot.adaptation.kalman_filter import kalman_step, times
 from slapshot.adaptation.layers import StackedMLP
+from slapshot.adaptation.measurement import measurement_size, positive_diagonal, unpack, whiten
 from slapshot.adaptation.method import AdaptationMethod, Sizes
 from slapshot.config.methods import KalmanSettings
-
-LARGEST_FACTOR = 100.0
-"""Bound on the entries of L in Sigma_z^-1 = L L'. The prior's variance starts at 1 in the same
-coordinates, so one sample can shrink a standard deviation about a hundredfold. Without a bound, P
-could come to span more than the seven digits of float32."""
 
 _SOFTPLUS_INVERSE_OF_ONE = math.log(math.e - 1)
 
@@ -35,135 +30,6 @@ class KalmanBelief:
     covariance: Tensor
 
 
-class FilterStep(NamedTuple):
-    """Result of one filter step and what its adjoint needs."""
-
-    mean: Tensor  # mu_phi^{t+1|t+1}, (M, B, h)
-    covariance: Tensor  # Sigma_phi^{t+1|t+1}, (M, B, h, h)
-    gain: Tensor  # K, (M, B, h, k)
-    shrinkage: Tensor  # I - K H, (M, B, h, h)
-    residual: Tensor  # r = S^-1 (y - H mu), (M, B, k)
-
-
-def kalman_step(mean: Tensor, covariance: Tensor, y: Tensor, H: Tensor, drift: float) -> FilterStep:
-    """Let the parameters drift once and integrate one whitened measurement.
-
-    A measurement z ~ N(C phi, Sigma_z) with Sigma_z^-1 = L L' is the same as y ~ N(H phi, I) with
-    y = L' z and H = L' C. Eqs. (pred_mean, pred_cov) with A = I, B = 0, Q = drift I, then eqs.
-    (kalmangain, mu_update) are
-
-        P  = Sigma_phi + drift I
-        S  = H P H' + I,   K = P H' S^-1
-        mu = mu + K (y - H mu)
-
-    with K the paper's gain times L'^-1. Eq. (sigma_update) is taken in the form of Joseph,
-
-        Sigma_phi = (I - K H) P (I - K H)' + K K'
-
-    Equal to (I - K H) P for the exact gain, but a sum of two positive semidefinite terms whose
-    error is of second order in that of K. The short form is a difference, which float32 makes
-    indefinite once a precise measurement has taken most of the variance.
-
-    Args:
-        mean: mu_phi before the step, (M, B, h).
-        covariance: Sigma_phi before the step, (M, B, h, h).
-        y: whitened measurement L' mu_z, (M, B, k).
-        H: whitened measurement matrix L' C_z, (M, B, k, h).
-        drift: epsilon of Q = epsilon I.
-    """
-    identity = torch.eye(mean.shape[-1], dtype=mean.dtype, device=mean.device)
-    P = covariance + drift * identity
-    PH = P @ H.mT
-    S = H @ PH + torch.eye(y.shape[-1], dtype=mean.dtype, device=mean.device)
-    # No eigenvalue of S is below 1, so only inputs that are not finite could fail here, and they
-    # show in the result: the _ex variant leaves out a check on every step.
-    S_inverse = torch.cholesky_inverse(torch.linalg.cholesky_ex(S).L)
-    gain = PH @ S_inverse
-    innovation = y - _times(H, mean)
-    shrinkage = identity - gain @ H
-    joseph = shrinkage @ P @ shrinkage.mT + gain @ gain.mT
-    return FilterStep(
-        mean=mean + _times(gain, innovation),
-        covariance=0.5 * (joseph + joseph.mT),
-        gain=gain,
-        shrinkage=shrinkage,
-        residual=_times(S_inverse, innovation),
-    )
-
-
-def filter_means(mean: Tensor, covariance: Tensor, y: Tensor, H: Tensor, drift: float) -> Tensor:
-    """Means of phi after 0, 1, ..., N measurements, (M, B, N + 1, h): `kalman_step` in a loop.
-
-    Arguments as in `kalman_step`, with y (M, B, N, k) and H (M, B, N, k, h). The gradient is a
-    hand-written adjoint of matrix products only, faster than differentiating the loop.
-    """
-    return _FilterMeans.apply(mean, covariance, y, H, drift)
-
-
-class _FilterMeans(torch.autograd.Function):
-    """Filter recursion with its adjoint."""
-
-    @staticmethod
-    def forward(ctx: Any, mean: Tensor, covariance: Tensor, y: Tensor, H: Tensor, drift: float) -> Tensor:
-        ctx.save_for_backward(H)
-        ctx.steps = []
-        means = [mean]
-        for y_i, H_i in zip(y.unbind(2), H.unbind(2), strict=True):
-            step = kalman_step(mean, covariance, y_i, H_i, drift)
-            mean, covariance = step.mean, step.covariance
-            means.append(mean)
-            ctx.steps.append(step)
-        return torch.stack(means, dim=2)
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        """Adjoint of the recursion, backwards in time.
-
-        With l = dL/dmu and G = dL/dSigma_phi (symmetric) after a step, k = K' l, a = (I - K H)' l
-        and Sigma, mu the step's results, differentiating eqs. (kalmangain) to (sigma_update) gives
-
-            dL/dy = k
-            dL/dH = r (Sigma l)' - k mu' - 2 K' G Sigma
-            l    <- a + dL/dmu of the step before
-            G    <- (I - K H)' G (I - K H) + sym(a (H' r)')
-        """
-        (H,) = ctx.saved_tensors
-        per_step = gradients[0]
-        l_mean = per_step[:, :, -1]
-        l_cov = l_mean.new_zeros(*l_mean.shape, l_mean.shape[-1])
-        l_y, l_H = H.new_empty(H.shape[:-1]), torch.empty_like(H)
-        for i in reversed(range(len(ctx.steps))):
-            step = ctx.steps[i]
-            k, a = _times(step.gain.mT, l_mean), _times(step.shrinkage.mT, l_mean)
-            l_y[:, :, i] = k
-            l_H[:, :, i] = (
-                _outer(step.residual, _times(step.covariance, l_mean))
-                - _outer(k, step.mean)
-                - 2 * step.gain.mT @ l_cov @ step.covariance
-            )
-            from_gain = _outer(a, _times(H[:, :, i].mT, step.residual))
-            l_cov = step.shrinkage.mT @ l_cov @ step.shrinkage + 0.5 * (from_gain + from_gain.mT)
-            l_mean = a + per_step[:, :, i]
-        return l_mean, l_cov, l_y, l_H, None
-
-
-def _positive_diagonal(raw: Tensor) -> Tensor:
-    """Lower triangle of raw (..., h, h) with its diagonal made positive by softplus."""
-    below = torch.ones(raw.shape[-2:], dtype=raw.dtype, device=raw.device).tril(-1)
-    return raw * below + torch.diag_embed(functional.softplus(raw.diagonal(dim1=-2, dim2=-1)))
-
-
-def _times(X: Tensor, v: Tensor) -> Tensor:
-    """X v for X (..., r, c) and v (..., c)."""
-    return (X @ v[..., None])[..., 0]
-
-
-def _outer(u: Tensor, v: Tensor) -> Tensor:
-    """U v' for u (..., r) and v (..., c)."""
-    return u[..., :, None] * v[..., None, :]
-
-
 class Kalman(AdaptationMethod[KalmanBelief]):
     """The paper's method: measurement network, Kalman filter, prediction network."""
 
@@ -174,8 +40,7 @@ class Kalman(AdaptationMethod[KalmanBelief]):
         super().__init__(sizes, settings, models, generator)
         h = settings.latent
         query = sizes.state + sizes.action
-        measured = h + h * (h + 1) // 2  # mu_z and the lower triangle of Sigma_z's factor
-        measurement = [query + sizes.outcome, *settings.hidden, measured]
+        measurement = [query + sizes.outcome, *settings.hidden, measurement_size(h)]
         prediction = [query + h, *settings.hidden, sizes.outcome]
         self.measurement_net = StackedMLP(models, measurement, generator)
         self.prediction_net = StackedMLP(models, prediction, generator)
@@ -188,7 +53,7 @@ class Kalman(AdaptationMethod[KalmanBelief]):
 
     def prior(self, tasks: int) -> KalmanBelief:
         """Learned N(mu_phi^0, Sigma_phi^0), Sigma_phi^0 = L L' with L's diagonal positive."""
-        L = _positive_diagonal(self.prior_factor)
+        L = positive_diagonal(self.prior_factor)
         mean, covariance = self.prior_mean[:, None], (L @ L.mT)[:, None]
         return KalmanBelief(mean.expand(-1, tasks, -1), covariance.expand(-1, tasks, -1, -1))
 
@@ -204,20 +69,14 @@ class Kalman(AdaptationMethod[KalmanBelief]):
 
         Inputs are (M, ..., d), results (M, ..., h) and (M, ..., h, h).
         """
-        out = self.measurement_net(torch.cat([state, action, observed], dim=-1))
-        h = self.settings.latent
-        mean, packed = out.split([h, out.shape[-1] - h], dim=-1)
-        packed = packed.clamp(-LARGEST_FACTOR, LARGEST_FACTOR)
-        # Every packed value appears once on or below the diagonal of this square; indexing with
-        # tril_indices would do the same with a slower gradient.
-        square = torch.cat([packed[..., h:], packed.flip(-1)], dim=-1).unflatten(-1, (h, h))
-        return mean, _positive_diagonal(square)
+        return unpack(self._measurement(state, action, observed), self.settings.latent)
+
+    def _measurement(self, state: Tensor, action: Tensor, observed: Tensor) -> Tensor:
+        return self.measurement_net(torch.cat([state, action, observed], dim=-1))
 
     def whiten(self, mean: Tensor, L: Tensor) -> tuple[Tensor, Tensor]:
         """Return y = L' mu_z and H = L' C_z, the measurement as `kalman_step` takes it."""
-        # One product per model rather than one per sample.
-        H = (L.mT.reshape(self.models, -1, L.shape[-1]) @ self.C).view(L.shape)
-        return _times(L.mT, mean), H
+        return whiten(mean, L, self.C)
 
     def update(self, belief: KalmanBelief, state: Tensor, action: Tensor, observed: Tensor) -> KalmanBelief:
         """Measure one sample (M, B, d) and integrate it; see `kalman_step`."""
@@ -252,8 +111,8 @@ class Kalman(AdaptationMethod[KalmanBelief]):
         prior = self.prior(state.shape[1])
         # Prediction i is made from the belief after samples 0, ..., i - 1; the last is never used.
         used = (x[:, :, :-1] for x in (state, action, observed))
-        y, H = self.whiten(*self.measure(*used))
-        means = filter_means(prior.mean, prior.covariance, y, H, self.settings.drift)
+        measured = self._measurement(*used)
+        means = filter_means(prior.mean, prior.covariance, measured, self.C, self.settings.drift)
         return self.outcome(means, state, action)
 
     def sample_phi(self, belief: KalmanBelief, samples: int, generator: torch.Generator) -> Tensor:
@@ -275,7 +134,7 @@ class Kalman(AdaptationMethod[KalmanBelief]):
         """
         y, H = self.whiten(*self.measure(state, action, observed))
         step = kalman_step(belief.mean, belief.covariance, y, H, self.settings.drift)
-        innovation = y - _times(H, belief.mean)
+        innovation = y - times(H, belief.mean)
         return (innovation * step.residual).sum(-1)
 
     def _integrate(self, belief: KalmanBelief, y: Tensor, H: Tensor) -> KalmanBelief:

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from slapshot.benchmark.diagnosis import diagnosis_measures
+from slapshot.benchmark.filter_peer import filter_measures, need_dynamax
 from slapshot.benchmark.gallery import gallery_measures
 from slapshot.benchmark.measures import (
     Measure,
@@ -21,6 +22,7 @@ from slapshot.benchmark.measures import (
 from slapshot.benchmark.peers import need_sysid, peer_measures
 from slapshot.benchmark.scale import hours
 from slapshot.config.files import load_config
+from slapshot.config.methods import KalmanSettings
 from slapshot.config.rollouts import RolloutsSettings
 from slapshot.dag import make_plan
 from slapshot.errors import InputError
@@ -33,8 +35,9 @@ SCALES = ("default", "paper")
 
 
 def measure(store: Store, cores: int) -> list[Measure]:
-    """All measures: of every domain of the default configuration, the gallery, the diagnosis and its peer."""
+    """All measures: of every domain of the default configuration, the gallery, the diagnosis, and peers."""
     need_sysid()
+    need_dynamax()
     rows: list[Measure] = []
     configs = {name: load_config(Path(f"config/{name}.yaml")) for name in SCALES}
     plans = {name: make_plan(configs[name]) for name in SCALES}
@@ -53,6 +56,8 @@ def measure(store: Store, cores: int) -> list[Measure]:
             for method, own in scale.methods.items():
                 action = scale.trajectory_model.latent
                 timed = training_measures(domain, method, own.own, scale.training, action)
+                if isinstance(own.own, KalmanSettings):
+                    timed += filter_measures(domain, own.own, scale.training)
                 rows += [Measure(f"{row.measure}_{name}", row.value, row.unit) for row in timed]
         measured = {row.measure: row.value for row in rows}
         for name in SCALES:

@@ -3,7 +3,8 @@
 import torch
 from torch import Tensor
 
-from slapshot.adaptation.kalman import Kalman, KalmanBelief, kalman_step
+from slapshot.adaptation.kalman import Kalman, KalmanBelief
+from slapshot.adaptation.kalman_filter import kalman_step
 
 
 @torch.no_grad()
