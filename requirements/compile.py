@@ -20,6 +20,7 @@ COMPILE = (
     *("--no-header", "--no-annotate", "--no-emit-index-url", "--no-emit-find-links"),
     *("--extra", "dev", "pyproject.toml", "-"),
 )
+EXTRAS = ("benchmark", "docs", "slurm")
 BUILD = ("pip", "setuptools")
 CUDA = ("cuda-", "nvidia-", "triton==")
 HEADERS = {
@@ -28,6 +29,7 @@ HEADERS = {
     "cuda.txt": "Constraints: what the package index's torch needs on Linux; that for CPUs alone does not.",
     "benchmark.txt": "What the peer of `snakemake benchmark` needs beside lock.txt.",
     "docs.txt": "What `make docs` needs beside lock.txt.",
+    "slurm.txt": "What profiles/slurm needs beside lock.txt.",
 }
 
 
@@ -35,9 +37,9 @@ def main() -> None:
     """Compile and write the files of HEADERS."""
     files = [FOLDER / name for name in HEADERS]
     before = "".join(file.read_text() for file in files if file.is_file())
-    everything = compiled(before, "--extra", "benchmark", "--extra", "docs")
+    everything = compiled(before, *(option for extra in EXTRAS for option in ("--extra", extra)))
     needed = compiled("".join(everything.values()))
-    for_docs = compiled("".join(everything.values()), "--extra", "docs")
+    needed_by = {extra: compiled("".join(everything.values()), "--extra", extra) for extra in EXTRAS}
     texts = dict.fromkeys(HEADERS, "")
     for name, block in everything.items():
         if name in BUILD:
@@ -47,7 +49,7 @@ def main() -> None:
         elif name in needed:
             file = "lock.txt"
         else:
-            file = "docs.txt" if name in for_docs else "benchmark.txt"
+            file = next(f"{extra}.txt" for extra in EXTRAS if name in needed_by[extra])
         texts[file] += block
     for name, text in texts.items():
         (FOLDER / name).write_text(f"# Written by requirements/compile.py. {HEADERS[name]}\n{text}")

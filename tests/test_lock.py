@@ -23,7 +23,7 @@ def normal(name: str) -> str:
 def test_there_are_the_files_that_the_makefile_installs():
     named = set(re.findall(r"requirements/([\w-]+\.txt)", (ROOT / "Makefile").read_text()))
     assert named == {"build.txt", "cuda.txt", "docs.txt", "lock.txt", "torch-cpu.txt"}
-    assert set(LOCKS) == named | {"benchmark.txt"}
+    assert set(LOCKS) == named | {"benchmark.txt", "slurm.txt"}
 
 
 @pytest.mark.parametrize("name", LOCKS)

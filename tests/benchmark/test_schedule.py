@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from slapshot.benchmark.scale import LEAST_CORES, WIDE, long_jobs, stage_hours
+from slapshot.benchmark.scale import LEAST_CORES, long_jobs, stage_hours
 from slapshot.benchmark.schedule import Job, core_seconds, critical_path, makespan
 from slapshot.config.files import load_config
-from slapshot.dag import make_plan
+from slapshot.dag import STAGES, make_plan
 
 ROOT = Path(__file__).parents[2]
 HOUR = 3600.0
@@ -15,7 +15,7 @@ HOUR = 3600.0
 # a, then b on all cores, then three side by side, one of which another one waits for.
 JOBS = {
     "a": Job(4),
-    "b": Job(6, wide=True, after=("a",)),
+    "b": Job(6, threads=6, after=("a",)),
     "c": Job(3, after=("b",)),
     "d": Job(3, after=("b",)),
     "e": Job(3, after=("b",)),
@@ -47,10 +47,16 @@ def test_independent_jobs_run_side_by_side():
     assert makespan({}, 2) == 0
 
 
-def test_a_wide_job_waits_for_all_cores_and_others_fill_them_meanwhile():
-    jobs = {"long": Job(5), "wide": Job(2, wide=True), "short": Job(3)}
-    # 0 to 5 long and short, 5 to 6 wide.
+def test_a_job_of_many_threads_waits_for_all_cores_and_others_fill_them_meanwhile():
+    jobs = {"long": Job(5), "many": Job(2, threads=2), "short": Job(3)}
+    # 0 to 5 long and short, 5 to 6 many.
     assert makespan(jobs, 2) == 6
+
+
+def test_a_job_takes_no_more_cores_than_it_has_threads():
+    jobs = {"a": Job(6, threads=2), "b": Job(3), "c": Job(3)}
+    assert makespan(jobs, 4) == 3
+    assert critical_path(jobs, 200) == 3
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +121,7 @@ def test_published_hours_add_up(scales):
             prefix = f"{domain}_{name}"
             costs = {f"train_{m}": HOUR * value[f"{prefix}_train_{m}_hours"] for m in settings.methods}
             for part in ("demonstrations", "trajectory_model", "swings", "rollouts"):
-                costs[part] = HOUR * value[f"{prefix}_{part}_hours"] * (2 if part in WIDE else 1)
+                costs[part] = HOUR * value[f"{prefix}_{part}_hours"] * min(2, STAGES[part].threads)
             if settings.acting is not None:
                 turns = settings.acting.policy.models / 2
                 costs["policy"] = HOUR * value[f"{prefix}_policy_hours"] / turns

@@ -88,6 +88,11 @@ def label(stage):
     return lambda wildcards: marks.label(marks.recipe(stage, wildcards.version))
 
 
+def again_with_twice(amount):
+    """Resource function: twice as much of it each time that a cluster ended the job for want of it."""
+    return lambda wildcards, attempt: amount * 2 ** (attempt - 1)
+
+
 def mark_of(label):
     """Mark of the version with that label."""
     if label not in plan.recipes:

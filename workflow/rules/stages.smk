@@ -23,9 +23,12 @@ for stage in STAGES.values():
             f"logs/{stage.name}/{{version}}.log",
         benchmark:
             f"logs/{stage.name}/{{version}}.tsv"
-        # What takes all cores goes first: it cannot fill one beside another job.
-        priority: int(stage.all_cores)
-        threads: workflow.cores if stage.all_cores else 1
+        # What takes many cores goes first: it cannot fill one beside another job.
+        priority: int(stage.threads > 1)
+        threads: stage.threads
+        resources:
+            mem_mb=again_with_twice(stage.memory_mb),
+            runtime=again_with_twice(stage.minutes),
         params:
             recipe=recipe(stage.name),
             label=label(stage.name),

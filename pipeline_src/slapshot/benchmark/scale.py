@@ -24,7 +24,6 @@ from slapshot.trajectories.swings import SPLITS
 from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
 from slapshot.validation import values_of
 
-WIDE = frozenset(name for name, stage in STAGES.items() if stage.all_cores)
 LEAST_CORES = 2  # hours are told for so many, too
 
 _TASKS = 256  # demonstrations that are timed
@@ -96,7 +95,7 @@ def long_jobs(plan: Plan, domain: str, costs: Mapping[str, float], refined: str 
             long = label.split("/")[1:2] == [domain] and label != f"demonstrations/{domain}/pool"
             cost = costs.get(_part(label), 0.0) if long else 0.0
             after = tuple(names[pair] for pair in recipe.upstream.values())
-            jobs[label] = Job(cost, cost > 0 and recipe.stage in WIDE, after)
+            jobs[label] = Job(cost, STAGES[recipe.stage].threads if cost > 0 else 1, after)
     return jobs
 
 

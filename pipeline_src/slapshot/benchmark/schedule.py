@@ -10,17 +10,21 @@ class Job:
 
     Attributes:
         core_seconds: that it takes on one core.
-        wide: whether it takes all cores and is that much faster; it takes one core otherwise.
+        threads: most cores that it takes; it is that much faster.
         after: names of the jobs that it waits for.
     """
 
     core_seconds: float
-    wide: bool = False
+    threads: int = 1
     after: tuple[str, ...] = ()
 
     def seconds(self, cores: int) -> float:
         """That it takes where there are so many cores."""
-        return self.core_seconds / cores if self.wide else self.core_seconds
+        return self.core_seconds / self.cores(cores)
+
+    def cores(self, cores: int) -> int:
+        """That it takes where there are so many."""
+        return min(self.threads, cores)
 
 
 def core_seconds(jobs: Mapping[str, Job]) -> float:
@@ -33,7 +37,7 @@ def critical_path(jobs: Mapping[str, Job], cores: int) -> float:
 
     Args:
         jobs: by name, each after those that it waits for.
-        cores: that a wide job takes.
+        cores: that one job may take.
     """
     return max(_paths(jobs, cores).values(), default=0.0)
 
@@ -55,7 +59,7 @@ def makespan(jobs: Mapping[str, Job], cores: int) -> float:
     while waiting or running:
         for name in list(waiting):
             job = jobs[name]
-            width = cores if job.wide else 1
+            width = job.cores(cores)
             if width <= free and done.issuperset(job.after):
                 waiting.remove(name)
                 running[name] = now + job.seconds(cores)
@@ -64,7 +68,7 @@ def makespan(jobs: Mapping[str, Job], cores: int) -> float:
         for name in [name for name, end in running.items() if end == now]:
             del running[name]
             done.add(name)
-            free += cores if jobs[name].wide else 1
+            free += jobs[name].cores(cores)
     return now
 
 

@@ -15,8 +15,11 @@ class Stage:
         name: of its folder in the store, of its rule, and of the target that makes all its versions.
         module: that the job runs.
         says: what its versions are; `snakemake --list` shows it.
-        all_cores: it uses as many as there are. Others take one: small matrices gain nothing from a second,
-            and another job beside does.
+        threads: most cores that it uses. Most stages use one: small matrices gain nothing from a second, and
+            another job beside does.
+        minutes: that a cluster is asked for: about twice those of one core at the paper's scale, as far as
+            figures/benchmark.csv tells them. A job that needs longer is tried again with twice as many.
+        memory_mb: that a cluster is asked for; no stage takes more by the default configuration.
         target: name of that target if not the stage's own (empty); None if there is none.
         on_demand: not made by `snakemake figures`, since it takes hours or its bytes never repeat.
         renders: draws pictures of a scene, which takes a GL library.
@@ -25,32 +28,40 @@ class Stage:
     name: str
     module: str
     says: str
-    all_cores: bool = False
+    threads: int = 1
+    minutes: int = 60
+    memory_mb: int = 2500
     target: str | None = ""
     on_demand: bool = False
     renders: bool = False
 
 
+_MANY = 16  # of stages whose work falls into parts; more gain little
+
 _TABLE = (
     # Simulation
     Stage("scene", "slapshot.scenes.__main__", "The MuJoCo scene of each domain."),
-    Stage("demonstrations", "slapshot.trajectories.demonstrations", "Scripted task trajectories."),
-    Stage("trajectory_model", "slapshot.trajectories.fit", "The trajectory VAE."),
+    Stage(
+        "demonstrations", "slapshot.trajectories.demonstrations", "Scripted task trajectories.", minutes=1200
+    ),
+    Stage("trajectory_model", "slapshot.trajectories.fit", "The trajectory VAE.", minutes=120),
     Stage(
         "swings",
         "slapshot.trajectories.pool",
         "The pool of safe sampled latents, each executed once.",
-        all_cores=True,
+        threads=_MANY,
     ),
-    Stage("rollouts", "slapshot.rollouts.__main__", "Conditions x hits to Parquet.", all_cores=True),
+    Stage(
+        "rollouts", "slapshot.rollouts.__main__", "Conditions x hits to Parquet.", threads=_MANY, minutes=360
+    ),
     Stage(
         "lab", "slapshot.lab.__main__", "Recordings of the stand-in rig, and the sealed truth behind them."
     ),
     # Adaptation
     Stage(
-        "regression", "slapshot.adaptation.regression", "The linear regression walkthrough.", all_cores=True
+        "regression", "slapshot.adaptation.regression", "The linear regression walkthrough.", threads=_MANY
     ),
-    Stage("train", "slapshot.adaptation.train", "An ensemble of each method."),
+    Stage("train", "slapshot.adaptation.train", "An ensemble of each method.", minutes=1600),
     Stage("evaluate", "slapshot.adaptation.evaluate", "Error against samples in simulation."),
     Stage(
         "evaluate_recording", "slapshot.adaptation.evaluate_recording", "Error against samples on recordings."
@@ -74,7 +85,9 @@ _TABLE = (
     Stage(
         "exploration", "slapshot.goal_reaching.exploration", "Error against samples that a belief chooses."
     ),
-    Stage("policy", "slapshot.policy.__main__", "Policies meta-trained on-policy in simulation."),
+    Stage(
+        "policy", "slapshot.policy.__main__", "Policies meta-trained on-policy in simulation.", minutes=600
+    ),
     Stage(
         "policy_acting", "slapshot.policy.rigs", "A policy that adapts to every stand-in rig by its own hits."
     ),
@@ -91,9 +104,10 @@ _TABLE = (
         "refined_rollouts",
         "slapshot.refinement.rollouts",
         "Hits under the refined ranges of a rig.",
-        all_cores=True,
+        threads=_MANY,
+        minutes=360,
     ),
-    Stage("refined_train", "slapshot.refinement.train", "Models of refined ranges."),
+    Stage("refined_train", "slapshot.refinement.train", "Models of refined ranges.", minutes=1600),
     Stage(
         "refined_errors",
         "slapshot.refinement.errors",
@@ -117,7 +131,7 @@ _TABLE = (
         "diagnosis",
         "slapshot.diagnosis.pucks.stage_report",
         "Reports on what the scene lacks, of the recordings in the configuration (of stand-ins, one rig).",
-        all_cores=True,
+        threads=_MANY,
         target="diagnoses",
         on_demand=True,
     ),
@@ -125,7 +139,7 @@ _TABLE = (
         "signatures",
         "slapshot.diagnosis.pucks.stage_signatures",
         "How launches change with every effect, for the pool of commands of the concealed cases.",
-        all_cores=True,
+        threads=_MANY,
     ),
     Stage(
         "case", "slapshot.lab.__main__", "Recordings of the small proof, and the sealed truths behind them."
@@ -148,6 +162,7 @@ _TABLE = (
         "slapshot.diagnosis.stage_verdict",
         "What the diagnosis says of the recordings of the proof for joints.",
         on_demand=True,
+        minutes=180,
     ),
     Stage(
         "joint_score",
@@ -160,14 +175,14 @@ _TABLE = (
         "findings",
         "slapshot.diagnosis.pucks.stage_findings",
         "What the diagnosis of a recording found, for the stages that build on it.",
-        all_cores=True,
+        threads=_MANY,
         on_demand=True,
     ),
     Stage(
         "arm_rollouts",
         "slapshot.retraining.rollouts",
         "Rollouts of the arms that a diagnosis changes.",
-        all_cores=True,
+        threads=_MANY,
         on_demand=True,
     ),
     Stage(
@@ -185,6 +200,7 @@ _TABLE = (
         "slapshot.calibration.stage_null_p_values",
         "P-values of null recordings.",
         on_demand=True,
+        minutes=180,
     ),
     Stage(
         "null_table",
@@ -197,6 +213,7 @@ _TABLE = (
         "slapshot.calibration.stage_law_intervals",
         "Intervals of fits to recordings of every effect's own law.",
         on_demand=True,
+        minutes=180,
     ),
     Stage(
         "coverage_table",

@@ -61,7 +61,7 @@ class TimeLeft:
 
     def _time(self, left: Counter[str]) -> str:
         seconds = sum(
-            float(np.mean(self._took[stage])) * count / (1 if STAGES[stage].all_cores else self._cores)
+            float(np.mean(self._took[stage])) * count * min(STAGES[stage].threads, self._cores) / self._cores
             for stage, count in left.items()
             if stage in self._took
         )
