@@ -12,8 +12,6 @@ from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.segments import cut
-from slapshot.diagnosis.structure import same_effects
-from slapshot.effects.joints.catalogue import instances
 
 from .mechanisms import PENDULUM, joint, recording, simulate, told
 
@@ -67,7 +65,7 @@ def test_on_which_side_of_its_play_a_gear_is_told_by_the_data_before_a_window(mo
     effect = next(e for e in problem.catalogue if e.key == "backlash@swing (read at the link)")
     values = np.array([0.05, 0.05])
     moved = problem.restructured(effect, problem.path)
-    hypothesis = Hypothesis(moved.rig, same_effects((effect,), instances(moved.situation)))
+    hypothesis = Hypothesis(moved.rig, (effect.on(moved.situation),))
     model = hypothesis.compiled(values, 1e-3)
     readings = []
     for part in u:

@@ -24,8 +24,6 @@ from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise, fit_noise, fit_pr
 from slapshot.diagnosis.problem import Examination, Problem, examine, first_look
 from slapshot.diagnosis.pulses import pushes
 from slapshot.diagnosis.shooting import shoot, simulate
-from slapshot.diagnosis.structure import same_effects
-from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse
 
@@ -440,10 +438,10 @@ def _tried(before: Step, effect: JointEffect) -> Trial | None:
     problem, examined = before.problem, before.examination
     try:
         moved = problem.restructured(effect, examined.fit.path)
+        present = tuple(e.on(moved.situation) for e in (*before.hypothesis.effects, effect))
     except (ValueError, KeyError):
         return None
-    there = (*before.hypothesis.effects, effect)
-    hypothesis = Hypothesis(moved.rig, same_effects(there, instances(moved.situation)))
+    hypothesis = Hypothesis(moved.rig, present)
     noise = replace(_all_white(examined.noise), torque=moved.torque, initial=moved.first_noise.initial)
     theta = np.concatenate([examined.fit.theta, [p.start for p in effect.parameters]])
     return Trial(effect, moved, _shot(moved, hypothesis, theta, moved.path, noise, _few(problem)), noise)

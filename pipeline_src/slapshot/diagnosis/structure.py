@@ -1,6 +1,5 @@
 """Rigs restructured by effects that have a state of their own, and paths brought over to them."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
@@ -113,9 +112,3 @@ def _load(model: mujoco.MjModel, segments: Segments, path: Array) -> Array:
             mujoco.mj_fullM(model, data, full)
             out[s, t] = full @ rate[s, t] - model.dof_armature * rate[s, t] + data.qfrc_bias
     return out
-
-
-def same_effects(effects: Sequence[JointEffect], instances: Sequence[JointEffect]) -> tuple[JointEffect, ...]:
-    """The instances on another rig of the same effects."""
-    by_key = {effect.key: effect for effect in instances}
-    return tuple(by_key[effect.key] for effect in effects)
