@@ -12,8 +12,6 @@ from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.segments import segment_recording
-from slapshot.diagnosis.structure import same_effects
-from slapshot.effects.joints.catalogue import instances
 
 from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 
@@ -69,7 +67,7 @@ def test_on_which_side_of_its_play_a_gear_is_told_by_the_data_before_a_window(mo
     effect = next(e for e in problem.catalogue if e.key == "backlash@swing (read at the link)")
     values = np.array([0.05, 0.05])
     moved = problem.restructured(effect, problem.trajectory)
-    hypothesis = Hypothesis(moved.rig, same_effects((effect,), instances(moved.rig_motion)))
+    hypothesis = Hypothesis(moved.rig, (effect.on(moved.rig_motion),))
     model = hypothesis.compiled(values, 1e-3)
     readings = []
     for part in u:

@@ -10,7 +10,7 @@ from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.segments import segment_recording
 from slapshot.diagnosis.shooting import shoot, simulate
-from slapshot.diagnosis.structure import restructured, same_effects
+from slapshot.diagnosis.structure import restructured
 from slapshot.effects.joints.actuator_gain import ActuatorGain
 from slapshot.effects.joints.backlash import Backlash
 from slapshot.effects.joints.catalogue import instances
@@ -74,7 +74,7 @@ def test_a_spring_and_play_are_recovered(
     of = flexible(kind, variant, values, 1)
     own = [e for e in instances(of.rig_motion) if isinstance(e, kind)][variant]
     moved = of.restructured(own, of.trajectory)
-    hypothesis = Hypothesis(moved.rig, same_effects((own,), instances(moved.rig_motion)))
+    hypothesis = Hypothesis(moved.rig, (own.on(moved.rig_motion),))
     noise = replace(moved.initial_noise, white=np.array([WHITE]))
     theta = np.array([factor * values[0], hypothesis.start[1]])
     found = shoot(

@@ -12,10 +12,11 @@ from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.rig_motion import rig_motion
 from slapshot.diagnosis.segments import Segments, segment_recording
-from slapshot.diagnosis.structure import reindexed_motion, restructured, same_effects, transferred_trajectory
+from slapshot.diagnosis.structure import reindexed_motion, restructured, transferred_trajectory
 from slapshot.effects.joints.backlash import Backlash
 from slapshot.effects.joints.base_compliance import BaseCompliance
-from slapshot.effects.joints.effect import JointEffect, RigMotion
+from slapshot.effects.joints.effect import JointEffect, RigMotion, State
+from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.joint_elasticity import JointElasticity
 from slapshot.effects.joints.split import base_joint, deflection
 from slapshot.recordings.channels import Channel
@@ -200,6 +201,18 @@ def test_scales_and_effects_are_brought_over():
     swing = of.rig.model.joint("swing")
     assert (after.q, after.v) == (swing.qposadr[0], swing.dofadr[0])
     assert replace(after, q=before.q, v=before.v) == before
-    candidates = [*JointElasticity.instances(moved), *BaseCompliance.instances(of.scales)]
-    (same,) = same_effects((of.effect,), candidates)
-    assert same is candidates[-1]
+    assert of.effect.on(of.scales).key == of.effect.key
+
+
+def test_pushes_act_on_the_same_joint_of_a_restructured_rig():
+    of = RigSimulator(BaseCompliance)
+    (joint,) = of.scales.joints
+    pulse = Pulse(episode=0, order=0.0, begin=0.1, end=0.2)
+    moved = ExternalPulse(joint, [pulse]).on(reindexed_motion(of.scales, of.rig))
+    nv = of.rig.model.nv
+    assert nv > 1
+    still = np.zeros((2, nv))
+    state = State(np.zeros((2, of.rig.model.nq)), still, still, np.array([0.05, 0.15]), np.zeros(2))
+    push = still.copy()
+    push[1, of.rig.model.joint("swing").dofadr[0]] = 3.0
+    np.testing.assert_array_equal(moved.force(state, np.array([3.0])), push)

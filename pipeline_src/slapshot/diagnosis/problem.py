@@ -154,6 +154,8 @@ class Problem:
         for joint in self.rig_motion.joints:
             if joint.v in observed:  # others are not observed
                 speed[joint.v] = joint.speed
+        unobserved = np.array([v not in observed for v in range(nv)])
+        speed[unobserved] = np.minimum(speed, self._terminal_speed)[unobserved]
         dim = self.simulator.tangent.dim
         first = initial_noise(
             self.segments, self.torque, dim, np.full(nv, POSITION_SPREAD), _SPEED_SPREAD * speed
@@ -161,6 +163,18 @@ class Problem:
         clocks = [self.channels[observation.channel].clock for observation in self.rig.observations]
         first = replace(first, clock=np.unique(clocks, return_inverse=True)[1])
         return first.elsewhere(self.rates(self.segments, self.trajectory))
+
+    @property
+    def _terminal_speed(self) -> Array:
+        """(nv,) at which damping holds the force on a joint; infinite where motion outlasts an interval.
+
+        Simulations fix a base by giving it enormous damping: any speed that a first state could have there
+        would be an enormous force.
+        """
+        model, inertia = self.rig.model, self.rig.model.dof_M0
+        damping = np.maximum(model.dof_damping, 1e-300)
+        lasts = inertia / damping > self.segments.interval
+        return np.where(lasts, np.inf, self.torque / damping)
 
     def rates(self, segments: Segments, trajectory: Array) -> Array:
         """(S, L, ny) time derivatives of the observations along a trajectory."""

@@ -29,8 +29,6 @@ from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise, fit_noise, fit_pr
 from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score, initial_fit
 from slapshot.diagnosis.pulses import pushes
 from slapshot.diagnosis.shooting import shoot, simulate
-from slapshot.diagnosis.structure import same_effects
-from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse
 
@@ -475,10 +473,10 @@ def _fit_structure(before: Step, effect: JointEffect) -> StructuralFit | None:
     problem, scored = before.problem, before.scored
     try:
         moved = problem.restructured(effect, scored.fit.trajectory)
+        present = tuple(e.on(moved.rig_motion) for e in (*before.hypothesis.effects, effect))
     except (ValueError, KeyError):
         return None
-    there = (*before.hypothesis.effects, effect)
-    hypothesis = Hypothesis(moved.rig, same_effects(there, instances(moved.rig_motion)))
+    hypothesis = Hypothesis(moved.rig, present)
     noise = replace(_white_equivalent(scored.noise), torque=moved.torque, initial=moved.initial_noise.initial)
     theta = np.concatenate([scored.fit.theta, [p.start for p in effect.parameters]])
     return StructuralFit(

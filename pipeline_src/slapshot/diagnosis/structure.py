@@ -1,6 +1,5 @@
 """Rigs restructured by effects with hidden states, and transfer of trajectories to them."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
@@ -116,9 +115,3 @@ def _inverse_dynamics(model: mujoco.MjModel, segments: Segments, trajectory: Arr
             mujoco.mj_fullM(model, data, full)
             out[s, t] = full @ rate[s, t] - model.dof_armature * rate[s, t] + data.qfrc_bias
     return out
-
-
-def same_effects(effects: Sequence[JointEffect], instances: Sequence[JointEffect]) -> tuple[JointEffect, ...]:
-    """The same effects as instances on another rig."""
-    by_key = {effect.key: effect for effect in instances}
-    return tuple(by_key[effect.key] for effect in effects)

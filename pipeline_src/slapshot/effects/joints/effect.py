@@ -190,6 +190,14 @@ class JointEffect:
         """One instance for every possible part and variant."""
         raise NotImplementedError
 
+    def on(self, rig: RigMotion) -> "JointEffect":
+        """The same effect on another rig that has the same part, such as one with a joint more.
+
+        Raises:
+            KeyError: it has no place there.
+        """
+        return {effect.key: effect for effect in type(self).instances(rig)}[self.key]
+
     @property
     def key(self) -> str:
         """`name@part`, and the variant."""

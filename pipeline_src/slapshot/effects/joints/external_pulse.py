@@ -47,6 +47,10 @@ class ExternalPulse(JointEffect):
         )
         self._joint, self.pulses = joint, tuple(pulses)
 
+    def on(self, rig: RigMotion) -> "ExternalPulse":
+        """The same pushes at the joint of that name."""
+        return ExternalPulse({joint.name: joint for joint in rig.joints}[self.part], self.pulses)
+
     @staticmethod
     def _when(pulses: Sequence[Pulse]) -> str:
         texts = [f"{p.begin:.2f} to {p.end:.2f} s of episode {p.episode}" for p in pulses[:6]]
