@@ -10,7 +10,7 @@ from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings
 
 # Hits simulated together: enough to keep threads busy, small enough that memory stays flat.
-BATCH = 512
+BATCH = 1024
 
 
 class Collector:

@@ -74,15 +74,14 @@ class ContactSimulator:
         count = len(hits.swings)
         begin = self._place(hits)
         info = self._scene.info
-        ticks = self._swings.targets.shape[1]
-        ids = np.arange(count)
-        targets = self._swings.targets[hits.swings]
+        targets, ids = self._swings.targets, np.arange(count)
         leans = self._swings.normal[hits.swings, begin, 2] < DOWN
         substeps = np.where(leans, FINER, 1) * self._substeps
         track = [self._pose(ids)[:, :3]]
         tick = begin.copy()
         while len(ids):
-            self._ctrl[ids, : targets.shape[2]] = targets[ids, np.minimum(tick[ids], ticks - 1)]
+            now = np.minimum(tick[ids], targets.shape[1] - 1)
+            self._ctrl[ids, : targets.shape[2]] = targets[hits.swings[ids], now]
             if len(track) > BLOW:
                 substeps[ids] = self._pushed_substeps
             self._timestep[ids] = info.control_period / substeps[ids]
