@@ -52,7 +52,7 @@ def test_an_object_that_is_faster_has_parted_and_one_that_will_be_caught_has_not
         states = np.array([[0.01 + HALF + RADIUS, 0.0, 0.0, speed, 0.0, 0.0]])
         return has_parted(
             np.zeros(1, int), np.zeros(1, int), period, striker, normal, states, np.array([falling]),
-            np.array([mu]), HALF + RADIUS, margin,
+            np.array([mu]), HALF + RADIUS, margin, 5,
         )[0]  # fmt: skip
 
     # Slowed all the way to rest at v^2 / (2 mu g), which must be beyond the striker's end at 1 m.
@@ -70,7 +70,7 @@ def test_an_object_that_goes_the_other_way_is_caught():
     states = np.array([[0.3, 0.0, 0.0, -4.0, 0.0, 0.0]])
     found = has_parted(
         np.zeros(1, int), np.zeros(1, int), 1e-3, striker, normal, states, np.zeros(1), np.full(1, 0.3),
-        HALF + RADIUS, 0.001,
+        HALF + RADIUS, 0.001, 5,
     )  # fmt: skip
     assert not found[0]
 

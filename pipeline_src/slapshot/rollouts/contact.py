@@ -22,6 +22,7 @@ from slapshot.trajectories.swings import Swings
 LEAD = 1  # ticks before the striker is within reach of the object
 REACH = 0.001  # m
 SETTLING = 0.1  # s, twenty times what contact with the plane takes
+LOOK_AHEAD_EVERY = 5  # ticks between the moments of the future that are looked at
 MISS_DISTANCE = 0.001  # m by which the striker must miss the object for good
 # A striker that leans over an object presses it on the plane, and its rest hangs on each instant of that: at
 # the scene's step rests are off by 23 mm in the median, at half of it by 7 mm. So faces whose normal has a z
@@ -160,7 +161,7 @@ class ContactSimulator:
             hits.swings[ids], tick, info.control_period, swings.striker, swings.normal, states,
             -self._qvel[ids, self._scene.layout.object_v[2]],
             np.maximum(hits.conditions["friction_x"][ids], hits.conditions["friction_y"][ids]),
-            info.striker_half_thickness + info.object_radius, MISS_DISTANCE,
+            info.striker_half_thickness + info.object_radius, MISS_DISTANCE, LOOK_AHEAD_EVERY,
         )  # fmt: skip
         finished = tick >= swings.targets.shape[1] + round(0.2 / info.control_period)
         return parted | finished

@@ -10,8 +10,6 @@ from numba import njit
 
 from slapshot.arrays import GRAVITY
 
-LOOK_AHEAD_EVERY = 5  # ticks between the moments of the future that are looked at
-
 
 @njit(cache=True)
 def first_within(swings, first, window, striker, normal, middles, half_thickness, radius, height, reach):  # type: ignore[no-untyped-def]
@@ -48,7 +46,7 @@ def first_within(swings, first, window, striker, normal, middles, half_thickness
 
 
 @njit(cache=True)
-def has_parted(swings, ticks, period, striker, normal, states, falling, friction, distance, margin):  # type: ignore[no-untyped-def]
+def has_parted(swings, ticks, period, striker, normal, states, falling, friction, distance, margin, every):  # type: ignore[no-untyped-def]
     """(n,) whether the striker stays farther than `margin` from an object, for the rest of its swing.
 
     The object is slowed as hard as friction can: for good, and at once by what its fall presses on the plane.
@@ -65,6 +63,7 @@ def has_parted(swings, ticks, period, striker, normal, states, falling, friction
         friction: (n,) the largest along any direction.
         distance: m, from the middle of the striker to that of an object in contact.
         margin: m.
+        every: ticks between the moments of the future that are looked at.
     """
     parted = np.ones(len(swings), np.bool_)
     end = striker.shape[1] - 1
@@ -87,7 +86,5 @@ def has_parted(swings, ticks, period, striker, normal, states, falling, friction
             parted[i] = ahead / math.hypot(nx, ny) - distance > margin
             if tick > end:
                 break
-            tick = tick + LOOK_AHEAD_EVERY if tick < end else end + 1
-            if end - LOOK_AHEAD_EVERY < tick < end:
-                tick = end
+            tick = min(tick + every, end) if tick < end else end + 1
     return parted
