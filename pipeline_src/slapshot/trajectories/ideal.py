@@ -10,7 +10,7 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.execution import SETTLE, windowed
-from slapshot.trajectories.kinematics import Kinematics, matrix
+from slapshot.trajectories.kinematics import site_poses
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
@@ -33,15 +33,10 @@ def ideal_swings(scene: Scene, model: TrajectoryVae, latents: Array) -> Swings:
 def _striker(scene: Scene, positions: Array) -> tuple[Array, Array]:
     """(n, t, 3) position and normal of the striker, of joints (n, t, j) in rad."""
     count, ticks, joints = positions.shape
-    model, site = scene.compile(), scene.layout.striker_site
-    body = int(model.site_bodyid[site])
-    kinematics = Kinematics(model, [body], list(scene.info.joints))
     knots = np.unique([*range(0, ticks, _EVERY), ticks - 1])
-    places, turns = kinematics.poses(positions[:, knots].reshape(-1, joints))
-    place, turn = places[:, kinematics.row(body)], turns[:, kinematics.row(body)]
-    place = place + turn @ model.site_pos[site]
-    normal = turn @ matrix(model.site_quat[site])[:, 0]
-    found = np.concatenate([place, normal], axis=1).reshape(count, len(knots), 6)
+    model, names = scene.compile(), list(scene.info.joints)
+    poses = site_poses(model, scene.layout.striker_site, names, positions[:, knots].reshape(-1, joints))
+    found = poses.reshape(count, len(knots), 6)
     before = np.minimum(np.arange(ticks) // _EVERY, len(knots) - 2)
     share = ((np.arange(ticks) - knots[before]) / np.diff(knots)[before])[:, None]
     between = found[:, before]

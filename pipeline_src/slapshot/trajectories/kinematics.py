@@ -69,6 +69,16 @@ class Kinematics:
         return places, turns
 
 
+def site_poses(model: mujoco.MjModel, site: int, joints: list[str], positions: Array) -> Array:
+    """(n, 6) place in m and x axis of a site, of joints (n, j) in rad or m; see Kinematics."""
+    body = int(model.site_bodyid[site])
+    kinematics = Kinematics(model, [body], joints)
+    places, turns = kinematics.poses(positions)
+    place, turn = places[:, kinematics.row(body)], turns[:, kinematics.row(body)]
+    axis = turn @ matrix(model.site_quat[site])[:, 0]
+    return np.concatenate([place + turn @ model.site_pos[site], axis], axis=1)
+
+
 def matrix(quaternion: Array) -> Array:
     """(3, 3) rotation matrix of a quaternion w, x, y, z."""
     found = np.empty(9)
