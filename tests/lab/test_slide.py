@@ -3,7 +3,7 @@ import pytest
 from slapshot.arrays import GRAVITY
 from slapshot.errors import InputError
 from slapshot.lab.board import draw_height, draw_log_friction, gradient, value
-from slapshot.lab.slide import _run, slide
+from slapshot.lab.slide import STEP, _run, slide
 from slapshot.lab.surface import Ground
 from slapshot.rollouts.slide import slide as nominal_slide
 
@@ -52,6 +52,36 @@ def test_order_of_convergence():
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert 1.5 < order < 2.7
     assert np.linalg.norm(rest(2e-4) - exact) < 1e-6
+
+
+@pytest.mark.parametrize(
+    "concealed",
+    [
+        {},
+        {"fades": [[3.0, 0.15, 1.4]]},
+        {"drags": [[3.0, 2.2]]},
+        {"grooves": [[0.5, 0.7]]},
+        {"curls": [[1.0, 1.0]]},
+        {"centres": [[0.008, 0.009, 1.3]]},
+        {"slopes": [[0.07, -0.07, 0.03, 1.0, 0.0, 0.8]]},
+        {"lanes": [[0.8, 0.2, 1.0, 0.0, 0.15, 0.15, 0.03, 1.0]]},
+        {"magnets": [[0.8, 0.25, 0.12, 1.8, 1.5]]},
+        {"tethers": [[0.1, 0.2, 0.4, 60.0, 0.5]]},
+        {"fans": [[0.0, 1.0, -0.8, 0.12, 0.9, 1.0, 2.0, 0.3]]},
+    ],
+    ids=lambda concealed: next(iter(concealed), "waves"),
+)
+def test_the_step_is_finer_than_the_camera_sees(concealed):
+    # At rest a camera of 30 Hz with 3 mm of noise sees an object for half a second: 3 mm / sqrt(15) = 0.8 mm.
+    # A tenth of that, on top of it, is half a percent. On its way an object is seen once, to 3 mm.
+    ground = Ground(UNEVEN, PATCHY).plus(**{name: np.array(rows) for name, rows in concealed.items()})
+    rng = np.random.default_rng(3)
+    for _ in range(4):
+        state = rng.uniform([0, 0, -3, 0.7, -0.5, -8], [0.2, 0.3, 3, 2.2, 0.5, 8])
+        fine, found = (slide(state, FRICTION, RADIUS, 1e-3, ground, step=s) for s in (2e-4, STEP))
+        assert np.linalg.norm(found.rest[:2] - fine.rest[:2]) < 0.8e-3 / 10
+        rows = min(len(found.track), len(fine.track))
+        assert np.abs(found.track[:rows, :2] - fine.track[:rows, :2]).max() < 3e-3 / 10
 
 
 def test_energy_is_conserved_without_friction():

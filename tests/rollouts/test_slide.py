@@ -47,8 +47,8 @@ def test_order_of_convergence(monkeypatch):
     # Heun's method: halving the step quarters the error (of a slide with spin and anisotropy).
     state = np.array([[0, 0, 0.2, 1.5, 0.4, 12.0]])
     friction = np.array([[0.3, 0.4, 0.01]])
-    one_step, acceleration = slide_module._slide_one.py_func, slide_module._acceleration.py_func
-    monkeypatch.setitem(one_step.__globals__, "_acceleration", acceleration)
+    one_step, acceleration = slide_module._slide_one.py_func, slide_module.friction_acceleration.py_func
+    monkeypatch.setitem(one_step.__globals__, "friction_acceleration", acceleration)
 
     def rest(step):
         monkeypatch.setitem(one_step.__globals__, "MAX_STEP", step)
@@ -108,8 +108,8 @@ def test_a_spin_that_friction_could_turn_round_in_a_step_dies(radius, monkeypatc
     friction = np.tile([0.15, 0.11, 0.05], (20, 1))
     found, _ = slide(states, friction, radius)
 
-    one_step, acceleration = slide_module._slide_one.py_func, slide_module._acceleration
-    monkeypatch.setitem(one_step.__globals__, "_acceleration", acceleration)
+    one_step, acceleration = slide_module._slide_one.py_func, slide_module.friction_acceleration
+    monkeypatch.setitem(one_step.__globals__, "friction_acceleration", acceleration)
     for name, share in (("MAX_STEP", 1e-4), ("SPEED_CHANGE", 0.005), ("SPIN_CHANGE", 0.05)):
         monkeypatch.setitem(one_step.__globals__, name, share)
     for state, law, rest in zip(states[:3], friction, found, strict=False):

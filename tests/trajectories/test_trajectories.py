@@ -1,3 +1,4 @@
+import mujoco
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
@@ -138,6 +139,28 @@ def test_executed_swings_stay_within_speed_and_torque(rig):
     assert TORQUE_SHARE < 1
     _, usable = execute(replace(rig.scene, info=weak), rig.model, rig.swings.latents[:6], np.zeros(6, int), 1)
     assert not usable.any()
+
+
+def test_executed_swings_are_those_of_the_whole_scene(rig):
+    # With contacts looked for and the object where it waits; the blade's pose by MuJoCo.
+    swings, _ = execute(rig.scene, rig.model, rig.swings.latents[:2], np.zeros(2, int), 1)
+    model, layout = rig.scene.compile(), rig.scene.layout
+    data = mujoco.MjData(model)
+    for i in range(2):
+        mujoco.mj_resetData(model, data)
+        data.qpos[layout.arm_q] = swings.targets[i, 0]
+        data.qpos[layout.object_q[0]] = 100.0
+        for tick, target in enumerate(swings.targets[i]):
+            mujoco.mj_kinematics(model, data)
+            assert swings.striker[i, tick] == pytest.approx(data.site_xpos[layout.striker_site], abs=1e-12)
+            axis = data.site_xmat[layout.striker_site].reshape(3, 3)[:, 0]
+            assert swings.normal[i, tick] == pytest.approx(axis, abs=1e-12)
+            row = tick - swings.first[i]
+            if 0 <= row < swings.positions.shape[1]:
+                assert swings.positions[i, row] == pytest.approx(data.qpos[layout.arm_q], abs=1e-12)
+                assert swings.velocities[i, row] == pytest.approx(data.qvel[layout.arm_v], abs=1e-11)
+            data.ctrl[: len(target)] = target
+            mujoco.mj_step(model, data, round(rig.scene.info.control_period / model.opt.timestep))
 
 
 def test_arm_tracks_its_commands(rig):

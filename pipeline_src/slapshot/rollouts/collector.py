@@ -1,4 +1,4 @@
-"""Fast hits: cached swing, contact phase with the whole arm, planar slide to rest."""
+"""Fast hits: cached swing, contact phase with the whole arm, hop and planar slide to rest."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings
 
 # Hits simulated together: enough to keep threads busy, small enough that memory stays flat.
-BATCH = 512
+BATCH = 1024
 
 
 class Collector:
@@ -52,10 +52,13 @@ class Collector:
         tracks = []
         for i in range(len(rests)):
             contact = launches.tracks[i][~np.isnan(launches.tracks[i][:, 0])]
-            waiting = np.repeat(contact[:1], launches.begin[i], axis=0)
+            struck = control * (launches.begin[i] + np.arange(len(contact)))
+            before = struck < launches.times[i]
             sliding = fine[i][: int(np.ceil(rests[i, 3] / control)) + 1]
-            poses = np.concatenate([waiting, contact, sliding])
-            times = np.arange(0, len(poses) * control, period)
-            rows = np.minimum(np.round(times / control).astype(int), len(poses) - 1)
-            tracks.append(np.column_stack([times, poses[rows]]))
+            slid = launches.times[i] + control * np.arange(len(sliding))
+            poses = np.concatenate([contact[before], sliding])
+            known = np.concatenate([struck[before], slid])
+            times = np.arange(0, slid[-1] + control, period)
+            columns = [np.interp(times, known, poses[:, k]) for k in range(3)]
+            tracks.append(np.column_stack([times, *columns]))
         return tracks

@@ -5,38 +5,45 @@ comes from the swing, which was simulated once without the object.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from slapshot.arrays import GRAVITY, Array
+from slapshot.arrays import Array
 from slapshot.rollouts.hits import Hits
+from slapshot.rollouts.hop import hop
+from slapshot.rollouts.reach import first_within, has_parted
 from slapshot.scenes.scene import Scene, pair_friction
-from slapshot.trajectories.execution import striker_gap
 from slapshot.trajectories.swings import Swings
 
 LEAD = 1  # ticks before the striker is within reach of the object
-REACH = 0.003  # m
-CHECK_EVERY = 3  # ticks between looks at which hits are over
-LOOK_AHEAD_EVERY = 5  # ticks between the moments of the future that a look considers
-MISS_DISTANCE = 0.003  # m by which the striker must miss the object for good
-# A hop is over when the object is this near the plane (m) and this slow (m/s) across it. Looser hands over
-# objects that still rise, whose next landing takes speed; at 0.01 errors halve and hits take a tenth longer.
-FLAT, SETTLED = 1e-3, 0.02
+REACH = 0.001  # m
+SETTLING = 0.1  # s, twenty times what contact with the plane takes
+LOOK_AHEAD_EVERY = 5  # ticks between the moments of the future that are looked at
+MISS_DISTANCE = 0.001  # m by which the striker must miss the object for good
+# A striker that leans over an object presses it on the plane, and its rest hangs on each instant of that: at
+# the scene's step rests are off by 23 mm in the median, at half of it by 7 mm. So faces whose normal has a z
+# below DOWN take steps shorter by FINER.
+DOWN = -0.025
+FINER = 2
+# Ticks. A blow is over by then. One object in eleven is still pushed along, for which a step a control period
+# does as well: the median and the 90 % quantile of errors stay the same to 0.1 and 0.2 mm.
+BLOW = 24
 
 
 @dataclass(frozen=True)
 class Launches:
-    """How the object leaves the striker.
+    """How the object slides away from the striker, or from where it came down if the striker lifted it.
 
     Attributes:
         times: (n,) s since the swing's start.
         states: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s), x and y in the world.
         begin: (n,) tick at which the contact phase began.
-        tracks: (n, ticks, 3) x, y, yaw one a control period since `begin`; a hit's rows past its
-            launch are NaN.
+        tracks: (n, ticks, 3) x, y, yaw one a control period since `begin`, up to the end of the contact
+            phase; a hit's further rows are NaN. From there the object flies straight to its launch.
     """
 
     times: Array
@@ -49,43 +56,61 @@ class ContactSimulator:
     """Simulates contact phases of up to `size` hits at a time, on all threads."""
 
     def __init__(self, scene: Scene, swings: Swings, size: int, threads: int) -> None:
-        self._scene, self._swings, self._size = scene, swings, size
+        self._scene, self._swings = scene, swings
         self._model = scene.compile()
         self._substeps = round(scene.info.control_period / self._model.opt.timestep)
+        # Joints beside the robot's and the object's are springs or play, which need the scene's step.
+        joints = len(scene.info.joints) + len(scene.info.object_joints)
+        self._pushed_substeps = 1 if self._model.njnt == joints else self._substeps
         self._batch = Batch(self._model, nsim=size, nthread=threads)
         self._mass = self._batch.expand("body_mass")
         self._inertia = self._batch.expand("body_inertia")
         self._friction = self._batch.expand("pair_friction")
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
+        self._timestep = self._batch.expand("opt.timestep")
 
     def launches(self, hits: Hits) -> Launches:
         """Simulate at most `size` hits."""
         count = len(hits.swings)
         begin = self._place(hits)
         info = self._scene.info
-        ticks = self._swings.targets.shape[1]
-        ids = np.arange(count)
-        targets = self._swings.targets[hits.swings]
-        states, times = np.empty((count, 6)), np.empty(count)
-        track: list[Array] = []
+        targets, ids = self._swings.targets, np.arange(count)
+        leans = self._swings.normal[hits.swings, begin, 2] < DOWN
+        substeps = np.where(leans, FINER, 1) * self._substeps
+        track = [self._pose(ids)[:, :3]]
         tick = begin.copy()
         while len(ids):
+            now = np.minimum(tick[ids], targets.shape[1] - 1)
+            self._ctrl[ids, : targets.shape[2]] = targets[hits.swings[ids], now]
+            if len(track) > BLOW:
+                substeps[ids] = self._pushed_substeps
+            self._timestep[ids] = info.control_period / substeps[ids]
+            for number in np.unique(substeps[ids]).tolist():
+                self._batch.step(ids=ids[substeps[ids] == number], nstep=number)
+            tick[ids] += 1
             track.append(np.full((count, 3), np.nan))
             track[-1][ids] = self._pose(ids)[:, :3]
-            self._ctrl[ids, : targets.shape[2]] = targets[ids, np.minimum(tick[ids], ticks - 1)]
-            self._batch.step(ids=ids, nstep=self._substeps)
-            tick[ids] += 1
-            if len(track) % CHECK_EVERY == 0:
-                over = self._is_over(ids, tick[ids], hits)
-                done = ids[over]
-                states[done], times[done] = self._pose(done), tick[done] * info.control_period
-                ids = ids[~over]
-        start = np.array(info.start)
-        states[:, :2] += start
+            ids = ids[~self._is_over(ids, tick[ids], hits)]
+        states, flights = self._landed(hits)
         tracks = np.stack(track, axis=1)
-        tracks[:, :, :2] += start
-        return Launches(times, states, begin, tracks)
+        for places in (states, tracks):
+            places[..., :2] += np.array(info.start)
+        return Launches(tick * info.control_period + flights, states, begin, tracks)
+
+    @cached_property
+    def _settled(self) -> float:
+        """How high an object lies on the plane that it presses on, m."""
+        data = mujoco.MjData(self._model)
+        mujoco.mj_step(self._model, data, round(SETTLING / self._model.opt.timestep))
+        return float(data.qpos[self._scene.layout.object_q[2]])
+
+    def _landed(self, hits: Hits) -> tuple[Array, Array]:
+        """(n, 6) states, relative to the start, once objects are down, and (n,) s until then."""
+        ids, layout = np.arange(len(hits.swings)), self._scene.layout
+        heights, rising = self._qpos[ids, layout.object_q[2]], self._qvel[ids, layout.object_v[2]]
+        frictions = np.stack([hits.conditions[f"friction_{k}"] for k in ("x", "y", "torsional")], axis=1)
+        return hop(self._pose(ids), heights, rising, frictions, self._scene.info.object_radius)
 
     def _place(self, hits: Hits) -> NDArray[np.int64]:
         """Set masses, friction and state; return the tick at which each hit begins."""
@@ -101,21 +126,24 @@ class ContactSimulator:
         self._batch.set_const(ids=ids)
         self._batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
 
-        window = swings.positions.shape[1]
-        rows = swings.first[hits.swings][:, None] + np.arange(window)
-        gap = striker_gap(
-            self._scene,
-            np.take_along_axis(swings.striker[hits.swings], rows[:, :, None], 1),
-            np.take_along_axis(swings.normal[hits.swings], rows[:, :, None], 1),
-            hits.start_errors + np.array(self._scene.info.start),
+        info, window = self._scene.info, swings.positions.shape[1]
+        middles = np.column_stack(
+            [
+                hits.start_errors + np.array(info.start),
+                np.full(count, info.plane_height + info.object_height / 2),
+            ]
         )
-        within = gap < REACH
-        at = np.where(within.any(1), within.argmax(1), window - 1) - LEAD
-        at = np.clip(at, 0, None)
+        within = first_within(
+            hits.swings, swings.first, window, swings.striker, swings.normal, middles,
+            info.striker_half_thickness, info.object_radius, info.object_height, REACH,
+        )  # fmt: skip
+        first = swings.first[hits.swings]
+        at = np.clip(within - first - LEAD, 0, None)
         self._qpos[np.ix_(ids, layout.arm_q)] = swings.positions[hits.swings, at]
         self._qvel[np.ix_(ids, layout.arm_v)] = swings.velocities[hits.swings, at]
         self._qpos[np.ix_(ids, layout.object_q[:2])] = hits.start_errors
-        return swings.first[hits.swings] + at
+        self._qpos[ids, layout.object_q[2]] = self._settled
+        return first + at
 
     def _pose(self, ids: NDArray[np.int64]) -> Array:
         """(ids, 6): x, y relative to the start, yaw, vx, vy, spin."""
@@ -125,37 +153,15 @@ class ContactSimulator:
         return np.concatenate([position, self._qvel[np.ix_(ids, layout.object_v[planar])]], axis=1)
 
     def _is_over(self, ids: NDArray[np.int64], tick: NDArray[np.int64], hits: Hits) -> NDArray[np.bool_]:
-        """Which hits are flat on the plane and out of the striker's reach for the rest of its swing."""
-        layout, info = self._scene.layout, self._scene.info
-        height = self._qpos[ids, layout.object_q[2]]
-        rising = self._qvel[ids, layout.object_v[2]]
-        over = (np.abs(height) < FLAT) & (np.abs(rising) < SETTLED)
-        # Two looks, because the future is costly: who is out of reach now, and of those, who stays so.
-        for ahead in (np.zeros(1, int), np.arange(0, self._swings.targets.shape[1], LOOK_AHEAD_EVERY)):
-            rows = np.flatnonzero(over)
-            over[rows] = self._least_gap(ids[rows], tick[rows], hits, ahead) > MISS_DISTANCE
-        finished = tick >= self._swings.targets.shape[1] + round(0.2 / info.control_period)
-        return over | finished
-
-    def _least_gap(
-        self, ids: NDArray[np.int64], tick: NDArray[np.int64], hits: Hits, ahead: NDArray[np.int64]
-    ) -> Array:
-        """(ids,) smallest distance in m between striker and object at the ticks `ahead`.
-
-        The object is slowed as hard as friction can; the striker goes on as it did without object.
-        """
+        """Which objects are out of the striker's reach for the rest of its swing."""
         swings, info = self._swings, self._scene.info
-        future = np.minimum(tick[:, None] + ahead, swings.targets.shape[1] - 1)
-        which = hits.swings[ids][:, None]
-        striker = swings.striker[which, future][:, :, :2]
-        normal = swings.normal[which, future][:, :, :2]
-        normal = normal / np.linalg.norm(normal, axis=2, keepdims=True)
-        pose = self._pose(ids)
-        place = pose[:, :2] + np.array(info.start)
-        speed = np.linalg.norm(pose[:, 3:5], axis=1)
-        hardest = GRAVITY * np.maximum(hits.conditions["friction_x"][ids], hits.conditions["friction_y"][ids])
-        time = np.minimum(ahead * info.control_period, (speed / hardest)[:, None])
-        share = time - hardest[:, None] * time**2 / (2 * np.maximum(speed, 1e-9))[:, None]
-        object_ahead = place[:, None] + pose[:, None, 3:5] * share[:, :, None]
-        gap = ((object_ahead - striker) * normal).sum(2)
-        return gap.min(1) - info.striker_half_thickness - info.object_radius
+        states = self._pose(ids)
+        states[:, :2] += np.array(info.start)
+        parted = has_parted(
+            hits.swings[ids], tick, info.control_period, swings.striker, swings.normal, states,
+            -self._qvel[ids, self._scene.layout.object_v[2]],
+            np.maximum(hits.conditions["friction_x"][ids], hits.conditions["friction_y"][ids]),
+            info.striker_half_thickness + info.object_radius, MISS_DISTANCE, LOOK_AHEAD_EVERY,
+        )  # fmt: skip
+        finished = tick >= swings.targets.shape[1] + round(0.2 / info.control_period)
+        return parted | finished

@@ -5,12 +5,12 @@ An arm with servos is off its commands by 1.5 mrad and 0.03 rad/s (rms), which m
 simulated ones: they are for methods that need new commands by the hundred thousand.
 """
 
-import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.execution import SETTLE, windowed
+from slapshot.trajectories.kinematics import site_poses
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
@@ -24,32 +24,21 @@ def ideal_swings(scene: Scene, model: TrajectoryVae, latents: Array) -> Swings:
     ticks = round((model.sizes.duration + SETTLE) / info.control_period)
     times = np.arange(ticks, dtype=np.float64) * info.control_period
     motion = Motion.through(model.waypoints(latents).swapaxes(0, 1), model.sizes.duration)
-    positions, velocities, targets = (
-        x.swapaxes(0, 1)
-        for x in (
-            motion.position(times),
-            motion.velocity(times),
-            motion.servo_targets(times, info.servo_time),
-        )
-    )
+    positions, velocities = (x.swapaxes(0, 1) for x in (motion.position(times), motion.velocity(times)))
+    targets = positions + info.servo_time * velocities  # as Motion.servo_targets has it
     splits = np.zeros(len(latents), np.int64)
     return windowed(scene, latents, splits, targets, positions, velocities, *_striker(scene, positions))[0]
 
 
 def _striker(scene: Scene, positions: Array) -> tuple[Array, Array]:
     """(n, t, 3) position and normal of the striker, of joints (n, t, j) in rad."""
-    count, ticks, _ = positions.shape
-    model, layout = scene.compile(), scene.layout
-    data, site = mujoco.MjData(model), scene.layout.striker_site
+    count, ticks, joints = positions.shape
     knots = np.unique([*range(0, ticks, _EVERY), ticks - 1])
-    found = np.empty((count, len(knots), 6))
-    place, rotation = data.site_xpos[site], data.site_xmat[site]
-    for i in range(count):
-        for k, tick in enumerate(knots):
-            data.qpos[layout.arm_q] = positions[i, tick]
-            mujoco.mj_kinematics(model, data)
-            found[i, k, :3], found[i, k, 3:] = place, rotation[::3]
+    model, names = scene.compile(), list(scene.info.joints)
+    poses = site_poses(model, scene.layout.striker_site, names, positions[:, knots].reshape(-1, joints))
+    found = poses.reshape(count, len(knots), 6)
     before = np.minimum(np.arange(ticks) // _EVERY, len(knots) - 2)
     share = ((np.arange(ticks) - knots[before]) / np.diff(knots)[before])[:, None]
-    between = (1 - share) * found[:, before] + share * found[:, before + 1]
+    between = found[:, before]
+    between += share * (found[:, before + 1] - between)
     return between[..., :3], between[..., 3:]

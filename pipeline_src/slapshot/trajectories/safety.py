@@ -7,6 +7,7 @@ import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.scenes.scene import Scene
+from slapshot.trajectories.kinematics import Kinematics, matrix
 from slapshot.trajectories.motion import Motion
 
 JOINT_MARGIN = np.deg2rad(2.0)  # rad, to a joint's end stop
@@ -44,9 +45,10 @@ class SafetyCheck:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._model = scene.compile()
-        self._data = mujoco.MjData(self._model)
-        self._geoms = [self._model.geom(name).id for name in scene.info.clearance_geoms]
+        self._model = model = scene.compile()
+        self._geoms = [model.geom(name).id for name in scene.info.clearance_geoms]
+        bodies = [int(model.geom_bodyid[geom]) for geom in self._geoms]
+        self._kinematics = Kinematics(model, bodies, list(scene.info.joints))
 
     def report(self, motion: Motion) -> SafetyReport:
         """Joint ranges, speeds, smoothness and clearance over the whole motion."""
@@ -74,25 +76,23 @@ class SafetyCheck:
 
     def _clearance(self, positions: Array) -> float:
         """Least height over z = 0 of the scene's clearance geoms."""
-        lowest = np.inf
-        for q in positions:
-            self._data.qpos[self._scene.layout.arm_q] = q
-            mujoco.mj_kinematics(self._model, self._data)
-            for geom in self._geoms:
-                rotation = self._data.geom_xmat[geom].reshape(3, 3)
-                drop = _extent_down(
-                    int(self._model.geom_type[geom]), self._model.geom_size[geom], rotation[2]
-                )
-                lowest = min(lowest, float(self._data.geom_xpos[geom][2]) - drop)
+        model, lowest = self._model, np.inf
+        places, turns = self._kinematics.poses(positions)
+        for geom in self._geoms:
+            body = self._kinematics.row(int(model.geom_bodyid[geom]))
+            z_rows = turns[:, body, 2] @ matrix(model.geom_quat[geom])
+            heights = places[:, body, 2] + turns[:, body, 2] @ model.geom_pos[geom]
+            drops = _extent_down(int(model.geom_type[geom]), model.geom_size[geom], z_rows)
+            lowest = min(lowest, float((heights - drops).min()))
         return lowest
 
 
-def _extent_down(kind: int, size: Array, z_row: Array) -> float:
-    """How far a geom reaches below its centre, m; `z_row` is the third row of its rotation."""
+def _extent_down(kind: int, size: Array, z_rows: Array) -> Array:
+    """(n,) m, how far a geom reaches below its centre; `z_rows` (n, 3): third rows of its rotations."""
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        return float(size[0])
+        return np.full(len(z_rows), size[0])
     if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        return float(size[0] + size[1] * abs(z_row[2]))
+        return size[0] + size[1] * np.abs(z_rows[:, 2])
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        return float(size[0] * np.hypot(z_row[0], z_row[1]) + size[1] * abs(z_row[2]))
-    return float(np.abs(z_row) @ size)
+        return size[0] * np.hypot(z_rows[:, 0], z_rows[:, 1]) + size[1] * np.abs(z_rows[:, 2])
+    return np.abs(z_rows) @ size

@@ -14,9 +14,11 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
+from slapshot.domains.fetchslide.execution import REACH
 from slapshot.domains.fetchslide.gripper import Grippers
 from slapshot.domains.fetchslide.model import CONTROL_PERIOD, OBJECT, OBJECT_JOINT, SUBSTEPS, TABLE
 from slapshot.rollouts.hits import Hits, Outcomes
+from slapshot.rollouts.reach import has_parted
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings
 
@@ -24,6 +26,8 @@ Rows = NDArray[np.int64]
 
 BATCH = 256  # hits simulated together
 AT_REST = 2e-3  # m/s and rad/s
+PYRAMID = 2**0.5  # a pyramidal cone's friction along its edges, over that along its axes
+MARGIN = 0.005  # m by which the gripper must miss a puck for good; heavy pucks put it off its way by less
 LONGEST = 250  # control periods of a slide
 # m that a puck may sink before it counts as having left the table; its rest is where it did.
 FALLEN = 0.005
@@ -63,21 +67,40 @@ class Collector:
         self._robots.restore(ids, swings.positions[rows, 0], swings.velocities[rows, 0])
         first, ticks = int(swings.first[rows].min()), swings.targets.shape[1]
         before = np.repeat(_planar(self._robots.pucks(ids)[0])[:, None], first, axis=1)
-        pushed = []
-        for tick in range(first, ticks):
-            pushed.append(_planar(self._robots.pucks(ids)[0]))
-            self._robots.command(ids, swings.targets[rows, tick])
-        poses, velocities = self._robots.pucks(ids)
+        pushed = np.empty((count, ticks - first, 3))
+        poses, velocities, parted_at = np.empty((count, 7)), np.empty((count, 6)), np.full(count, ticks)
+        for tick in range(first, ticks + 1):
+            poses[ids], velocities[ids] = self._robots.pucks(ids)
+            gone = self._has_parted(rows[ids], tick, poses[ids], velocities[ids], friction[ids, 0])
+            parted_at[ids[gone]] = tick
+            ids = ids[~gone]
+            if tick == ticks or not len(ids):
+                break
+            pushed[ids, tick - first] = _planar(poses[ids])
+            self._robots.command(ids, swings.targets[rows[ids], tick])
+        ids = np.arange(count)
         slid, periods = self._table.slide(poses, velocities, friction)
         launches = np.concatenate([_planar(poses), velocities[:, :2], velocities[:, 5:]], axis=1)
-        whole = np.concatenate([before, np.stack(pushed, axis=1), slid], axis=1)
         outcomes = Outcomes(
-            launch_times=np.full(count, ticks * CONTROL_PERIOD),
+            launch_times=parted_at * CONTROL_PERIOD,
             launches=launches,
             rests=slid[ids, periods],
             durations=periods.astype(np.float64) * CONTROL_PERIOD,
         )
-        return outcomes, [whole[i, : ticks + periods[i] + 1] for i in range(count)]
+        return outcomes, [
+            np.concatenate([before[i], pushed[i, : parted_at[i] - first], slid[i, : periods[i] + 1]])
+            for i in range(count)
+        ]
+
+    def _has_parted(
+        self, swings: Rows, tick: int, poses: Array, velocities: Array, friction: Array
+    ) -> NDArray[np.bool_]:
+        """Which pucks the gripper, going where it goes without them, does not come near any more."""
+        states = np.concatenate([_planar(poses), velocities[:, :2], velocities[:, 5:]], axis=1)
+        return has_parted(
+            swings, np.full(len(swings), tick), CONTROL_PERIOD, self._swings.striker, self._swings.normal,
+            states, -velocities[:, 2], PYRAMID * friction, REACH, MARGIN, 1,
+        )  # fmt: skip
 
 
 class PucksAlone:
