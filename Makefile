@@ -12,13 +12,13 @@ figures: setup
 	@slapshot config -- "$(CONFIG)"
 	snakemake figures --configfile "$(CONFIG)"
 
-# A file of tests stays on one core: its fixtures are made once.
+# A file of tests stays on one core: its fixtures are made once. The order is that of tests/conftest.py.
 test: setup lint
-	pytest -n auto --dist loadfile
+	pytest -n auto --dist loadfile --no-loadscope-reorder
 
 # Without those that run Snakemake.
 test-fast: setup
-	pytest -n auto --dist loadfile -m "not slow and not workflow"
+	pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not workflow"
 
 lint: setup
 	ruff check .

@@ -31,11 +31,12 @@ from slapshot.rollouts.hits import Hits
 from slapshot.scenes.domain import build_scene
 from slapshot.scenes.randomisation import draw_conditions, draw_start_errors
 from slapshot.scenes.scene import Scene
+from slapshot.store.lock import held
 from slapshot.trajectories import demonstrations, fit, pool
 from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
 from slapshot.validation import values_of
-from workspace import Workspace, copy_repository
+from workspace import Workspace, copy_repository, read_yaml
 
 ROOT = Path(__file__).parents[1]
 
@@ -53,6 +54,11 @@ class Rig(NamedTuple):
     model: TrajectoryVae
     swings: Swings
     folders: dict[str, Path]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files that take longest come first, so that all cores are busy until the end."""
+    items.sort(key=lambda item: item.get_closest_marker("workflow") is None)
 
 
 @pytest.fixture(autouse=True)
@@ -138,8 +144,8 @@ def new_workspace(tmp_path_factory, can_render) -> Callable[[str], Workspace]:
 
     def make(name: str) -> Workspace:
         workspace = copy_repository(tmp_path_factory.mktemp(name))
-        config = yaml.safe_load((ROOT / "config/tiny.yaml").read_text())
-        default = yaml.safe_load((ROOT / "config/default.yaml").read_text())
+        config = read_yaml(ROOT / "config/tiny.yaml")
+        default = read_yaml(ROOT / "config/default.yaml")
         for key, domain in config["domains"].items():
             figures = domain.get("figures", default["domains"][key]["figures"])
             domain["figures"] = [f for f in figures if can_render or f != "F6"]
@@ -150,8 +156,15 @@ def new_workspace(tmp_path_factory, can_render) -> Callable[[str], Workspace]:
 
 
 @pytest.fixture(scope="session")
-def workspace(new_workspace) -> Workspace:
-    """The copy in which everything has been made once."""
-    workspace = new_workspace("workflow")
-    workspace.snakemake("figures")
-    return workspace
+def workspace(new_workspace, tmp_path_factory) -> Workspace:
+    """A copy in which everything has been made, which all processes of pytest have from one run."""
+    own = tmp_path_factory.getbasetemp()
+    shared = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+    made = shared / "workspace.txt"
+    with held(shared / "workspace.lock", "makes everything once"):
+        if not made.exists():
+            workspace = new_workspace("workflow")
+            workspace.snakemake("figures")
+            made.write_text(str(workspace.root))
+    root = Path(made.read_text())
+    return Workspace(root, root / "test.yaml").clone(own / "workspace")

@@ -1,7 +1,6 @@
 """A copy of the repository in which Snakemake runs the tiny configuration."""
 
 import contextlib
-import copy
 import json
 import os
 import re
@@ -9,12 +8,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
+from slapshot.config import load_config
+from slapshot.dag import make_plan
 from slapshot.store.folder import VERSION_FILE, Store
 from slapshot.store.verify import damaged_files
 from waiting import Command, started
@@ -22,13 +23,22 @@ from waiting import Command, started
 ROOT = Path(__file__).parents[1]
 COPIED = ("Snakefile", "workflow", "profiles", "config", "pipeline_src", "pyproject.toml", "data")
 
-_PLAN = """
+# Prints a plan before anything is edited, and one after each edit: pairs of a file and what it says then.
+_PLANS = """
 import json, sys
 from pathlib import Path
 from slapshot.config.files import load_config
 from slapshot.dag import make_plan
-recipes = make_plan(load_config(Path(sys.argv[1]))).of_figures()
-print(json.dumps({label: [r.stage, r.id, list(r.upstream.values())] for label, r in recipes.items()}))
+def plan():
+    recipes = make_plan(load_config(Path(sys.argv[1]))).of_figures()
+    return {label: [r.stage, r.id, list(r.upstream.values())] for label, r in recipes.items()}
+plans = []
+for file, text in json.loads(sys.argv[2]):
+    before = Path(file).read_text()
+    Path(file).write_text(text)
+    plans.append(plan())
+    Path(file).write_text(before)
+print(json.dumps(plans))
 """
 
 
@@ -79,21 +89,42 @@ class Workspace:
         return jobs
 
     def plan(self, config: Path | None = None) -> dict[str, Version]:
-        """Label -> version of all that `figures` makes, by the copy's own code."""
-        done = self.python("-c", _PLAN, config or self.config)
+        """Label -> version of all that `figures` makes, by the code that the copy was made from."""
+        with contextlib.chdir(self.root):
+            recipes = make_plan(load_config(config or self.config)).of_figures()
+        return {label: _version(r.stage, r.id, r.upstream.values()) for label, r in recipes.items()}
+
+    def plans_after(
+        self, *edits: tuple[str, Callable[[str], str]], config: Path | None = None
+    ) -> list[dict[str, Version]]:
+        """What `plan` would say after each edit alone of a source file, by the copy's own code."""
+        changes = []
+        for file, edit in edits:
+            path = self.source(file)
+            text = edit(path.read_text())
+            assert text != path.read_text()
+            changes.append((str(path), text))
+        done = self.python("-c", _PLANS, config or self.config, json.dumps(changes))
         assert done.returncode == 0, done.stdout
-        return {
-            label: Version(stage, version_id, tuple("/".join(pair) for pair in upstream))
-            for label, (stage, version_id, upstream) in json.loads(done.stdout).items()
-        }
+        return [
+            {label: _version(*version) for label, version in plan.items()} for plan in json.loads(done.stdout)
+        ]
+
+    def missing(self, versions: dict[str, Version]) -> set[str]:
+        """Labels of versions that have not been made."""
+        store = Store(self.root / "data/store")
+        return {label for label, version in versions.items() if not store.is_whole(version.stage, version.id)}
 
     def variant(self, name: str, change: Callable[[dict[str, Any]], None]) -> Path:
         """A configuration that publishes where the first does, with something changed in its domain."""
-        config = copy.deepcopy(yaml.safe_load(self.config.read_text()))
+        config = read_yaml(self.config)
         change(config["domains"]["hockey"])
         path = self.root / f"{name}.yaml"
         path.write_text(yaml.safe_dump(config))
         return path
+
+    def source(self, file: str) -> Path:
+        return self.root / "pipeline_src/slapshot" / file
 
     def folder(self, version: Version) -> Path:
         return self.root / "data/store" / version.stage / version.id
@@ -126,7 +157,7 @@ class Workspace:
 
     @property
     def published(self) -> Path:
-        return self.root / "figures" / yaml.safe_load(self.config.read_text())["name"]
+        return self.root / "figures" / read_yaml(self.config)["name"]
 
     def manifest(self) -> dict[str, str]:
         """Published file -> stage/id; the files that are there must be these."""
@@ -138,7 +169,7 @@ class Workspace:
     @contextlib.contextmanager
     def edited(self, file: str, edit: Callable[[str], str]) -> Iterator[None]:
         """A source file of the copy, changed for a while."""
-        path = self.root / "pipeline_src/slapshot" / file
+        path = self.source(file)
         before = path.read_text()
         after = edit(before)
         assert after != before
@@ -164,6 +195,21 @@ class Workspace:
         return Workspace(folder, folder / self.config.name)
 
 
+def _version(stage: str, version_id: str, upstream: Iterable[Iterable[str]]) -> Version:
+    return Version(stage, version_id, tuple("/".join(pair) for pair in upstream))
+
+
+def upstream(versions: dict[str, Version], labels: Collection[str]) -> dict[str, Version]:
+    """The versions with these labels and all that they are made from."""
+    needed = {f"{versions[label].stage}/{versions[label].id}" for label in labels}
+    found = {}
+    for label, version in reversed(versions.items()):  # upstream comes first
+        if f"{version.stage}/{version.id}" in needed:
+            needed.update(version.upstream)
+            found[label] = version
+    return found
+
+
 def downstream(versions: dict[str, Version], labels: set[str]) -> set[str]:
     """The labels and those of all versions that are made from theirs."""
     found = set(labels)
@@ -179,6 +225,11 @@ def few(versions: dict[str, Version], made: Collection[str]) -> set[str]:
     families = [{n for n in family if f"{versions[n].stage}/{versions[n].id}" in made} for family in families]
     small = [family for family in families if 0 < len(family) <= 5]
     return max(small, key=lambda family: (len({versions[n].stage for n in family}), sorted(family)))
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """A configuration, by the parser in C: the other takes half a second."""
+    return yaml.load(path.read_text(), Loader=yaml.CSafeLoader)
 
 
 def snakemake_command(*targets: str, config: Path) -> tuple[str, ...]:

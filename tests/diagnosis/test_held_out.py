@@ -1,6 +1,7 @@
 """Predictions of held-out windows: from the data before alone, and as good as noise lets them be."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -34,12 +35,19 @@ def taken(seed: int, episodes: int = 6, seconds: float = 2.0) -> SignalRecording
     return recording([t] * episodes, channels)
 
 
+@cache
 def made(seed: int, model: str = PENDULUM) -> tuple[Rig, Problem, Segments, Noise]:
     of = taken(seed)
     rig = bind(MjSpec.from_string(model), of.channels)
     problem = Problem.of(rig, of.channels, segment_recording(of, rig))
     noise = replace(problem.initial_noise, white=np.array([WHITE]), force=1e-6)
     return rig, problem, segment_recording(of, rig, segment_s=1.0), noise
+
+
+@cache
+def predictions_of(seed: int) -> Predictions:
+    """By the true model."""
+    return predicted(made(seed))
 
 
 def predicted(of: tuple[Rig, Problem, Segments, Noise], trajectory: np.ndarray | None = None) -> Predictions:
@@ -65,7 +73,7 @@ def test_what_is_recorded_before_is_used():
     rig, problem, windows, noise = made(1)
     y = windows.y.copy()
     y[:, 40:50] += 0.01
-    before, after = predicted((rig, problem, windows, noise)), None
+    before = predictions_of(1)
     after = predicted((rig, problem, replace(windows, y=y), noise))
     assert np.abs(after.predicted - before.predicted).max() > 1e-3
 
@@ -73,7 +81,7 @@ def test_what_is_recorded_before_is_used():
 def test_predictions_do_not_depend_on_where_first_states_are_looked_for():
     """The trajectory is only where linearising begins: five rounds take it to one and the same place."""
     rig, problem, windows, noise = made(1)
-    before = predicted((rig, problem, windows, noise))
+    before = predictions_of(1)
     y = windows.y.copy()
     y[:, 50:] += 0.3
     trajectory = initial_trajectory(problem, problem, replace(windows, y=y))
@@ -84,7 +92,7 @@ def test_predictions_do_not_depend_on_where_first_states_are_looked_for():
 
 def test_of_the_truth_the_error_is_the_floor():
     """Errors within a window go together: about 12 windows count, each with two unknowns at least."""
-    found = [predicted(made(seed)) for seed in (3, 4, 5)]
+    found = [predictions_of(seed) for seed in (3, 4, 5)]
     ratio = np.sqrt(
         np.mean([f.rms(BOTH) ** 2 for f in found]) / np.mean([f.rms_floor(BOTH) ** 2 for f in found])
     )
@@ -98,7 +106,7 @@ def test_of_the_truth_the_error_is_the_floor():
 
 def test_a_wrong_model_predicts_worse_than_its_floor():
     wrong = PENDULUM.replace('damping="0.05"', 'damping="0.3"')
-    found, true = predicted(made(3, wrong)), predicted(made(3))
+    found, true = predicted(made(3, wrong)), predictions_of(3)
     assert found.rms(BOTH) > 5 * found.rms_floor(BOTH)
     assert found.log_likelihood.sum() < true.log_likelihood.sum() - 10
 

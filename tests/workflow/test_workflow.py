@@ -1,13 +1,12 @@
 """The whole workflow on the tiny configuration: what runs, what runs again, and what is left behind.
 
-One full run is shared by all tests, which put back what they change; tests/faults kills another.
+One full run is shared by all tests, which put back what they change; tests/faults kills others.
 """
 
 import json
 import re
 import shutil
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -241,16 +240,16 @@ def test_what_is_found_goes_back_into_rollouts_and_models(workspace, aside):
             {"evaluate", "calibrate", "beliefs"},
             {"F1", "F7", "F9", "U1", "U2"},
         ),
-        (lambda d: d["training"].update(steps=149), {"train"}, {"M1", "F7", "F8"}),
+        (lambda d: d["training"].update(steps=d["training"]["steps"] - 1), {"train"}, {"M1", "F7", "F8"}),
         (lambda d: d.update(randomisation={"mass": {"label": "Weight"}}), set(), {"T2"}),
     ],
 )
-def test_a_parameter_reruns_what_depends_on_it(workspace, change, stages, figures):
+def test_a_parameter_changes_what_depends_on_it(workspace, change, stages, figures):
     config = workspace.variant("changed", change)
     versions = workspace.plan(config)
     labels = of_hockey(of_stages(versions, *stages) | figure(versions, *figures))
     assert labels
-    assert workspace.to_do(config=config) == jobs_of(versions, downstream(versions, labels))
+    assert workspace.missing(versions) == downstream(versions, labels)
 
 
 def test_a_parameter_of_the_scene_reruns_everything_that_needs_a_scene(workspace):
@@ -292,24 +291,27 @@ def test_swapped_values_rerun_and_flipping_back_reruns_nothing(workspace):
 # --- Code
 
 
-@pytest.mark.parametrize(
-    ("file", "stages", "figures"),
-    [
-        ("adaptation/scoring.py", {"evaluate", "evaluate_recording", "refined_errors"}, set()),
-        ("adaptation/train.py", {"train"}, set()),
-        ("adaptation/intervals.py", {"calibrate", "predictions"}, set()),
-        ("statistics.py", {"claim"}, {"F5", "F9"}),
-        ("error_curves.py", set(), {"A1", "A2", "A4", "A5", "F3", "F4", "F7", "F8"}),
-        ("rollouts/slide.py", {"rollouts", "policy"}, set()),
-    ],
-)
-def test_an_edited_module_reruns_exactly_what_imports_it(workspace, file, stages, figures):
-    with workspace.edited(file, no_operation):
-        versions = workspace.plan()
+def test_an_edited_module_changes_exactly_what_imports_it(workspace):
+    edited: dict[str, tuple[set[str], set[str]]] = {  # stages, figures
+        "adaptation/scoring.py": ({"evaluate", "evaluate_recording", "refined_errors"}, set()),
+        "adaptation/train.py": ({"train"}, set()),
+        "adaptation/intervals.py": ({"calibrate", "predictions"}, set()),
+        "statistics.py": ({"claim"}, {"F5", "F9"}),
+        "error_curves.py": (set(), {"A1", "A2", "A4", "A5", "F3", "F4", "F7", "F8"}),
+        "rollouts/slide.py": ({"rollouts", "policy"}, set()),
+    }
+    plans = workspace.plans_after(*((file, no_operation) for file in edited))
+    for (file, (stages, figures)), versions in zip(edited.items(), plans, strict=True):
         touched = of_stages(versions, *stages) | figure(versions, *figures)
         touched = of_hockey(touched) if file == "rollouts/slide.py" else touched
         assert touched
-        assert workspace.to_do() == jobs_of(versions, downstream(versions, touched))
+        assert workspace.missing(versions) == downstream(versions, touched), file
+
+
+def test_an_edited_module_reruns_what_imports_it(workspace):
+    (versions,) = workspace.plans_after(("adaptation/intervals.py", no_operation))
+    with workspace.edited("adaptation/intervals.py", no_operation):
+        assert workspace.to_do() == jobs_of(versions, workspace.missing(versions))
 
 
 def test_comments_and_modules_that_no_result_depends_on_rerun_nothing(workspace):
@@ -337,37 +339,27 @@ def test_a_module_with_a_syntax_error_is_named_in_one_line(workspace):
 # --- What is lost is made again
 
 
-def made_again(workspace: Workspace, lose: Callable[[Path], None]) -> None:
-    """Lose something of an evaluation: it is made again, equal, and nothing else is."""
+def test_a_lost_payload_and_a_lost_file_of_another_are_made_again_and_published(workspace):
+    """Equal to what was there, and nothing else is made."""
     versions = workspace.plan()
-    label = sorted(of_stages(versions, "evaluate"))[0]
-    folder = workspace.folder(versions[label])
-    content = workspace.content(versions[label])
+    first, second = (versions[label] for label in sorted(of_stages(versions, "evaluate"))[:2])
+    lost = {first, second}
+    content = {version: workspace.content(version) for version in lost}
     manifest = workspace.manifest()
     made_at = {
         name: (workspace.folder(v) / "version.json").stat().st_mtime_ns for name, v in versions.items()
     }
-    lose(folder)
-    # Snakemake also calls the stages next to it; they find their versions whole and leave them alone.
+    shutil.rmtree(workspace.folder(first))
+    next(workspace.folder(second).glob("*.parquet")).unlink()
+    next(workspace.published.glob("F7-*.png")).unlink()
+    # Snakemake also calls the stages next to them; they find their versions whole and leave them alone.
     jobs = job_counts(workspace.snakemake("figures").stdout)
     assert set(jobs) == {"evaluate_version", "figure_version", "claim_version", "figures"}
-    assert workspace.content(versions[label]) == content
+    assert {version: workspace.content(version) for version in lost} == content
     assert workspace.manifest() == manifest
     for name, version in versions.items():
         time = (workspace.folder(version) / "version.json").stat().st_mtime_ns
-        assert (time != made_at[name]) == (version == versions[label])
-
-
-def test_a_deleted_payload_is_rebuilt_and_published(workspace):
-    def lose(folder: Path) -> None:
-        shutil.rmtree(folder)
-        next(workspace.published.glob("F7-*.png")).unlink()
-
-    made_again(workspace, lose)
-
-
-def test_a_deleted_file_of_a_payload_is_rebuilt(workspace):
-    made_again(workspace, lambda folder: next(folder.glob("*.parquet")).unlink())
+        assert (time != made_at[name]) == (version in lost)
 
 
 def test_a_damaged_payload_stops_publishing_and_says_what_to_do(workspace):
@@ -396,8 +388,12 @@ def test_fail_mend_rerun_leaves_nothing_stale(workspace):
         domain["randomisation"] = {"mass": {"label": "Weight of the puck"}}
 
     config = workspace.variant("two figures", change)
-    with workspace.edited("figures/randomisation_table.py", lambda text: text + "\n1 / 0\n"):
-        broken = workspace.plan(config)
+
+    def fail(text: str) -> str:
+        return text + "\n1 / 0\n"
+
+    (broken,) = workspace.plans_after(("figures/randomisation_table.py", fail), config=config)
+    with workspace.edited("figures/randomisation_table.py", fail):
         kept = shown_ids(broken) - {f"figure/{broken[n].id}" for n in figure(broken, "T1", "T2")}
         done = workspace.snakemake("figures", config=config, good=False)
         assert "ZeroDivisionError: division by zero; the traceback is in logs/figure/" in done.stdout
@@ -426,11 +422,11 @@ def test_without_a_gl_library_only_what_renders_fails_and_names_the_package(work
         assert all(name in text for name in hidden)
         return text.replace(hidden[0], '"libnot-here.so"').replace(hidden[1], '"libnor-here.so"')
 
+    (versions,) = workspace.plans_after(("figures/rendering.py", hide))
+    rendered = figure(versions, "F6")
     with workspace.edited("figures/rendering.py", hide):
-        versions = workspace.plan()
-        rendered = figure(versions, "F6")
-        assert workspace.to_do() == jobs_of(versions, rendered)
         done = workspace.snakemake("figures", good=False)
+        assert job_counts(done.stdout) == jobs_of(versions, rendered) | {"figures": 1}
         assert "] no GL library to render with: install libegl1" in done.stdout
         assert manifest_ids(workspace) == shown_ids(versions) - {f"figure/{versions[n].id}" for n in rendered}
     workspace.snakemake("figures")

@@ -91,7 +91,7 @@ def _read_once(module: str, path: Path, _mtime: int) -> Source:
         raise InputError(f"{path}:{line}: not valid Python ({problem}); mend that line") from None
     essence = _Essence(module, path, tree)
     # Unparsed source, because ast.dump differs between Python versions and this mostly does not.
-    text = ast.unparse(ast.fix_missing_locations(essence.visit(tree)))
+    text = ast.unparse(essence.visit(tree))
     return Source(hashlib.sha256(text.encode()).hexdigest(), tuple(essence.imports))
 
 
@@ -194,7 +194,11 @@ def _loggers(node: ast.AST) -> set[str]:
     """Names to which a statement assigns a logger."""
     if not (isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)):
         return set()
-    if ast.unparse(node.value.func) not in {"logging.getLogger", "getLogger"}:
+    called = node.value.func
+    # To unparse every call would take long.
+    if getattr(called, "attr", getattr(called, "id", None)) != "getLogger":
+        return set()
+    if ast.unparse(called) not in {"logging.getLogger", "getLogger"}:
         return set()
     return {target.id for target in node.targets if isinstance(target, ast.Name)}
 

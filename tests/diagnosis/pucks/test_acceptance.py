@@ -35,6 +35,8 @@ CASES = EFFECTS | {
     "tracks_only": [("curl", PLAIN)],
     "rests_only": [("blade_yaw", PLAIN)],
 }
+# Nothing, several, what the catalogue lacks, and less than a whole recording; the rest takes minutes.
+QUICK = {"nothing", "two", "uncatalogued", "tracks_only", "rests_only"}
 
 
 @pytest.fixture(scope="session")
@@ -108,7 +110,9 @@ def check_report(out, code, said):
     return verdict
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
+)
 def test_the_command_reports_on_a_recording(case, make_recording, signatures, slapshot, tmp_path):
     keep = case.replace("rests", "rest points").replace("_", " ")
     seed = 100 + list(CASES).index(case)
