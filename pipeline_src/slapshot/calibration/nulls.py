@@ -11,7 +11,7 @@ from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.search import nominal_step
 from slapshot.diagnosis.segments import cut
 from slapshot.lab.joints.case import make_case
-from slapshot.lab.joints.noise import Colour
+from slapshot.lab.joints.order import Colour
 from slapshot.lab.joints.rigs import nominal_model
 
 

@@ -26,7 +26,7 @@ from slapshot.diagnosis.structure import moved_path, moved_situation, restructur
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Situation, State
 from slapshot.effects.joints.split import FASTEST
-from slapshot.recordings.signals import Channel
+from slapshot.recordings.channels import Channel
 
 NUISANCE = (STEP_ERROR,)  # of every hypothesis, beside errors of laws
 POSITION_SPREAD = 0.05  # rad or m, by which a first state may lie off the path

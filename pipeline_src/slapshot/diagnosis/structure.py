@@ -7,11 +7,12 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.rig import OWN, Rig, bind
+from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.sensors import OWN
 from slapshot.effects.joints.effect import JointEffect, Situation
 from slapshot.effects.joints.split import SplitJoint, deflection
-from slapshot.recordings.signals import Channel
+from slapshot.recordings.channels import Channel
 
 _STEP_RATE = 1.0  # rad a step
 
