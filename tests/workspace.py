@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from slapshot.config import load_config
+from slapshot.config.files import load_config
 from slapshot.dag import make_plan
 from slapshot.store.folder import VERSION_FILE, Store
 from slapshot.store.verify import damaged_files

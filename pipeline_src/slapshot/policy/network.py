@@ -45,7 +45,7 @@ class GaussianPolicy(nn.Module):
         shared = {"log_sd": self.log_sd} | {f"mean.{n}": p for n, p in self.mean.named_parameters()}
         return {name: p.expand(tasks, *p.shape[1:]) for name, p in shared.items()}
 
-    def distribution(self, parameters: Parameters, targets: Tensor) -> "Independent[Normal]":
+    def distribution(self, parameters: Parameters, targets: Tensor) -> Independent[Normal]:
         """Over latents (B, K, latent) for targets (B, K, 2)."""
         weights = {n.removeprefix("mean."): p for n, p in parameters.items() if n.startswith("mean.")}
         mean = functional_call(self.mean, weights, (targets,))
