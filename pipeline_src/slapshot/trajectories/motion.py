@@ -1,11 +1,14 @@
 """From waypoints to joint motion: a clamped cubic spline, at rest at both ends."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from slapshot.arrays import Array
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 
 @dataclass(frozen=True)
@@ -17,12 +20,14 @@ class Motion:
         duration: s; the arm holds still afterwards.
     """
 
-    spline: CubicSpline
+    spline: "CubicSpline"
     duration: float
 
     @classmethod
     def through(cls, waypoints: Array, duration: float) -> "Motion":
         """Through waypoints (waypoints, joints) in rad."""
+        from scipy.interpolate import CubicSpline  # takes long to import, which trajectory models do without
+
         times = np.linspace(0, duration, len(waypoints))
         return cls(CubicSpline(times, waypoints, bc_type="clamped"), duration)
 

@@ -5,7 +5,6 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, lfilter
 
 from slapshot.arrays import Array
 from slapshot.lab.concealed.hidden_effect import HiddenEffect, NominalMotion, Shape
@@ -57,6 +56,8 @@ class TrackingLag(HiddenEffect):
         return {"time": amplitude}
 
     def follow(self, amplitude: float, shape: Shape, values: Array, period: float) -> Array:
+        from scipy.signal import cont2discrete, lfilter  # takes long to import, which other kinds do without
+
         followed = np.empty_like(values)
         damping = shape["damping_ratio"]
         for j, share in enumerate(shape["joints"]):
