@@ -372,7 +372,7 @@ def test_the_proof_for_joints_has_one_version_a_case_and_is_made_on_demand(confi
 
 def test_a_case_of_joints_changes_its_own_versions_and_the_score(config):
     before = ids(config)
-    other = replace(JOINT_CASES[0], order=replace(JOINT_CASES[0].order, seed=6))
+    other = replace(JOINT_CASES[0], spec=replace(JOINT_CASES[0].spec, seed=6))
     joint_cases.write_cases([other, JOINT_CASES[1]], Path(config["cases"]["joints"]))
     assert changed(before, ids(config)) == {"joint_case/j1", "joint_verdict/j1", "joint_score"}
     other = replace(JOINT_CASES[0], condition="single")

@@ -29,7 +29,8 @@ def one_thread():
 
 
 def build(batch: int, training: bool, hidden: tuple[int, ...] = (7, 6), steps: int = 2) -> Maml:
-    settings = MamlSettings(hidden=hidden, batch=batch, steps=steps, step_size=STEP)
+    # Without hidden layers too, which a configuration may not ask for.
+    settings = MamlSettings.model_construct(hidden=hidden, batch=batch, steps=steps, step_size=STEP)
     return Maml(SIZES, settings, M, torch.Generator().manual_seed(0)).double().train(training)
 
 

@@ -1,14 +1,23 @@
 """Recordings as tasks: their latents, what counts as a task, and how its hits are split."""
 
+import json
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import pytest
 from slapshot.adaptation.recorded import hit_latents, recorded_tasks, split_hits
-from slapshot.command import Run
+from slapshot.config.sources import RecordedTasksSettings
 from slapshot.errors import InputError
 from slapshot.recordings.format import Recording
 
 HITS = 24  # of each object of a made-up rig (conftest.py)
+
+
+def settings_of(config: dict[str, Any]) -> RecordedTasksSettings:
+    """What a stage is told of recordings, without the rest."""
+    values = {name: config[name] for name in RecordedTasksSettings.model_fields}
+    return RecordedTasksSettings.model_validate_json(json.dumps(values))
 
 
 @pytest.fixture
@@ -81,7 +90,7 @@ def test_splits_depend_on_the_seed_alone():
 def test_every_object_of_every_rig_is_a_task(world):
     config = world.config()
     config["recordings"]["mine"] = {"path": str(world.rigs[1] / "recording")}
-    tasks = list(recorded_tasks(Run(config, world.inputs(), world.rollouts, 1)))
+    tasks = list(recorded_tasks(settings_of(config), world.inputs()))
     keys = [(task.recording, task.rig, task.object) for task in tasks]
     expected = [("lab", rig, name) for rig in (0, 1) for name in ("red", "blue")]
     assert keys == [*expected, ("mine", 0, "red"), ("mine", 0, "blue")]
@@ -97,7 +106,7 @@ def test_every_object_of_every_rig_is_a_task(world):
 
 
 def test_taken_hits_keep_their_order_and_belong_together(world):
-    task = next(recorded_tasks(Run(world.config(), world.inputs(), world.rollouts, 1)))
+    task = next(recorded_tasks(settings_of(world.config()), world.inputs()))
     rows = np.array([7, 2, 11])
     taken = task.take(rows)
     assert {name: values.shape for name, values in taken.items()} == dict.fromkeys(

@@ -6,7 +6,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from slapshot.calibration import stage_coverage_table, stage_law_intervals
 from slapshot.calibration.calibration_rigs import INTERVAL, Motion, calibration_rig, simulate_recording
-from slapshot.calibration.coverage import RIGS, TestedEffect, draw_from_prior, intervals, tested_effects
+from slapshot.calibration.coverage import (
+    RIGS,
+    CalibratedEffect,
+    calibrated_effects,
+    draw_from_prior,
+    intervals,
+)
 from slapshot.calibration.stage_coverage_table import coverage_aims, coverage_table
 from slapshot.command import Run
 from slapshot.diagnosis.problem import Problem
@@ -66,10 +72,10 @@ def test_values_are_drawn_from_priors_within_what_is_possible():
 
 
 def test_every_variant_has_the_simplest_rig_that_it_shows_on():
-    assert tested_effects("viscous_friction") == [TestedEffect("viscous_friction", "", "pendulum")]
-    assert [tested.rig for tested in tested_effects("wind")] == ["ball"]
-    assert [tested.rig for tested in tested_effects("external_pulse")] == ["pendulum"]
-    assert {tested.variant: tested.rig for tested in tested_effects("encoder_scale")} == {
+    assert calibrated_effects("viscous_friction") == [CalibratedEffect("viscous_friction", "", "pendulum")]
+    assert [tested.rig for tested in calibrated_effects("wind")] == ["ball"]
+    assert [tested.rig for tested in calibrated_effects("external_pulse")] == ["pendulum"]
+    assert {tested.variant: tested.rig for tested in calibrated_effects("encoder_scale")} == {
         "of the recorded encoder alone": "pendulum",
         "that the servo reads too": "arm",
     }
@@ -114,7 +120,7 @@ def test_a_fit_for_real(tmp_path):
         Run({"blocks": ["viscous_friction/1"]}, {"viscous_friction/1": tmp_path / "block"},
             tmp_path / "table", 1)
     )  # fmt: skip
-    (row,) = intervals(tested_effects("viscous_friction")[0], 4, 5, 0.5)
+    (row,) = intervals(calibrated_effects("viscous_friction")[0], 4, 5, 0.5)
     assert row["converged"]
     # Five standard deviations, not the interval: a test must not fail by chance.
     assert abs(row["value"] - row["truth"]) < 5 * (row["high"] - row["low"]) / 3.29

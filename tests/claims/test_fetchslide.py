@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.claims import c2, c3
+from slapshot.config.results import FigureSettings, LatentsFigureSettings
 from slapshot.figures import f4_fetchslide, f5_fetchslide_latents
 
 MODELS, CONDITIONS, SAMPLES = 4, 12, 100
@@ -94,7 +95,7 @@ def test_one_method_alone_is_no_comparison(written):
 
 
 def test_errors_are_drawn_by_friction_and_by_noise(written):
-    drawing = f4_fetchslide.draw(written(errors(1.5, 1.3)), {"domain": "fetchslide"})
+    drawing = f4_fetchslide.draw(written(errors(1.5, 1.3)), FigureSettings(module="", domain="fetchslide"))
     assert drawing.name == "F4-fetchslide-errors"
     left, right = drawing.figure.axes
     assert len(left.lines) == 2 * len(FRICTIONS)
@@ -160,8 +161,8 @@ def test_swapped_states_are_judged_the_other_way(beliefs):
 
 
 def test_states_are_drawn_by_friction_and_by_samples(beliefs):
-    config = {"domain": "fetchslide", "methods": ["kalman", "lstm"]}
-    drawing = f5_fetchslide_latents.draw(beliefs, config)
+    settings = LatentsFigureSettings(module="", domain="fetchslide", methods=["kalman", "lstm"])
+    drawing = f5_fetchslide_latents.draw(beliefs, settings)
     assert drawing.name == "F5-fetchslide-latents"
     assert set(drawing.table["name"]) == set(FRICTIONS)
     assert drawing.table["noise_variance"].notna().all()

@@ -482,13 +482,13 @@ def test_rivals_states_and_free_parameters_are_told():
         "explains"
     )
     assert (
-        "cannot tell it from elasticity of joint elbow (read at the motor) (1.7 nats worse) or "
+        "cannot distinguish it from elasticity of joint elbow (read at the motor) (1.7 nats worse) or "
         "viscous friction at elbow (2.9 nats worse)" in text
     )
     assert "| half gap | 12.3 mrad (11.1 to 13.5) |" in text
-    assert "The data hardly tell damping" in text
+    assert "The data hardly determine damping" in text
     assert "| mass of lower | excess | 3.42 % (3.08 to 3.76) |" in text
-    assert "At the bound of what is physically possible: excess" in text
+    assert "At its physical bound: excess" in text
     assert "Parts of episodes 1 and 3 took no part" in text
     assert "| viscous friction at elbow | coefficient | 17.3 mN m s/rad |" in markdown(NOTHING)
 

@@ -304,7 +304,7 @@ def exploration_table(rigs: int = 6) -> pd.DataFrame:
 
 def test_the_verdict_on_exploration_is_the_share_of_samples(tmp_path):
     exploration_table().to_parquet(tmp_path / "exploration.parquet")
-    statements = s13.judge({"exploration": tmp_path})
+    statements = s13.evaluate({"exploration": tmp_path})
     assert len(statements) == 3
     for statement in statements:
         assert statement.interval.value == pytest.approx(0.5, abs=0.08)
@@ -334,7 +334,7 @@ def acting_folders(tmp_path, gain: float) -> dict:
 
 @pytest.mark.parametrize(("gain", "verdict"), [(1.5, "holds"), (3.0, "does not hold")])
 def test_the_verdict_on_acting_is_the_ratio_to_the_oracle(tmp_path, gain, verdict):
-    statements = s12.judge(acting_folders(tmp_path, gain))
+    statements = s12.evaluate(acting_folders(tmp_path, gain))
     assert [s.verdict for s in statements] == [verdict] * 3
     # 35 cm before, 10.5 cm after 4: twice the oracle's 14 cm after 3.4; never, with 21 cm.
     assert statements[2].interval.value == pytest.approx(3.4 if gain < 2 else 16, abs=0.2)

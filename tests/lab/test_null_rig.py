@@ -11,6 +11,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from slapshot.config.trajectories import ScriptedHits
 from slapshot.effects.slide_law import slide as diagnosed_slide
 from slapshot.lab.commands import Diverse
 from slapshot.lab.hit import TIMESTEP, RigSimulator
@@ -21,13 +22,9 @@ from slapshot.scenes.scene import set_condition
 from slapshot.trajectories.safety import SafetyCheck
 
 HITS = 10
-ALL_WAYS = {
-    "heading_rad": 1.57,
-    "speed_m_s": [0.8, 2.2],
-    "contact_offset_m": 0.06,
-    "duration_s": 0.6,
-    "waypoints": 17,
-}
+ALL_WAYS = ScriptedHits(
+    heading_rad=1.57, speed_m_s=[0.8, 2.2], contact_offset_m=0.06, duration_s=0.6, waypoints=17
+)
 RATIO = 1.06  # of friction along y over that along x: far from 1 MuJoCo bends paths less, see rollouts.slide
 
 

@@ -269,7 +269,7 @@ def folders(tmp_path, policy_after: float) -> dict:
 
 def test_the_verdict_is_the_samples_that_the_model_needs(tmp_path):
     """30 cm to 10 cm in 4 samples, straight: 20 cm after 2; 15 cm after 3."""
-    statements = c6.judge(folders(tmp_path, 0.15))
+    statements = c6.evaluate(folders(tmp_path, 0.15))
     values = [s.interval.value for s in statements]
     # Rigs scale policy and model alike, but not the predictions: their 20 cm are 21 on average.
     assert values == pytest.approx([1.8, 2.85, 2.0, 3.0], abs=0.01)
@@ -278,7 +278,7 @@ def test_the_verdict_is_the_samples_that_the_model_needs(tmp_path):
 
 
 def test_a_policy_that_no_model_catches_is_said_to_be_ahead(tmp_path):
-    statements = c6.judge(folders(tmp_path, 0.05))
+    statements = c6.evaluate(folders(tmp_path, 0.05))
     assert [s.verdict for s in statements] == ["holds", "does not hold"] * 2
     assert [s.interval.value for s in statements][1::2] == [16, 64]
 

@@ -160,7 +160,7 @@ def test_a_hit_is_cropped_to_its_slide(tmp_path: Path) -> None:
     lasts = recording.tracks["t"].iloc[-1]
     assert lasts == pytest.approx(0.3 + 1.2 / (0.2 * 9.81) + 0.5, abs=0.1)
     assert recording.tracks["t"].iloc[0] == 0
-    assert summary.lines[-1].startswith("a.csv: ran on for 93 s and was cropped to 1.")
+    assert summary.lines[-1].startswith("a.csv: lasted 93 s and was cropped to 1.")
 
 
 def test_hits_that_cannot_be_used_are_dropped_with_a_reason(tmp_path: Path) -> None:

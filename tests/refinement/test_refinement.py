@@ -143,7 +143,7 @@ def test_truth_is_looked_for_in_the_ranges(covered):
 
 @pytest.mark.parametrize(("shift", "verdict"), [(1.0, "holds"), (0.6, "does not hold")])
 def test_the_verdict_is_the_share_of_truths_inside(covered, shift, verdict):
-    statements = s11.judge(covered(shift))
+    statements = s11.evaluate(covered(shift))
     assert [s.verdict for s in statements] == [*[verdict] * 4, "holds"]
     assert statements[4].interval.value == pytest.approx(0.95)
     assert "40 validation conditions" in statements[4].note
@@ -241,7 +241,7 @@ def test_the_verdict_on_models_made_again_is_the_ratio_of_errors(covered, tmp_pa
     folder = tmp_path / "errors"
     folder.mkdir()
     errors_of(gain).to_parquet(folder / "errors.parquet")
-    error, samples = s11.judge(covered(1.0) | {"0": folder})[-2:]
+    error, samples = s11.evaluate(covered(1.0) | {"0": folder})[-2:]
     assert error.verdict == verdict
     assert error.interval.value == pytest.approx(gain, rel=0.02)
     assert "10.0 cm before" in error.note

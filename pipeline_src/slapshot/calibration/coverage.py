@@ -32,7 +32,7 @@ _CHOSEN_FRACTION = 0.25  # which of many forms of an effect is simulated, as a s
 
 
 @dataclass(frozen=True)
-class TestedEffect:
+class CalibratedEffect:
     """An effect in one of its variants, on the simplest rig on which it is observable."""
 
     effect: str
@@ -40,19 +40,19 @@ class TestedEffect:
     rig: str
 
 
-def tested_effects(effect: str) -> list[TestedEffect]:
+def calibrated_effects(effect: str) -> list[CalibratedEffect]:
     """All variants of an effect of the catalogue."""
-    found: dict[str, TestedEffect] = {}
+    found: dict[str, CalibratedEffect] = {}
     for name in [_REQUIRED_RIG[effect]] if effect in _REQUIRED_RIG else RIGS:
         simulated = calibration_rig(name)
         motion = simulated.draw(6, 1.0, np.random.default_rng(0))
         for one in _instances(_nominal(simulated, motion).rig_motion, effect, motion):
             variant = "" if effect == ExternalPulse.name else one.variant
-            found.setdefault(variant, TestedEffect(effect, variant, name))
+            found.setdefault(variant, CalibratedEffect(effect, variant, name))
     return list(found.values())
 
 
-def intervals(tested: TestedEffect, seed: int, episodes: int, seconds: float) -> Iterator[dict[str, Any]]:
+def intervals(tested: CalibratedEffect, seed: int, episodes: int, seconds: float) -> Iterator[dict[str, Any]]:
     """Simulate a recording, fit it, and return truth and interval of each parameter.
 
     Args:
@@ -132,7 +132,7 @@ def _instances(scales: RigMotion, effect: str, motion: Motion) -> list[JointEffe
     return [ExternalPulse(joint, [Pulse(episode, order, begin, end)]) for joint in scales.joints]
 
 
-def _select_instance(tested: TestedEffect, scales: RigMotion, motion: Motion) -> JointEffect:
+def _select_instance(tested: CalibratedEffect, scales: RigMotion, motion: Motion) -> JointEffect:
     """The instance at the first part; of many forms, an intermediate one."""
     own = _instances(scales, tested.effect, motion)
     own = [e for e in own if tested.effect == ExternalPulse.name or e.variant == tested.variant]

@@ -5,7 +5,7 @@ from typing import Any
 import mujoco
 import pandas as pd
 
-from slapshot.calibration.coverage import intervals, tested_effects
+from slapshot.calibration.coverage import calibrated_effects, intervals
 from slapshot.command import Run, stage_command
 from slapshot.config.calibration import LawBlockSettings
 from slapshot.progress import progress
@@ -17,7 +17,7 @@ def produce(run: Run) -> None:
     mujoco.set_mju_user_warning(lambda text: None)
     own = run.settings(LawBlockSettings)
     rows: list[dict[str, Any]] = []
-    todo = [(tested, own.first + k) for tested in tested_effects(own.effect) for k in range(own.count)]
+    todo = [(tested, own.first + k) for tested in calibrated_effects(own.effect) for k in range(own.count)]
     for tested, index in progress(todo, len(todo), own.effect):
         rows += intervals(tested, own.seed + index, own.episodes, own.seconds)
     pd.DataFrame(rows).to_csv(run.out / "intervals.csv", index=False, float_format="%.9g")

@@ -182,7 +182,7 @@ def _delay_warnings(
     if abs(rate) * longest > interval and abs(rate) > _SIGNIFICANT * rate_error:
         yield QualityWarning(
             "clock_drift",
-            f"clock {b.channel.clock} drifts by {-1000 * rate:.3g} ms per second against clock "
+            f"clock {b.channel.clock} drifts by {1000 * rate:+.3g} ms per second against clock "
             f"{a.channel.clock}, "
             f"according to {a.name} and {b.name}",
             (),

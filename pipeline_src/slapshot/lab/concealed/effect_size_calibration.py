@@ -85,8 +85,9 @@ class EffectSizeCalibration:
         repeated = [stroke for stroke in self._strokes[::every] for _ in range(TIMES)]
         strokes = [replace(s, chance=draw_hit_noise(self._rig.scatter, rng)) for s in repeated]
         rests = np.array([hit.rest[:2] for hit in bench.hits(strokes, arm=False)]).reshape(-1, TIMES, 2)
-        distances = rests - rests.mean(1, keepdims=True)
-        return float(np.sqrt((distances**2).sum() / (len(rests) * (TIMES - 1))))
+        # By differences between executions: of equal ones they are 0, and those from a mean are rounded.
+        pairs = rests[:, :, None] - rests[:, None]
+        return float(np.sqrt((pairs**2).sum() / (2 * TIMES * len(rests) * (TIMES - 1))))
 
     def _shift(self, concealed: Concealed, launch: bool) -> float:
         """Rms over hits in m; without `launch`, the launches of the nominal rig are used."""
