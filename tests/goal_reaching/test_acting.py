@@ -14,7 +14,7 @@ from slapshot.config.acting import Inverse
 from slapshot.config.methods import KalmanSettings, Training
 from slapshot.errors import InputError
 from slapshot.figures import a1_acting, a2_exploration
-from slapshot.goal_reaching.choose import (
+from slapshot.goal_reaching.expected_cost import (
     believed_cost,
     cheapest,
     choose_by_gradient,

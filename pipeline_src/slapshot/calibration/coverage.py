@@ -16,7 +16,7 @@ from slapshot.calibration.calibration_rigs import (
     simulate_recording,
 )
 from slapshot.diagnosis.diagnose import estimated_parameter
-from slapshot.diagnosis.inference.scores import gains
+from slapshot.diagnosis.inference.mismatch_test import gains
 from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score
 from slapshot.diagnosis.search import Step, nominal_step, one_step_values, refit, structural_fit
 from slapshot.diagnosis.segments import segment_recording

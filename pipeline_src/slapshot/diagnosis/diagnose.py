@@ -18,7 +18,7 @@ from slapshot.diagnosis import held_out
 from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.held_out import Predictions
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.inference.scores import Elimination, gains
+from slapshot.diagnosis.inference.mismatch_test import Elimination, gains
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.search import EQUIVALENCE_NATS, P_VALUE, Search, Step, search

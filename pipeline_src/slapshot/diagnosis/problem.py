@@ -12,7 +12,7 @@ from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.fit import Fit, Fitter
 from slapshot.diagnosis.free_forms import free_forms, is_free
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
-from slapshot.diagnosis.inference.scores import Scores, scores
+from slapshot.diagnosis.inference.mismatch_test import Scores, scores
 from slapshot.diagnosis.law_columns import LawColumns, law_columns
 from slapshot.diagnosis.law_error import law_errors
 from slapshot.diagnosis.linear import STEP_ERROR, Perturbation, perturbations_of

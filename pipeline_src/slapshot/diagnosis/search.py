@@ -16,7 +16,7 @@ from slapshot.diagnosis.filter import innovations
 from slapshot.diagnosis.fit import Fit
 from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.inference.scores import (
+from slapshot.diagnosis.inference.mismatch_test import (
     DRAWS,
     MismatchTest,
     gains,

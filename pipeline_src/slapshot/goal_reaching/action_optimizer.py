@@ -12,7 +12,7 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.arrays import Array
-from slapshot.goal_reaching.choose import (
+from slapshot.goal_reaching.expected_cost import (
     LARGEST_LATENT,
     Cost,
     believed_cost,

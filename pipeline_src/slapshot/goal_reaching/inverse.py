@@ -16,7 +16,7 @@ from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.layers import StackedMLP
 from slapshot.config.acting import Inverse
 from slapshot.config.methods import Training
-from slapshot.goal_reaching.choose import LARGEST_LATENT, expected_cost
+from slapshot.goal_reaching.expected_cost import LARGEST_LATENT, expected_cost
 from slapshot.progress import progress
 
 FILE = "inverse.safetensors"

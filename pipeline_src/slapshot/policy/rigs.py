@@ -12,7 +12,7 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.recorded import RecordedTask, recorded_tasks
 from slapshot.command import Run, stage_command
 from slapshot.config.acting import PolicyActingSettings
-from slapshot.goal_reaching.choose import LARGEST_LATENT
+from slapshot.goal_reaching.expected_cost import LARGEST_LATENT
 from slapshot.goal_reaching.goals import goals_of
 from slapshot.goal_reaching.rigs import Robot, robot_of
 from slapshot.parquet import write_table

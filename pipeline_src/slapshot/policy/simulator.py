@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.config.randomisation import CONDITION_PARAMETERS, Draw
-from slapshot.goal_reaching.choose import LARGEST_LATENT
+from slapshot.goal_reaching.expected_cost import LARGEST_LATENT
 from slapshot.rollouts.hits import HitCollector, Hits
 from slapshot.scenes.domain import load_part
 from slapshot.scenes.randomisation import draw_start_errors

@@ -6,7 +6,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.diagnosis.free_forms import is_free
-from slapshot.diagnosis.inference.scores import gains
+from slapshot.diagnosis.inference.mismatch_test import gains
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.presentation import AUGMENTED, FREE_FORM, mark_stand_in
 from slapshot.diagnosis.search import EQUIVALENCE_NATS, Step

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from slapshot.diagnosis.filter import Covariances, Linear, innovations
-from slapshot.diagnosis.inference.scores import (
+from slapshot.diagnosis.inference.mismatch_test import (
     Draws,
     Eliminated,
     Elimination,
