@@ -63,7 +63,7 @@ class FusedFilterMeans(torch.autograd.Function):
         raw = outputs[..., k + places.diagonal()].clamp(-LARGEST_FACTOR, LARGEST_FACTOR)
         blocks = -(-M * B // WIDTH)
         means = C.new_empty(M * B, N + 1, h)
-        # Saved for the adjoint, for every step and in blocks: mu, the lower triangle of Sigma, K and r. K also
+        # Saved for the adjoint, per step and in blocks: mu, the lower triangle of Sigma, K and r. K also
         # equals Sigma H', but in float32 that loses all digits once a measurement removed most variance.
         sizes = ((h, 1), (h * (h + 1) // 2, 1), (h, k), (k, 1))
         steps = [C.new_empty(blocks, N, *size, WIDTH) for size in sizes]
