@@ -1,4 +1,4 @@
-"""Stage `coverage`: do refined ranges contain the true parameters? Only this module here reads a rig's truth."""
+"""Stage `coverage`: do refined ranges contain the truth? The only module here that opens sealed truths."""
 
 import json
 import logging
