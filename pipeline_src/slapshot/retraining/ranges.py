@@ -42,6 +42,6 @@ def refitted_ranges(randomisation: Draws, refit: Mapping[str, Any], margin: floa
 
 
 def _about(logs: Array, sds: Array, margin: float) -> tuple[float, float]:
-    """Range [low, high] around values with the given logarithms (n,) and standard deviations of those (n,)."""
+    """Range [low, high] around values with logarithms (n,) and standard deviations of those (n,)."""
     reach = np.maximum(np.log1p(margin), SDS * sds)
     return float(np.exp((logs - reach).min())), float(np.exp((logs + reach).max()))
