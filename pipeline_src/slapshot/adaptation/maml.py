@@ -37,11 +37,11 @@ from slapshot.config.methods import MamlSettings
 LARGEST_GRADIENT = 10.0
 """Bound on the norm of a task's inner gradient, the only addition to the published method.
 
-Steps on one sample overshoot where the input is large, and overshoot grows with every further step;
-training makes at most three, an evaluation many more. Without a bound, training on random linear tasks
-had losses of 1e7, and ten to twenty steps on single samples ended in nan. With it a step cannot be
-longer than 10 alpha. It limits about 5 % of the steps on single samples, and fewer than 1 % of those on
-4 or 8.
+Steps on one sample overshoot where the input is large, the next ones do so more, and what training
+may only do three times an evaluation repeats: without a bound, training on random linear tasks had
+losses of 1e7, and ten to twenty steps on single samples ended in nan. With it a step cannot be
+longer than 10 alpha. It takes hold of some 5 % of the steps on single samples, of fewer than 1 % of
+those on 4 or 8.
 """
 
 

@@ -8,8 +8,8 @@ from slapshot.adaptation.kalman_filter import times
 
 LARGEST_FACTOR = 100.0
 """Bound on the entries of L in Sigma_z^-1 = L L'. The prior's variance starts at 1 in the same
-coordinates, so one sample can shrink a standard deviation about a hundredfold. Without a bound, the
-entries of P could span more than the seven digits of float32."""
+coordinates, so one sample can shrink a standard deviation about a hundredfold. Without a bound, P
+could come to span more than the seven digits of float32."""
 
 
 def measurement_size(k: int) -> int:

@@ -20,7 +20,7 @@ from slapshot.errors import InputError
 from slapshot.validation import Model
 
 BeliefT = TypeVar("BeliefT")
-"""A method's state of knowledge about B tasks per model: a frozen dataclass of tensors (M, B, ...)."""
+"""What a method knows about B tasks per model: a frozen dataclass of tensors (M, B, ...)."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,7 +42,7 @@ class AdaptationMethod(nn.Module, ABC, Generic[BeliefT]):
     """
 
     Settings: ClassVar[type[Model]]
-    """Pydantic model of the method's own settings."""
+    """The model of the method's own settings."""
 
     settings: Model
 

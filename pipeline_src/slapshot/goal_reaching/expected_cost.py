@@ -24,7 +24,7 @@ _STEPS = 60
 _STEP_SIZE = 0.05
 
 Cost = Callable[[Tensor], Tensor]
-"""Cost (B, T, C) to minimise for each of T targets, of standardised actions (B, T, C, latent)."""
+"""(B, T, C) of standardised actions (B, T, C, latent): what is to be small for each of T targets."""
 
 
 def expected_cost(method: Kalman, phi: Tensor, state: Tensor, action: Tensor, target: Tensor) -> Tensor:

@@ -13,7 +13,7 @@ from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.goal_reaching.uncertainty import outcome_jacobian, variance_after
 
 Choice = Callable[[KalmanBelief, Tensor], Tensor]
-"""From a belief and the mask (M, B, C) of used candidates to the index (M, B) of the next one."""
+"""From a belief and (M, B, C) which candidates are used up, to (M, B) the number of the next one."""
 
 
 def informed(method: Kalman, candidates: Mapping[str, Tensor], asked: tuple[Tensor, Tensor]) -> Choice:
