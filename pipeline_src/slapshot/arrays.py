@@ -1,4 +1,4 @@
-"""The type of arrays of numbers, and the constant of nature that several packages need."""
+"""The type of numeric arrays, and the gravitational acceleration."""
 
 import numpy as np
 from numpy.typing import NDArray

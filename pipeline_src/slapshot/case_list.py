@@ -1,7 +1,7 @@
-"""Lists of concealed cases: CSV files, read with a line for what is wrong, written, and drawn once.
+"""Lists of cases with hidden effects: CSV files, read with one-line error messages, written, and drawn once.
 
-Only a lab reads what a row conceals: a case is called by its number alone, and rows stand in random order, so
-that nothing that a diagnosis is given says which condition it belongs to.
+Only a lab reads the hidden effects of a row: a case is named by its number only, and rows are in random
+order, so that nothing that a diagnosis reads reveals the condition of a case.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from slapshot.errors import InputError, check_writable, reading, writing
 from slapshot.validation import short
 
 JOIN = "+"
-_LONGEST = 10_000_000  # bytes of a list, far beyond any use
+_LONGEST = 10_000_000  # bytes, far more than any list needs
 
 
 class _Named(Protocol):
@@ -33,13 +33,13 @@ def read_list(
     """The cases of a list, in its order.
 
     Args:
-        file: CSV.
-        columns: that it must have.
-        case_of: makes a case of a row's values by column, and of where it stands, for messages.
-        example: a list that there is.
+        file: CSV file.
+        columns: required columns.
+        case_of: makes a case from a row's values by column, and from its file and line, for messages.
+        example: an existing list, for messages.
 
     Raises:
-        InputError: there is no such file, or a row is not allowed; one line for a person.
+        InputError: there is no such file, or a row is invalid; the message is one line.
     """
     with reading(file, f"name a list of cases (CSV), such as {example}", _LONGEST):
         data = file.read_bytes()
@@ -74,7 +74,7 @@ def _text(data: bytes, file: Path) -> str:
 
 
 def number(text: str) -> int | float | str:
-    """What a text says as a number, as far as it does."""
+    """A text as a number, or unchanged if it is none."""
     for read in (int, float):
         try:
             return read(text)
@@ -84,13 +84,13 @@ def number(text: str) -> int | float | str:
 
 
 def concealed_of(text: str, size: str) -> list[dict[str, int | float | str]]:
-    """What a cell says is concealed, each with its kind and its size, which the row's model calls `size`."""
+    """Hidden effects of a cell, each with its kind and, under the key `size`, its size."""
     pairs = [part.partition(":") for part in text.split(JOIN) if part]
     return [{"kind": kind, size: number(value)} for kind, _, value in pairs]
 
 
 def concealed_text(conceals: Iterable[tuple[str, float]]) -> str:
-    """The cell for kinds and sizes."""
+    """The cell for hidden effects given by kind and size."""
     return JOIN.join(f"{kind}:{size:g}" for kind, size in conceals)
 
 
@@ -103,7 +103,7 @@ def write_list(rows: Iterable[Iterable[object]], columns: Sequence[str], file: P
 
 
 def write_new(file: Path, write: Callable[[Path], None]) -> None:
-    """Have a drawn list written to a file that does not exist yet, whole or not at all.
+    """Write a drawn list to a new file, completely or not at all.
 
     Raises:
         InputError: the file exists, or cannot be written.
@@ -119,7 +119,7 @@ def write_new(file: Path, write: Callable[[Path], None]) -> None:
 
 
 def draw_command(program: str, lists: Collection[str], draw: Callable[[str, Path], None]) -> None:
-    """Command line that draws one of some lists."""
+    """Command line that draws one of several lists."""
     parser = argparse.ArgumentParser(prog=f"python -m {program}")
     parser.add_argument("file", type=Path)
     parser.add_argument("--list", choices=lists, default="full")

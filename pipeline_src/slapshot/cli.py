@@ -32,7 +32,7 @@ DEFAULT_STORE = Path("data/store")
 CONFIGS = Path("config")
 WHOLE, NOT_MADE = "whole", "not made yet"
 _MOST_NAMED = 2  # versions of one stage that a list names one by one
-# Labels and values may hold brackets, which are no markup; lines of text are not folded at 80 columns.
+# Labels and values may contain brackets, which are not markup; lines of text are not wrapped at 80 columns.
 _WIDTH = None if sys.stdout.isatty() else 200
 console = Console(highlight=False, markup=False, soft_wrap=True, width=_WIDTH)
 
@@ -40,7 +40,7 @@ console = Console(highlight=False, markup=False, soft_wrap=True, width=_WIDTH)
 def main() -> None:
     """Entry point."""
     args = _parser().parse_args()
-    # So that whoever holds something unfinished removes it.
+    # SIGTERM raises SystemExit, so that context managers remove unfinished files.
     before = signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
     try:
         sys.exit(args.run(args))
@@ -147,10 +147,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _store(args: argparse.Namespace) -> Store:
-    """The store that was named.
+    """The store given on the command line.
 
     Raises:
-        InputError: one was named that is no folder; the usual one may be missing, and is empty then.
+        InputError: the given one is no folder; the default one may be missing, and is then empty.
     """
     if args.store != DEFAULT_STORE and not args.store.is_dir():
         raise InputError(
@@ -168,7 +168,7 @@ def _seed(text: str) -> int:
 
 
 def _browse(args: argparse.Namespace) -> int:
-    try:  # here, because everything else works without Rerun
+    try:  # imported here, because all other commands work without Rerun
         from slapshot.viewer.browse import browse, show
     except ModuleNotFoundError as error:
         raise InputError(f"browse needs {error.name}, which is not installed: run `make setup`") from None
@@ -180,7 +180,7 @@ def _browse(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> int:
-    from slapshot.recordings.cli import run_check  # SciPy, pandas: the other commands start faster
+    from slapshot.recordings.cli import run_check  # imports SciPy and pandas; other commands start faster
 
     return run_check(args)
 
@@ -192,10 +192,10 @@ def _import(args: argparse.Namespace) -> int:
 
 
 def _diagnose(args: argparse.Namespace) -> int:
-    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is rendered: no display is looked for
+    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is rendered, so no display is needed
     header = args.recording / "recording.json"
-    match _format_version(header):  # MuJoCo, figures: the other commands start faster
-        case 1 | None:  # what says no version is refused where it is read, with the reason
+    match _format_version(header):  # imports of MuJoCo and figures; other commands start faster
+        case 1 | None:  # a file without version is refused when it is read, with the reason
             if args.model is not None:
                 raise InputError(
                     "--model is of joints and bodies; for hits of an object give --rig or --config"
@@ -213,7 +213,7 @@ def _diagnose(args: argparse.Namespace) -> int:
 
 
 def _format_version(file: Path) -> int | None:
-    """Version of the format that recording.json is written in; None if it cannot be read or says none."""
+    """Format version of a recording.json; None if it cannot be read or has none."""
     try:
         values = read_json(file, "put it there")
     except InputError:
@@ -223,7 +223,7 @@ def _format_version(file: Path) -> int | None:
 
 
 def _say(text: str) -> None:
-    """A line to the terminal, whatever files and folders in it are called."""
+    """Print a line, with unprintable characters in file names escaped."""
     console.print(printable(text))
 
 
@@ -236,7 +236,7 @@ def _table(*columns: str) -> Table:
 
 def _stage(args: argparse.Namespace) -> int:
     for label, recipe in _of_stage(args).items():
-        # A process each, as in the workflow: a stage sets how many threads its libraries use.
+        # One process per version, as in the workflow: a stage sets the number of threads of its libraries.
         module = STAGES[recipe.stage].module.removesuffix(".__main__")
         command = [sys.executable, "-m", module, "--recipe", recipe.to_json(), "--label", in_words(label)]
         done = subprocess.run([*command, "--store", args.store, "--cores", str(args.cores)], check=False)
@@ -246,7 +246,7 @@ def _stage(args: argparse.Namespace) -> int:
 
 
 def _of_stage(args: argparse.Namespace) -> dict[str, Recipe]:
-    """Label -> recipe of the stage that was named.
+    """Label -> recipe of the stage given on the command line.
 
     Raises:
         InputError: the configuration asks for no version of it.
@@ -288,7 +288,7 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _sources(upstream: list[tuple[str, str]]) -> str:
-    """Upstream versions in a few words; many of one stage are only counted."""
+    """Short list of upstream versions; if there are many of one stage, only their number."""
     counts = Counter(stage for stage, _ in upstream)
     few = [f"{stage}/{i}" for stage, i in upstream if counts[stage] <= _MOST_NAMED]
     return " ".join([*few, *(f"{n} {stage}s" for stage, n in counts.items() if n > _MOST_NAMED)])
@@ -336,7 +336,7 @@ def _distance(first: dict[str, Any], second: dict[str, Any]) -> int:
 
 
 def _gc(args: argparse.Namespace) -> int:
-    # By default what any configuration of the project asks for stays: a tiny run takes minutes, too.
+    # By default versions of any configuration of the project are kept: even a tiny run takes minutes.
     keep = _plan_of(args.config or sorted(CONFIGS.glob("*.yaml"))).ids()
     removed = collect_garbage(_store(args), keep, really=args.yes)
     for folder, size in removed:
@@ -374,7 +374,7 @@ def _verify(args: argparse.Namespace) -> int:
 
 
 def _reproduces(store: Store, plan: Plan) -> bool:
-    """Hold what `figures` makes against the lock; name what is wrong with versions on demand."""
+    """Compare the versions of `figures` with the lock; report problems of versions on demand."""
     if not LOCK.is_file():
         raise InputError(f"{LOCK} is missing: restore it from git")
     try:
@@ -392,7 +392,7 @@ def _reproduces(store: Store, plan: Plan) -> bool:
 
 
 def _all_whole(store: Store, plan: Plan) -> bool:
-    """Say of each version of a plan whether it is whole; those on demand may be missing."""
+    """Print the state of each version of a plan; those on demand may be missing."""
     states = {label: _state(store, recipe) for label, recipe in plan.recipes.items()}
     shown = {n: state for n, state in states.items() if state != NOT_MADE or n not in plan.on_demand}
     for label, state in shown.items():
@@ -403,7 +403,7 @@ def _all_whole(store: Store, plan: Plan) -> bool:
 
 
 def _state(store: Store, recipe: Recipe) -> str:
-    """Whole, not made yet, or what is wrong with it and what to do."""
+    """Whole, not made yet, or the problem and what to do about it."""
     if not store.folder(recipe.stage, recipe.id).exists():
         return NOT_MADE
     problem = problem_of(store, (recipe.stage, recipe.id))
@@ -436,7 +436,7 @@ def _unpack(args: argparse.Namespace) -> int:
 
 
 def _say_unreadable(store: Store) -> None:
-    """One line for each version whose version.json is damaged; the others are used."""
+    """Print one line for each version whose version.json is damaged; such versions are skipped."""
     for folder in store.folders():
         try:
             read_version_file(folder)
@@ -445,7 +445,7 @@ def _say_unreadable(store: Store) -> None:
 
 
 def _plan_of(configs: list[Path] | None) -> Plan:
-    """Recipes of all the given configurations together, of the default one if none is given."""
+    """Recipes of all given configurations together, or of the default one if none is given."""
     merged = Plan()
     paths: list[Path | None] = [*configs] if configs else [None]
     for path in paths:

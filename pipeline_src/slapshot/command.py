@@ -1,6 +1,6 @@
-"""What stages' command lines have in common: `python -m slapshot.<stage> --recipe JSON` makes one version.
+"""Common command line of stages: `python -m slapshot.<stage> --recipe JSON` makes one version.
 
-Snakemake calls it so, and so does `slapshot stage NAME --config FILE`, which works the recipes out first.
+Snakemake calls it, and so does `slapshot stage NAME --config FILE`, which works out the recipes first.
 """
 
 import argparse
@@ -27,13 +27,13 @@ log = logging.getLogger("slapshot")
 
 @dataclass(frozen=True)
 class Run:
-    """What a stage is given.
+    """Settings and folders of one run of a stage.
 
     Attributes:
-        config: what the recipe says, as JSON has it; `settings` reads it.
+        config: the recipe's settings as JSON values; `settings` reads them.
         inputs: role -> folder of an upstream version.
         out: folder to write the payload to.
-        cores: how many to use; the content must not depend on it.
+        cores: number of cores to use; the content must not depend on it.
     """
 
     config: Mapping[str, Any]
@@ -42,17 +42,17 @@ class Run:
     cores: int
 
     def settings(self, model: type[M]) -> M:
-        """What the stage is told, as the plan said it (see `slapshot.dag.recipes.Plan.add`)."""
+        """The stage's settings, as passed to `slapshot.dag.recipes.Plan.add`."""
         return model.model_validate_json(json.dumps(self.config))
 
 
 def stage_command(stage: str, produce: Callable[[Run], None], resume: bool = False) -> None:
-    """Parse the command line, make the version unless it is there, and exit.
+    """Parse the command line, make the version unless it exists, and exit.
 
     Args:
         stage: the stage's name.
         produce: writes the payload.
-        resume: `produce` can go on from what an interrupted run left in `out`.
+        resume: True if `produce` can continue from the files that an interrupted run left in `out`.
     """
     parser = argparse.ArgumentParser(prog=f"python -m slapshot ({stage})")
     parser.add_argument("--recipe", required=True, help="canonical JSON, as the workflow passes it")
@@ -87,7 +87,7 @@ def make_version(
     resume: bool = False,
     label: str = "",
 ) -> Path:
-    """Make one version unless it is there, or wait for the process that makes it; return its folder."""
+    """Make one version unless it exists, or wait for the process that makes it; return its folder."""
     name = recipe.stage, recipe.id
     folder = store.folder(*name)
     made = False
@@ -95,7 +95,7 @@ def make_version(
         if not store.is_whole(*name):
             inputs = store.inputs(recipe)
             with store.locked(*name):
-                if not store.is_whole(*name):  # nor did another process make it in the meantime
+                if not store.is_whole(*name):  # another process may have made it in the meantime
                     with store.new_version(recipe, resume, label) as out:
                         produce(Run(config=recipe.config, inputs=inputs, out=out, cores=cores))
                     made = True
@@ -104,14 +104,14 @@ def make_version(
 
 
 def set_up_logging(label: str, file: Path | None) -> None:
-    """Messages to the terminal, each after `label`, and with all details to `file`."""
+    """Log messages to the terminal, prefixed by `label`, and in full detail to `file`."""
     log.setLevel(logging.DEBUG)
-    log.propagate = False  # libraries put handlers on the root logger, which would say everything twice
+    log.propagate = False  # libraries add handlers to the root logger, which would print everything twice
     console = logging.StreamHandler()
     console.setLevel(logging.INFO)
     console.setFormatter(logging.Formatter(f"[{label.replace('%', '%%')}] %(message)s"))
     log.addHandler(console)
-    logging.raiseExceptions = False  # a disk that fills up gets its one line, not a traceback a message
+    logging.raiseExceptions = False  # a full disk is reported once, not by a traceback per message
     if file is not None:
         with writing(file):
             file.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Error against samples seen: the curves that most figures are made of."""
+"""Error against number of samples: the curves of most figures."""
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -8,11 +8,11 @@ from slapshot.plotting import method_colour, method_line, method_name
 
 
 def summarise(errors: pd.DataFrame, by: list[str], unit: str = "model") -> pd.DataFrame:
-    """Mean and spread of error_m (m) by `by` and samples.
+    """Mean, standard deviation and interval of error_m, grouped by the columns `by` and samples.
 
-    sd_m is the standard deviation over models and tasks (what the paper shades); mean_low_m and
-    mean_high_m are a 95 % interval of the mean over `unit` (models, or rigs), from the spread of the
-    units' means and Student's t.
+    sd_m is the standard deviation over models and tasks, which the paper shades; mean_low_m and
+    mean_high_m are a 95 % interval of the mean, from the scatter of the means of each `unit` (model, or
+    rig) and Student's t.
     """
     keys = [*by, "samples"]
     grouped = errors.groupby(keys, observed=True)["error_m"]
@@ -34,11 +34,11 @@ def _student(count: pd.Series) -> pd.Series:
 def draw_curves(
     axes: Axes, summary: pd.DataFrame, last: int | None = None, band: str = "", label: bool = True
 ) -> None:
-    """One line a method, in cm; nothing for an empty summary.
+    """Draw one line per method, in cm; nothing for an empty summary.
 
     Args:
         axes: to draw on.
-        summary: of `summarise`, with a column `method`.
+        summary: from `summarise`, with a column `method`.
         last: largest number of samples to show.
         band: sd (one standard deviation), mean (95 % interval of the mean), or none.
         label: whether lines get an entry in a legend.

@@ -1,4 +1,4 @@
-"""Errors that a person can mend: one line that says what is wrong, where, and what to do."""
+"""Errors that a user can fix: one line that says what is wrong, where, and what to do."""
 
 import errno
 import os
@@ -12,10 +12,10 @@ from slapshot.text import printable
 
 
 class InputError(Exception):
-    """Bad input from outside (configuration, recording, machine): the message is one line for a person.
+    """Bad input from outside (configuration, recording, machine): the message is one line for the user.
 
-    Stage commands print it without a traceback and exit with code 1. Names of files and what they hold may
-    stand in it: what would be a second line, or would command the terminal, is escaped.
+    Stage commands print it without a traceback and exit with code 1. It may contain names and contents of
+    files: line breaks and terminal control characters in them are escaped.
     """
 
     def __init__(self, message: str) -> None:
@@ -24,7 +24,7 @@ class InputError(Exception):
 
 _FREE_SPACE = "free some space there, for example with `slapshot versions gc`"
 _PERMIT = "make it writable for you (ls -ld shows whose it is)"
-# What the system refuses for want of something that a person can give -> what to do.
+# Error code of the operating system that a user can resolve -> what to do.
 _REMEDIES = {
     errno.ENOSPC: _FREE_SPACE,
     errno.EDQUOT: _FREE_SPACE,
@@ -37,10 +37,10 @@ _REMEDIES = {
 
 @contextmanager
 def writing(target: Path) -> Iterator[None]:
-    """While `target` is written: what the system refuses is said in one line.
+    """Context in which `target` is written: errors of the operating system become one line.
 
     Raises:
-        InputError: the disk is full, or `target` or a part of it must not be written.
+        InputError: the disk is full, or there is no permission to write `target` or a part of it.
     """
     try:
         yield
@@ -59,10 +59,10 @@ def writing(target: Path) -> Iterator[None]:
 
 
 def check_writable(target: Path) -> None:
-    """Whether `target`, which is not there, can be made later: before anything is computed for it.
+    """Check before a computation that `target`, which does not exist yet, can be written afterwards.
 
     Raises:
-        InputError: what is above it is no folder, or must not be written to.
+        InputError: its parent is no folder, or there is no permission to write to it.
     """
     above = target.absolute().parent
     while not (above.exists() or above.is_symlink()) and above != above.parent:
@@ -74,9 +74,9 @@ def check_writable(target: Path) -> None:
 
 
 def _refusal(error: BaseException) -> int | None:
-    """Code of what the system refused, here or where a clean-up hides it behind an error of its own.
+    """Error code of the operating system, also where a clean-up hides it behind an error of its own.
 
-    Libraries in other languages only repeat the system's words.
+    Libraries in other languages only repeat the system's message, so that it is searched for the code.
     """
     if isinstance(error, OSError) and error.errno in _REMEDIES:
         return error.errno
@@ -86,17 +86,17 @@ def _refusal(error: BaseException) -> int | None:
 
 @contextmanager
 def reading(path: Path, remedy: str, longest: int | None = None) -> Iterator[None]:
-    """While `path` is read: only a regular file is opened, and what the system refuses is said in one line.
+    """Context in which `path` is read: errors of the operating system become one line.
 
-    A pipe or a device would be waited for without end.
+    Only regular files are opened, because reading a pipe or a device could block forever.
 
     Args:
         path: of the file.
-        remedy: what to do where it is none.
-        longest: bytes that it may have.
+        remedy: what to do if it is missing or not a regular file.
+        longest: maximum size in bytes.
 
     Raises:
-        InputError: it is missing, not a regular file, too large, or may not be read.
+        InputError: it is missing, not a regular file, too large, or there is no permission to read it.
     """
     try:
         found = path.stat()

@@ -1,6 +1,6 @@
-"""Modules of a user's own that a file names.
+"""Modules of the user's own that a file names.
 
-They are announced before they run, and whatever goes wrong in them is one line.
+They are announced before they run, and any error in them is reported in one line.
 """
 
 import importlib.util
@@ -15,17 +15,17 @@ from types import ModuleType
 from slapshot.errors import InputError
 from slapshot.text import reason_of
 
-# Dotted name of a module.
+# Pattern of dotted module names.
 MODULE = r"^[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*$"
 
 _imported: set[str] = set()
 
 
 def import_own(name: str, where: str) -> ModuleType:
-    """Import a module, after saying on the terminal that its code will run.
+    """Import a module, after a message on the terminal that its code will run.
 
     Args:
-        name: dotted.
+        name: dotted name.
         where: file and key that name it.
 
     Raises:
@@ -46,10 +46,10 @@ def import_own(name: str, where: str) -> ModuleType:
 
 @contextmanager
 def code_of(module: str, where: str) -> Iterator[None]:
-    """While code of a module runs that is a user's own: whatever it raises, exits included, is one line.
+    """Context in which a user's own module runs: anything it raises, exits included, becomes one line.
 
     Raises:
-        InputError: it raised something.
+        InputError: the code raised an exception.
     """
     try:
         yield
@@ -59,10 +59,10 @@ def code_of(module: str, where: str) -> Iterator[None]:
 
 @contextmanager
 def own_code_may_run() -> Iterator[None]:
-    """While the imported modules may be called: an error or exit that began in one of them is one line.
+    """Context in which imported modules may be called: errors and exits from one of them become one line.
 
     Raises:
-        InputError: one of them raised something.
+        InputError: one of them raised an exception.
     """
     try:
         yield
@@ -74,11 +74,11 @@ def own_code_may_run() -> Iterator[None]:
 
 
 def _find(name: str) -> ModuleSpec | None:
-    """Where a module lies; nothing is imported, not even the package that it is in."""
+    """Spec of a module; nothing is imported, not even its parent package."""
     top, *inner = name.split(".")
     try:
         spec = importlib.util.find_spec(top)
-    except ValueError:  # one that runs already and has no file, such as __main__
+    except ValueError:  # a loaded module without a spec, such as __main__
         return None
     for part in inner:
         if spec is None or spec.submodule_search_locations is None:
@@ -88,7 +88,7 @@ def _find(name: str) -> ModuleSpec | None:
 
 
 def _fault(error: BaseException, modules: set[str]) -> str | None:
-    """Module, file and line where an error began; None if none of these modules took part."""
+    """Module, file and line in which an error arose; None if no frame belongs to these modules."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}:{error.lineno}"
     for frame, line in reversed(list(walk_tb(error.__traceback__))):

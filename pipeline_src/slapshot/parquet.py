@@ -1,6 +1,6 @@
-"""Parquet tables, written with a checksum in every page and held against it when they are read.
+"""Parquet tables, written with a checksum in every page, which is verified when they are read.
 
-Every table of the store goes through here: a bit that flips on the disk ends a stage, and is never read
+Every table of the store is read and written here: a flipped bit on the disk ends a stage, and is never read
 as another value.
 """
 
@@ -23,7 +23,7 @@ def write_table(table: pa.Table | pd.DataFrame, path: Path, row_group_size: int 
     Args:
         table: its rows.
         path: of the file.
-        row_group_size: rows of a group; None for pyarrow's own choice.
+        row_group_size: rows per group; None for pyarrow's default.
     """
     if isinstance(table, pd.DataFrame):
         table = pa.Table.from_pandas(table, preserve_index=False)
@@ -33,7 +33,7 @@ def write_table(table: pa.Table | pd.DataFrame, path: Path, row_group_size: int 
 
 
 def table_writer(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
-    """A writer, row group by row group, of a table that memory need not hold."""
+    """Writer of a table by row groups, for tables that do not fit into memory."""
     return pq.ParquetWriter(path, schema, compression=_COMPRESSION, write_page_checksum=True)
 
 
@@ -64,14 +64,14 @@ def open_table(path: Path, repeated: Sequence[str] = ()) -> pq.ParquetFile:
 
     Args:
         path: of the file.
-        repeated: text columns that are to stay dictionaries: a long text may stand in every row.
+        repeated: text columns to keep as dictionaries, because every row may repeat a long text.
     """
     return pq.ParquetFile(path, page_checksum_verification=True, read_dictionary=list(repeated))
 
 
 @contextmanager
 def damage_named(path: Path) -> Iterator[None]:
-    """While `path` is read: what pyarrow says of a damaged file becomes one line.
+    """Context in which `path` is read: pyarrow's errors about a damaged file become one line.
 
     Raises:
         InputError: the file is missing or damaged.

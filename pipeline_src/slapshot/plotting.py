@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-# Okabe and Ito's palette: told apart by colour-blind readers too. One colour a method, everywhere.
+# Palette of Okabe and Ito, suitable for colour-blind readers. One colour per method in all figures.
 METHOD_COLOURS = {
     "kalman": "#0072B2",
     "lstm": "#D55E00",
@@ -27,7 +27,7 @@ METHOD_NAMES = {
     "maml_8": "MAML, 8 an update",
     "policy": "policy adaptation",
 }
-# Methods are told apart without colour, too.
+# Line styles distinguish methods without colour, too.
 _LINES = {"lstm": "--", "maml_1": ":", "maml_4": "-.", "maml_8": (0, (6, 1, 1, 1, 1, 1))}
 OTHER_COLOURS = ("#E69F00", "#56B4E9", "#000000", "#F0E442")
 # Named test conditions of a domain.
@@ -61,8 +61,8 @@ class Drawing:
 
     Attributes:
         name: file name without suffix; begins with the figure's id.
-        figure: what is seen.
-        table: every number that is seen, in SI units.
+        figure: the matplotlib figure.
+        table: every number shown, in SI units.
     """
 
     name: str
@@ -71,14 +71,14 @@ class Drawing:
 
 
 def use_style() -> None:
-    """The one style of all figures."""
+    """Set the style of all figures."""
     mpl.use("agg")
     plt.style.use("default")
     mpl.rcParams.update(_STYLE)
 
 
 def save(drawing: Drawing, folder: Path) -> None:
-    """Write PNG, PDF and CSV; the same drawing gives the same bytes."""
+    """Write PNG, PDF and CSV; equal drawings give equal bytes."""
     # matplotlib stamps PDFs with this time instead of now.
     os.environ["SOURCE_DATE_EPOCH"] = "0"
     drawing.figure.savefig(folder / f"{drawing.name}.png", metadata={"Software": None})
@@ -93,7 +93,7 @@ def method_colour(method: str) -> str:
 
 
 def method_line(method: str) -> Any:
-    """The method's kind of line."""
+    """The method's line style."""
     return _LINES.get(method, "-")
 
 
@@ -103,5 +103,5 @@ def hash_of(text: str) -> int:
 
 
 def method_name(method: str) -> str:
-    """How a method is called in a legend."""
+    """Name of a method in legends."""
     return METHOD_NAMES.get(method, method.replace("_", " "))

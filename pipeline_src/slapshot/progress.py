@@ -1,4 +1,4 @@
-"""Progress of long steps: a bar on a terminal, timed lines with the time left everywhere else."""
+"""Progress of long steps: a bar on a terminal, elsewhere lines at intervals with the time left."""
 
 import logging
 import sys
@@ -20,13 +20,13 @@ _SECONDS_BETWEEN_LINES = 10.0
 
 
 def progress(items: Iterable[T], total: int, what: str, done: int = 0) -> Iterator[T]:
-    """The items, with progress shown as they are consumed.
+    """Yield the items, and show progress as they are consumed.
 
     Args:
-        items: what to go through.
-        total: number of items, those of earlier runs included.
+        items: to yield.
+        total: number of items, including those of earlier runs.
         what: name of the step.
-        done: items that an earlier run finished.
+        done: number of items that an earlier run finished.
     """
     if sys.stderr.isatty():
         yield from tqdm(items, total=total, initial=done, desc=what)
@@ -42,7 +42,7 @@ def progress(items: Iterable[T], total: int, what: str, done: int = 0) -> Iterat
 
 
 class Steps:
-    """Steps of unknown length: on a terminal one line with the time passed, elsewhere a line a step.
+    """Steps of unknown duration: on a terminal one line with the elapsed time, elsewhere one line per step.
 
     with Steps() as steps:
         steps("fitting")
@@ -63,7 +63,7 @@ class Steps:
         self._stack.close()
 
     def __call__(self, text: str) -> None:
-        """Say what is being done from now on."""
+        """Begin a step described by `text`."""
         text = printable(text)
         if self._line is None:
             print(f"{time.monotonic() - self._began:5.0f} s  {text}", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""Publish figures: check every version they stand on, copy them out, leave nothing stale behind."""
+"""Publish figures: check every version they depend on, copy them, and remove stale ones."""
 
 import argparse
 import json
@@ -18,8 +18,8 @@ log = logging.getLogger("slapshot")
 
 MANIFEST = "versions.json"
 _PUBLISHED = re.compile(r"^([A-Z]\d+-|claims\.)")
-_SHOWN = ("figure/", "claims/")  # versions whose files are published
-_SMALL_PROOF = "score/"  # version whose files go to a folder of their own
+_SHOWN = ("figure/", "claims/")  # stages whose files are published
+_SMALL_PROOF = "score/"  # stage whose files go to a folder of their own
 SMALL_PROOF = "small-proof"
 
 
@@ -27,14 +27,14 @@ def publish(store: Store, versions: list[str], target: Path, available: bool = F
     """Copy the files of all figures and of the claims to `target`.
 
     Args:
-        store: where the versions are.
-        versions: `<stage>/<id>` of everything that the configuration asks for.
-        target: folder; files there that look like a figure and are not among these are removed.
-        available: publish what there is although something is missing; what was published before
-            stays only if it is of the version that is missing now.
+        store: of the versions.
+        versions: `<stage>/<id>` of everything in the configuration.
+        target: folder; files there that are named like a figure but are not published now are removed.
+        available: publish the existing versions although some are missing; files published before are kept
+            only if they belong to a version that is missing now.
 
     Raises:
-        InputError: a version is missing, its content is not what was written, or `target` cannot be written.
+        InputError: a version is missing or damaged, or `target` cannot be written.
     """
     for version in versions:
         stage, version_id = version.split("/")
@@ -52,7 +52,7 @@ def publish(store: Store, versions: list[str], target: Path, available: bool = F
 
 
 def _publish_whole(store: Store, versions: list[str], target: Path) -> None:
-    """Copy the files of all figure versions that are whole, and remove what belongs to no other."""
+    """Copy the files of all complete figure versions, and remove published files of no version."""
     manifest: dict[str, str] = {}
     for version in versions:
         if version.startswith(_SHOWN) and not store.is_whole(*version.split("/")):
@@ -68,7 +68,7 @@ def _publish_whole(store: Store, versions: list[str], target: Path) -> None:
     for file in target.iterdir():
         if not file.is_file() or file.name in manifest:
             continue
-        if _PUBLISHED.match(file.name.removeprefix(".")):  # the dot: a copy that was cut short
+        if _PUBLISHED.match(file.name.removeprefix(".")):  # with a dot: an interrupted copy
             file.unlink()
             log.info("removed %s: it belongs to an earlier configuration", file)
     text = json.dumps(manifest, indent=2, sort_keys=True) + "\n"
@@ -96,7 +96,7 @@ def _published_before(target: Path) -> dict[str, str]:
 
 
 def copy_file(file: Path, target: Path) -> None:
-    """Unchanged files keep their time; a file is never seen half-written."""
+    """Copy a file atomically; unchanged files keep their modification time."""
     if target.is_file() and target.read_bytes() == file.read_bytes():
         return
     aside = target.with_name(f".{target.name}")
@@ -105,7 +105,7 @@ def copy_file(file: Path, target: Path) -> None:
 
 
 def main() -> None:
-    """Command line, as the workflow calls it."""
+    """Command line that the workflow calls."""
     parser = argparse.ArgumentParser(prog="python -m slapshot.publish")
     parser.add_argument("versions", nargs="+", help="<stage>/<id>")
     parser.add_argument("--name", required=True, help="of the configuration")

@@ -1,4 +1,4 @@
-"""Copy what one version tells to a folder of figures/, with the versions that it was made from."""
+"""Copy the results of one version to a folder of figures/, with a list of the versions upstream."""
 
 import argparse
 import json
@@ -24,11 +24,11 @@ def publish_version(
     """Copy tables, pages and figures of a version to `target`/`folder`, and versions.json.
 
     Args:
-        version: folder of it.
+        version: folder of the version.
         target: figures/, or that of a configuration.
-        folder: name.
-        beside: files that go to `target` itself.
-        measures: table of a proof that goes to `target` itself, where the rows of other labs stay.
+        folder: name of the folder in `target`.
+        beside: files that are copied to `target` itself.
+        measures: table of a blind validation that is merged into `target`; rows of other labs are kept.
 
     Raises:
         InputError: the version is damaged, or `target` cannot be written.
@@ -54,7 +54,7 @@ def publish_version(
 
 
 def main() -> None:
-    """Command line, as the workflow calls it."""
+    """Command line that the workflow calls."""
     parser = argparse.ArgumentParser(prog="python -m slapshot.publish_version")
     parser.add_argument("version", type=Path, help="folder of a version")
     parser.add_argument("--name", required=True, help="of the configuration")

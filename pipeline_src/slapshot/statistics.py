@@ -1,4 +1,4 @@
-"""Intervals and projections that figures, claims and validations share."""
+"""Confidence intervals and principal components for figures, claims and validations."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ class Interval:
 
 
 def wilson_interval(successes: int, count: int) -> Interval:
-    """A share with Wilson's 95 % interval; NaN where the count is 0."""
+    """A proportion with Wilson's 95 % interval; NaN if the count is 0."""
     if not count:
         return Interval(np.nan, np.nan, np.nan)
     interval = binomtest(successes, count).proportion_ci(0.95, method="wilson")
@@ -36,16 +36,16 @@ def bootstrap(
 ) -> Interval:
     """Percentile interval of a statistic of tables (models, tasks, ...), over both models and tasks.
 
-    Models and tasks are crossed: every model meets every task. Each draw resamples the models and, apart
-    from them, the tasks, the same ones in every table, so that what two tables share cancels in their
-    difference. With the handful of models that is usual the interval is somewhat too narrow (the variance
-    of m resampled models is (m - 1) / m of the true one).
+    Models and tasks are crossed factors: every model is evaluated on every task. Each draw resamples models
+    and tasks independently, the same ones in every table, so that common variation cancels in differences
+    of tables. With the usual handful of models the interval is somewhat too narrow (the variance of m
+    resampled models is (m - 1) / m of the true one).
 
     Args:
         statistic: of the tables, each (models, tasks, ...).
-        tables: of the same models, and of the same tasks where `tasks` does not say otherwise.
-        tasks: a number for each table, equal where tables have their tasks in common.
-        draws: resamples.
+        tables: of the same models, and of the same tasks unless `tasks` is given.
+        tasks: an index for each table, equal for tables with the same tasks.
+        draws: number of resamples.
         seed: of the resampling.
     """
     rng = np.random.default_rng(seed)
@@ -63,11 +63,11 @@ def bootstrap(
 
 @dataclass(frozen=True)
 class Projection:
-    """The first principal components of some vectors.
+    """Projection on the first principal components of a set of vectors.
 
     Attributes:
         mean: (h).
-        axes: (components, h), orthonormal, the one of the largest variance first.
+        axes: (components, h), orthonormal, in order of decreasing variance.
         explained: (components) share of the variance.
     """
 
@@ -76,13 +76,13 @@ class Projection:
     explained: Array
 
     def apply(self, vectors: Array) -> Array:
-        """(..., h) to (..., components)."""
+        """Project vectors (..., h) to (..., components)."""
         return (vectors - self.mean) @ self.axes.T
 
     def oriented(self, vectors: Array, *guides: Array) -> "Projection":
-        """The same axes, the first ones turned so that each increases with its guide (one value a vector).
+        """The same axes, with the first ones oriented to increase with their guides (one value per vector).
 
-        An axis whose guide does not vary stays as it is.
+        An axis whose guide does not vary is unchanged.
         """
         scores = self.apply(vectors)
         signs = np.ones(len(self.axes))

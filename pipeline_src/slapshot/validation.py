@@ -1,7 +1,7 @@
-"""What every file from outside is checked with: pydantic models, and one line for what is wrong.
+"""Validation of files from outside with pydantic models, with one-line error messages.
 
-A model says which keys a file may have, with types, bounds and descriptions. `validated` turns what was read
-into the model, or raises an InputError that says where (file and line), what, and how to mend it.
+A model defines the keys that a file may have, with types, bounds and descriptions. `validated` turns values
+into the model, or raises an InputError that says where (file and line), what is wrong, and how to fix it.
 """
 
 import difflib
@@ -21,12 +21,12 @@ from slapshot.text import printable
 from slapshot.yaml_file import Loc
 
 LONGEST_NAME = 64
-# Matched whole: a name becomes part of file names and of command lines.
+# Names become parts of file names and command lines, so the whole name must match.
 NAME = rf"^[A-Za-z0-9][A-Za-z0-9_-]{{0,{LONGEST_NAME - 1}}}$"
 NAME_MEANS = f"letters, digits, _ and -, the first a letter or digit, at most {LONGEST_NAME}"
-# Of what only people read, such as a label in a figure.
+# Titles are only for people, such as labels in figures.
 TITLE = rf"^[A-Za-z0-9][A-Za-z0-9 _-]{{0,{LONGEST_NAME - 1}}}$"
-# Of what a picture shows, in which $ and \ would begin a formula.
+# Labels are drawn by matplotlib, in which $ and \ would begin a formula.
 LABEL = r"^[^$\\]*$"
 _MEANS = {
     NAME: NAME_MEANS,
@@ -34,7 +34,7 @@ _MEANS = {
     LABEL: "characters other than $ and \\",
 }
 
-_DEEPEST = 50  # levels of values in each other, far beyond any use
+_DEEPEST = 50  # nesting depth, far more than any file needs
 _LONG_LIST = 10  # longer ones do not fit into a message
 _LARGEST_INTEGER = 2**63
 _TYPES = {
@@ -76,14 +76,14 @@ class Model(BaseModel):
 
     @classmethod
     def from_parts(cls, *parts: BaseModel, **values: Any) -> Self:
-        """This model with what others say of its keys, and further values.
+        """This model with the values that other models have for its keys, and further values.
 
         Args:
-            parts: models; what they leave out stays out.
-            values: count more than any part.
+            parts: models; keys that are unset in all of them remain unset.
+            values: override those of the parts.
 
         Raises:
-            ValueError: two parts say something of the same key.
+            ValueError: two parts have values for the same key.
         """
         said: dict[str, Any] = {}
         for part in parts:
@@ -96,9 +96,9 @@ class Model(BaseModel):
 
 
 class ProblemAtError(ValueError):
-    """What is wrong with a value, and where it stands below what is checked: `what; remedy`.
+    """A problem with a value, as `what; remedy`, and the value's location relative to the validated model.
 
-    Raised by a model that holds several values against each other; `validated` tells the place of it.
+    Raised by a model that compares several values; `validated` adds the location in the file.
     """
 
     def __init__(self, loc: Loc, problem: str) -> None:
@@ -110,20 +110,20 @@ M = TypeVar("M", bound=BaseModel)
 
 
 def validated(model: type[M], values: Any, where: Callable[[Loc], str] | Path | str) -> M:
-    """What was read from a file, as a model.
+    """Validate values read from a file.
 
     Args:
-        model: what the file may say.
-        values: what it says, as YAML or JSON has it.
-        where: file and line of a place in it, or the file.
+        model: of the file.
+        values: from YAML or JSON.
+        where: file and line of a location in the values, or only the file.
 
     Raises:
-        InputError: one line: where, what is wrong, and what would be right.
+        InputError: the values are invalid; one line says where, what is wrong, and what would be right.
     """
     told = where if callable(where) else (lambda loc: str(where))
     check_plain(values, told)
     try:
-        # As JSON, so that a model may have tuples and dataclasses; nothing else is converted.
+        # From JSON, so that a model may have tuples and dataclasses; nothing else is converted.
         return model.model_validate_json(json.dumps(values))
     except ValidationError as error:
         problem = _first_problem(error, model, values)
@@ -131,15 +131,15 @@ def validated(model: type[M], values: Any, where: Callable[[Loc], str] | Path | 
 
 
 def values_of(model: BaseModel) -> dict[str, Any]:
-    """What a model says, as JSON has it and `validated` takes it; what it leaves out stays out."""
+    """Values of a model as JSON types, which `validated` accepts; unset keys are left out."""
     return model.model_dump(mode="json", exclude_unset=True)
 
 
 def validated_part(model: type[M], values: Any, loc: Loc) -> M:
-    """What stands at `loc` as a model, within a model whose other values decide on which.
+    """Validate a part of a model, at `loc`, where other values of that model decide on the part's type.
 
     Raises:
-        ProblemAtError: it is not allowed.
+        ProblemAtError: the part is invalid.
     """
     try:
         return model.model_validate_json(json.dumps(values))
@@ -149,16 +149,16 @@ def validated_part(model: type[M], values: Any, loc: Loc) -> M:
 
 
 def key_of(loc: Loc) -> str:
-    """Dotted keys of a place in a file."""
+    """Dotted keys of a location in a file."""
     return ".".join(shown_text(str(part)) for part in loc) or "top level"
 
 
 def check_plain(value: Any, where: Callable[[Loc], str], loc: Loc = ()) -> None:
-    """Refuse what YAML and JSON can say but no model can judge.
+    """Refuse values that YAML and JSON allow but models cannot handle.
 
     Raises:
         InputError: a key that is no text, an infinite or huge number, a date, an unprintable character, or
-            values in each other without end.
+            values nested too deeply.
     """
     problem = None
     if len(loc) > _DEEPEST:
@@ -190,8 +190,8 @@ def check_plain(value: Any, where: Callable[[Loc], str], loc: Loc = ()) -> None:
 
 
 def short(value: Any) -> str:
-    """A value in a message: one line of at most 60 printable characters."""
-    # An integer of many thousand digits cannot even be printed.
+    """A value for a message: one line of at most 60 printable characters."""
+    # Python refuses to print an integer of many thousand digits.
     text = printable(" ".join((reprlib.repr(value) if isinstance(value, int) else repr(value)).split()))
     return text if len(text) <= 60 else f"{text[:57]}..."
 
@@ -203,7 +203,7 @@ def shown_text(text: str, whole: bool = False) -> str:
 
 
 def _first_problem(error: ValidationError, model: type[BaseModel], values: Any) -> ProblemAtError:
-    """The error that is worth telling: the deepest, since it says the most."""
+    """The error to report: the most deeply nested one, which is the most specific."""
     found = []
     for detail in error.errors(include_url=False):
         loc, tagged = _real_loc(detail["loc"], values, detail["type"] == "missing")
@@ -211,7 +211,7 @@ def _first_problem(error: ValidationError, model: type[BaseModel], values: Any) 
         if isinstance(inner, ProblemAtError):
             loc = (*loc, *inner.loc)
         mistyped = detail["type"].endswith("_type") or detail["type"] == "none_required"
-        # Of a union, the case that the value comes nearest to: one that it has the type of.
+        # For a union, prefer the case whose type the value has.
         found.append((tagged and mistyped, -len(loc), [str(part) for part in loc], loc, detail))
     found.sort(key=lambda item: item[:3])
     loc, detail = found[0][3:]
@@ -225,9 +225,9 @@ def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def _real_loc(loc: tuple[int | str, ...], values: Any, missing: bool) -> tuple[Loc, bool]:
-    """Keys and indices of a place without the names of a union's cases, and whether it ends with one.
+    """Keys and indices of a location, without the names of union cases, and whether it ends with such a name.
 
-    The last key of a place that is `missing` stands in no value.
+    The last key of a `missing` value does not exist in the values.
     """
     real: list[int | str] = []
     here, tagged = values, False
@@ -246,12 +246,12 @@ def _real_loc(loc: tuple[int | str, ...], values: Any, missing: bool) -> tuple[L
 
 def _described(
     detail: Any, mistyped: list[Any], loc: Loc, schema: dict[str, Any]
-) -> tuple[Loc, str]:  # a missing or unknown key is told of what holds it
+) -> tuple[Loc, str]:  # a missing or unknown key is reported at the mapping that holds it
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     shown = short(value)
     own = list(_schemas_at(schema, loc, schema))
     meaning = next((s["description"] for s in own if "description" in s), None)
-    # Of a docstring, what its first line says.
+    # Only the first line of a docstring.
     hint = f" ({meaning.splitlines()[0]})" if meaning else ""
     if kind in {"extra_forbidden", "unexpected_keyword_argument"}:
         key = str(loc[-1])
@@ -307,11 +307,11 @@ def _described(
 
 
 def _schemas_at(schema: Any, loc: Loc, root: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Every part of a JSON schema that says something about a place."""
+    """Every part of a JSON schema that applies to a location."""
     if not isinstance(schema, dict):
         return
     if "$ref" in schema:
-        # What stands beside a reference says more than what it refers to.
+        # Keywords beside a reference are more specific than the schema that it refers to.
         if not loc:
             yield {k: v for k, v in schema.items() if k != "$ref"}
         yield from _schemas_at(root["$defs"][schema["$ref"].rpartition("/")[2]], loc, root)
@@ -331,7 +331,7 @@ def _schemas_at(schema: Any, loc: Loc, root: Mapping[str, Any]) -> Iterator[dict
 
 
 def _is_number(value: Any) -> bool:
-    """True for what YAML takes for a text although a person reads a number, such as 1e-3."""
+    """True for text that a person reads as a number but YAML does not, such as 1e-3."""
     try:
         return isinstance(value, str) and math.isfinite(float(value))
     except ValueError:
@@ -339,12 +339,12 @@ def _is_number(value: Any) -> bool:
 
 
 def read_json(path: Path, remedy: str, longest: int = 64_000_000) -> Any:
-    """A JSON file; repeated keys, NaN and infinities are refused.
+    """Read a JSON file; repeated keys, NaN and infinities are refused.
 
     Args:
         path: of the file.
-        remedy: what to do where it cannot be read.
-        longest: bytes.
+        remedy: what to do if it cannot be read.
+        longest: maximum size in bytes.
 
     Raises:
         InputError: it cannot be read or is no JSON.
@@ -355,7 +355,7 @@ def read_json(path: Path, remedy: str, longest: int = 64_000_000) -> Any:
         value = json.loads(
             data.decode("utf-8-sig"), parse_constant=_refuse_constant, object_pairs_hook=_refuse_repeats
         )
-        # Half of a surrogate pair ("\ud800") is valid JSON, but nobody can print or save it.
+        # A lone surrogate ("\ud800") is valid JSON, but cannot be encoded in UTF-8.
         json.dumps(value, ensure_ascii=False).encode("utf-8")
     except (ValueError, RecursionError) as error:
         lines = str(error).splitlines() or [type(error).__name__]

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, whenever a process is ended."""
+"""Atomic writing: a file exists completely or not at all, even if the process is killed."""
 
 import shutil
 import tempfile
@@ -9,10 +9,10 @@ from pathlib import Path
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A hidden path beside `path` to write a file or a folder to, which takes its place at the end.
+    """Yield a temporary path in the same folder, which is renamed to `path` at the end.
 
     Args:
-        path: what is to be written; a file that is there stays until then, a folder must not be.
+        path: of the file or folder to write; an existing file is kept until then, a folder must not exist.
     """
     aside = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
     try:
@@ -23,6 +23,6 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file at once."""
+    """Write a text file atomically."""
     with replacing(path) as aside:
         aside.write_text(text)

@@ -1,4 +1,4 @@
-"""YAML files: mappings of a sane size without repeated keys, or one line that says what is wrong where."""
+"""YAML files: mappings of limited size without repeated keys, with one-line error messages."""
 
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -9,20 +9,20 @@ import yaml
 
 from slapshot.errors import InputError, reading
 
-_DEEPEST, _LARGEST = 50, 100_000  # levels and values of a configuration, far beyond any use
-_LONGEST = 4_000_000  # bytes of a file, far beyond any use
+_DEEPEST, _LARGEST = 50, 100_000  # nesting depth and number of values, far more than needed
+_LONGEST = 4_000_000  # bytes of a file, far more than needed
 
 Loc = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
 class Document:
-    """A YAML file and where its values stand.
+    """A YAML file and the lines of its values.
 
     Attributes:
         path: of the file.
         values: the mapping that it holds.
-        lines: place of a value (its keys and list indices, outermost first) -> line, from 1.
+        lines: location of a value (its keys and list indices, outermost first) -> line, from 1.
     """
 
     path: Path
@@ -30,7 +30,7 @@ class Document:
     lines: Mapping[Loc, int] = field(default_factory=dict)
 
     def where(self, loc: Loc) -> str:
-        """File and line of a value; of what holds it, where the value itself is missing."""
+        """File and line of a value; if the value is missing, those of the mapping or list that holds it."""
         for end in range(len(loc), 0, -1):
             if loc[:end] in self.lines:
                 return f"{self.path}:{self.lines[loc[:end]]}"
@@ -38,7 +38,7 @@ class Document:
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """A YAML file that holds a mapping.
+    """Read a YAML file that holds a mapping.
 
     Raises:
         InputError: it cannot be read, is not YAML, repeats a key or holds no mapping.
@@ -69,11 +69,11 @@ def read_document(path: Path) -> Document:
 
 
 class _TooLargeError(Exception):
-    """Aliases (*name) that hold themselves, or each other so often that reading would not end."""
+    """Aliases (*name) that are recursive, or that expand to too many values."""
 
 
 class _Loader(yaml.SafeLoader):
-    """The safe loader, which refuses repeated keys and names the line of a value that cannot be."""
+    """Safe loader that refuses repeated keys and reports the line of an invalid value."""
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
@@ -86,7 +86,7 @@ class _Loader(yaml.SafeLoader):
         seen: set[Hashable] = set()
         for key_node, _ in node.value:
             if key_node.tag == "tag:yaml.org,2002:merge":
-                continue  # what `<<: *name` brings in may be replaced
+                continue  # keys merged by `<<: *name` may be overridden
             key = self.construct_object(key_node, deep=True)
             if isinstance(key, Hashable):
                 if key in seen:
@@ -107,7 +107,7 @@ def _construct(node: yaml.Node | None) -> Any:
 
 
 def _lines(root: yaml.Node | None) -> dict[Loc, int]:
-    """Line of every value; refuses what is too deep or too large, before anything is built from it."""
+    """Line of every value; documents that are too deep or too large are refused before construction."""
     found: dict[Loc, int] = {}
     waiting: list[tuple[yaml.Node, Loc]] = [(root, ())] if root is not None else []
     count = 0

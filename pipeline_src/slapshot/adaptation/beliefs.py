@@ -1,4 +1,4 @@
-"""Stage `beliefs`: hidden states of test conditions and recordings, and how surprising each sample was."""
+"""Stage `beliefs`: hidden states of test conditions and recordings, and the NIS of each sample."""
 
 import logging
 from collections.abc import Iterator, Mapping
@@ -28,12 +28,12 @@ _NAMES = ("state", "action", "outcome")
 
 
 def produce(run: Run) -> None:
-    """Write latents.parquet and, for a method that can tell, innovations.parquet.
+    """Write latents.parquet and, for a method that computes innovations, innovations.parquet.
 
     latents: source (simulated, recorded), recording, rig, object, condition, name, friction_x, friction_y,
     noise_variance, repeat, model, samples, hidden (list). innovations: the same keys, then samples (seen
-    before), nis (normalised innovation squared), x_m, y_m (where the hit ended), and noise_variance NaN
-    where it was drawn as in training.
+    before this one), nis (normalised innovation squared), x_m, y_m (rest point of the hit). noise_variance
+    is NaN where it was drawn as in training.
     """
     settings = run.settings(BeliefsSettings)
     torch.set_num_threads(run.cores)
@@ -59,7 +59,7 @@ def produce(run: Run) -> None:
 def _simulated(
     settings: BeliefsSettings, rollouts: Path, standardiser: Standardiser, rng: np.random.Generator
 ) -> Iterator[tuple[pd.DataFrame, Arrays]]:
-    """Test conditions at each level of noise and with the noise of training, `repeats` times each."""
+    """Test conditions at each noise level and with the noise of training, `repeats` times each."""
     data = read_sequences(rollouts, "test")
     count, hits, size = data.outcome.shape
     most = max(settings.samples)
@@ -97,7 +97,7 @@ def _recorded(
 def _adapt(
     method: AdaptationMethod[Any], standardiser: Standardiser, sequences: Arrays, samples: list[int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """Hidden states (M, B, samples, h), and the NIS (M, B, N, 1) of every sample if the method knows it."""
+    """Hidden states (M, B, samples, h), and the NIS (M, B, N, 1) of every sample if the method has one."""
 
     def tensor(name: str) -> Tensor:
         standardised = standardiser.standardise(name, sequences[name])
@@ -125,7 +125,7 @@ def _table(keys: pd.DataFrame, values: NDArray[np.float32], name: str, samples: 
 
 
 def _write(table: pd.DataFrame, path: Path) -> None:
-    """Hidden states as a list of fixed size: half the space, and NumPy reads it without a copy."""
+    """Write hidden states as lists of fixed size: half the space, and NumPy reads them without a copy."""
     flat = pa.array(np.concatenate(table["hidden"].to_list()).astype(np.float32))
     hidden = pa.FixedSizeListArray.from_arrays(flat, len(table["hidden"].iloc[0]))
     rest = pa.Table.from_pandas(table.drop(columns="hidden"), preserve_index=False)

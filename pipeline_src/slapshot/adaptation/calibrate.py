@@ -1,4 +1,4 @@
-"""Stage `calibrate`: how far prediction intervals must reach, and what they then cover on test data."""
+"""Stage `calibrate`: calibrated radii of prediction intervals, and their coverage on test data."""
 
 import logging
 from typing import Any
@@ -82,10 +82,10 @@ def _distances(
     settings: CalibrateSettings,
     variance: float | None,
 ) -> list[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
-    """For each number of samples: that number, squared distances and unit areas, each (M, B, Q).
+    """For each number of samples: that number, squared Mahalanobis distances and unit areas, each (M, B, Q).
 
-    Hits to adapt to and hits to predict are different ones; the noise is of one variance, or drawn as in
-    training.
+    Hits to adapt to and hits to predict are disjoint. The noise has the given variance, or is drawn as in
+    training if `variance` is None.
     """
     rng = np.random.default_rng([settings.seed, 0 if variance is None else 1])
     count, hits, size = data.outcome.shape

@@ -1,4 +1,4 @@
-"""Trained ensembles on disk: safetensors and JSON, so that nothing is ever unpickled."""
+"""Trained ensembles on disk, as safetensors and JSON: loading one never unpickles anything."""
 
 import json
 from dataclasses import asdict

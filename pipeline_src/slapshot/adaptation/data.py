@@ -1,4 +1,4 @@
-"""Data as the methods see it: standardised tensors, sequences with noisy outcomes."""
+"""Input of the methods: standardised tensors, and sequences with noisy outcomes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +11,13 @@ from torch import Tensor
 
 from slapshot.rollouts.reading import Sequences
 
-# A component that hardly varies (a start that is always the same) is centred but not scaled up.
+# A component that hardly varies (such as a fixed start position) is centred but not scaled up.
 _CONSTANT = 1e-6
 
 
 @dataclass(frozen=True)
 class Standardiser:
-    """Mean and spread of state, action and outcome over the training data.
+    """Mean and standard deviation of state, action and outcome over the training data.
 
     Attributes:
         mean, scale: name -> (size,) tensors in the data's units.
@@ -42,7 +42,7 @@ class Standardiser:
         return (torch.as_tensor(values, dtype=torch.float32) - self.mean[name]) / self.scale[name]
 
     def restore(self, name: str, values: Tensor) -> Tensor:
-        """Back to the data's units."""
+        """Undo `standardise`: (..., size) in the data's units."""
         return values * self.scale[name].to(values) + self.mean[name].to(values)
 
     def save(self, path: Path) -> None:
@@ -77,7 +77,7 @@ class Batch:
 
 
 class SequenceSampler:
-    """Draws training sequences: conditions, orders of their hits, and noise levels at random."""
+    """Draws training sequences: random conditions, random order of their hits, random noise levels."""
 
     def __init__(self, data: Sequences, standardiser: Standardiser, device: torch.device) -> None:
         self._tensors = {
@@ -94,7 +94,7 @@ class SequenceSampler:
         noise_variance_max: float,
         generator: torch.Generator,
     ) -> Batch:
-        """Independent sequences for every model, without replacement of hits inside a sequence.
+        """Draw independent sequences for every model; hits of a sequence are drawn without replacement.
 
         Noise: diag(Sigma_s) ~ U(0, noise_variance_max) per task and component (paper, eq. sigma_s),
         in units of the standardised outcome.
@@ -103,8 +103,8 @@ class SequenceSampler:
             models: M.
             tasks: B.
             length: N.
-            noise_variance_max: largest variance.
-            generator: on the CPU, so that a seed means the same on every device.
+            noise_variance_max: upper bound of the noise variance.
+            generator: on the CPU, so that a seed gives the same draws on every device.
         """
         conditions, hits, size = self._tensors["outcome"].shape
         rows = torch.randint(conditions, (models, tasks, 1), generator=generator)

@@ -1,4 +1,4 @@
-"""Stage `evaluate`: error against samples on simulated test conditions, for each level of noise."""
+"""Stage `evaluate`: error against samples on simulated test conditions, for each noise level."""
 
 import logging
 
@@ -53,7 +53,7 @@ def produce(run: Run) -> None:
 
 
 def _take(values: NDArray[np.float32], rows: NDArray[np.int64]) -> NDArray[np.float32]:
-    """(conditions, n, size): of each condition the hits whose numbers are in rows (conditions, n)."""
+    """(conditions, n, size): hits of each condition, selected by the indices `rows` (conditions, n)."""
     return np.take_along_axis(values, rows[:, :, None], 1)
 
 

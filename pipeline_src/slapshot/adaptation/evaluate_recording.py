@@ -20,8 +20,8 @@ log = logging.getLogger("slapshot")
 def produce(run: Run) -> None:
     """Write errors.parquet: method, model, rig, object, repeat, samples, error_m, stand_in.
 
-    Each repeat splits an object's commands at random: hits of some commands to adapt to, in random
-    order, hits of the other commands to score on. The splits are the same for every method.
+    Each repeat splits an object's commands at random: hits of some commands are adapted to, in random
+    order, hits of the other commands are scored. The splits are the same for every method.
     """
     settings = run.settings(EvaluateRecordingSettings)
     torch.set_num_threads(run.cores)

@@ -1,9 +1,9 @@
 """The Kalman filter over whole sequences and its adjoint, compiled for the CPU, 16 tasks at once.
 
-The equations are those of `slapshot.adaptation.kalman_filter`, which says what they are; this is how they run
-fast. All tasks of all models are laid out in blocks of `lanes.WIDTH`, and a block goes through its sequence
-within the processor's caches. What torch does with the same matrices is twenty calls a step, each of which
-writes its result to memory.
+The equations are derived in `slapshot.adaptation.kalman_filter`; this module is their fast implementation.
+All tasks of all models are laid out in blocks of `lanes.WIDTH`, and a block runs through its whole sequence
+within the processor's caches. In torch the same step takes twenty calls, each of which writes its result to
+memory.
 """
 
 from typing import Any
@@ -63,8 +63,8 @@ class FusedFilterMeans(torch.autograd.Function):
         raw = outputs[..., k + places.diagonal()].clamp(-LARGEST_FACTOR, LARGEST_FACTOR)
         blocks = -(-M * B // WIDTH)
         means = C.new_empty(M * B, N + 1, h)
-        # What the adjoint needs of every step, in blocks: mu, the lower triangle of Sigma, K and r. K is also
-        # Sigma H', but that loses all digits of float32 once a measurement has taken most of the variance.
+        # Saved for the adjoint, per step and in blocks: mu, the lower triangle of Sigma, K and r. K also
+        # equals Sigma H', but in float32 that loses all digits once a measurement removed most variance.
         sizes = ((h, 1), (h * (h + 1) // 2, 1), (h, k), (k, 1))
         steps = [C.new_empty(blocks, N, *size, WIDTH) for size in sizes]
         given = [x.flatten(0, 1) for x in (mean, covariance, outputs, functional.softplus(raw))]
@@ -107,7 +107,7 @@ def _filter(  # type: ignore[no-untyped-def]
     each_gain,
     each_residual,
 ):
-    """Fill `means` (T, N + 1, h) and, in blocks of tasks, what the adjoint needs of each step.
+    """Fill `means` (T, N + 1, h) and, in blocks of tasks, the quantities of each step for the adjoint.
 
     Args:
         drift: epsilon.
@@ -115,7 +115,7 @@ def _filter(  # type: ignore[no-untyped-def]
         covariance: (T, h, h) of the prior.
         outputs: (T, N, k + k (k + 1) / 2).
         diagonal: of L, (T, N, k).
-        places: (k, k), which of the packed numbers stands where in the lower triangle of L.
+        places: (k, k), index of the packed number of each entry of the lower triangle of L.
         C: (M, k, h).
         means: result.
         each_mean: mu, result, (blocks, N, h, 1, WIDTH).
@@ -186,9 +186,9 @@ def _adjoint(  # type: ignore[no-untyped-def]
 ):
     """Fill the gradients `l_mean`, ... with respect to `mean`, ... of `_filter`, and add to `l_C`.
 
-    `gradient` (T, N + 1, h) is that with respect to `means`; with respect to the mean and the covariance of
-    one step they are `l_mu` and G, as l and G in `PlainFilterMeans`. `slope` is that of softplus.
-    Of y = L' mu_z and H = L' C follow
+    `gradient` (T, N + 1, h) is dL/dmeans; the gradients with respect to the mean and the covariance of
+    one step are `l_mu` and G, as l and G in `PlainFilterMeans`. `slope` is the derivative of softplus.
+    From y = L' mu_z and H = L' C follow
 
         dL/dmu_z = L dL/dy,   dL/dL = mu_z dL/dy' + C dL/dH',   dL/dC = L dL/dH
     """
@@ -254,7 +254,7 @@ def _adjoint(  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _unpack(given, diagonal, places, L):  # type: ignore[no-untyped-def]
-    """L of the outputs (k + k (k + 1) / 2, 1, WIDTH) and of its diagonal."""
+    """Fill L from the outputs (k + k (k + 1) / 2, 1, WIDTH) and its diagonal."""
     k = L.shape[0]
     L[:] = 0
     for i in range(k):
@@ -269,7 +269,7 @@ def _unpack(given, diagonal, places, L):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _pack(l_L, given, slope, places, l_given):  # type: ignore[no-untyped-def]
-    """Gradient with respect to the outputs that `_unpack` takes to L, of which beyond the bound it is 0."""
+    """Gradient with respect to the outputs that `_unpack` turns into L; 0 for clipped entries."""
     k = l_L.shape[0]
     for i in range(k):
         for j in range(i):
@@ -304,7 +304,7 @@ def _unpack_symmetric(triangle, X):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _of_models(C, tasks, first, target):  # type: ignore[no-untyped-def]
-    """Copy to every lane (k, h, WIDTH) what its model has of (M, k, h)."""
+    """Copy the matrix of each task's model, from C (M, k, h), to the task's lane of (k, h, WIDTH)."""
     for lane in range(WIDTH):
         model = min(first + lane, tasks - 1) * len(C) // tasks
         for i in range(C.shape[1]):
@@ -314,7 +314,7 @@ def _of_models(C, tasks, first, target):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _add_to_models(source, tasks, first, C):  # type: ignore[no-untyped-def]
-    """Add what the tasks have (k, h, WIDTH) to what their models have (M, k, h)."""
+    """Add the tasks' matrices (k, h, WIDTH) to those of their models (M, k, h)."""
     for lane in range(min(WIDTH, tasks - first)):
         model = (first + lane) * len(C) // tasks
         for i in range(C.shape[1]):
@@ -324,7 +324,7 @@ def _add_to_models(source, tasks, first, C):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _matrix(rows, columns, like):  # type: ignore[no-untyped-def]
-    """Empty (rows, columns, WIDTH) that begins with a cache line: an entry across two takes twice as long."""
+    """Empty (rows, columns, WIDTH) aligned to cache lines: an entry across two takes twice as long."""
     size = rows * columns * WIDTH
     numbers = np.empty(size + WIDTH, like.dtype)
     begin = -(numbers.ctypes.data // numbers.itemsize) % WIDTH
@@ -362,7 +362,7 @@ def _add(target, source):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _mirror(X):  # type: ignore[no-untyped-def]
-    """Make X symmetric from its lower triangle."""
+    """Copy the lower triangle of X to its upper one."""
     for i in range(X.shape[0]):
         for j in range(i):
             store(X, j, i, load(X, i, j))
@@ -370,10 +370,9 @@ def _mirror(X):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _invert(S, L_inverse, S_inverse):  # type: ignore[no-untyped-def]
-    """Inverse of S = L L', of which the lower triangle is given and is overwritten by L.
+    """Inverse of S = L L'; the lower triangle of S is given and is overwritten by L.
 
-    No eigenvalue of S is below 1, so only inputs that are not finite could fail here, and they show in the
-    result.
+    No eigenvalue of S is below 1, so only non-finite inputs could fail here, and they show in the result.
     """
     k = S.shape[0]
     L_inverse[:] = 0
@@ -400,9 +399,9 @@ def _invert(S, L_inverse, S_inverse):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _to_lanes(source, first, i, target):  # type: ignore[no-untyped-def]
-    """Copy part i of the tasks from `first` on, of `source` (T, ...), to `target` (..., WIDTH).
+    """Copy element i of WIDTH tasks of `source` (T, ...), from `first` on, to `target` (..., WIDTH).
 
-    Lanes without a task take the last one, so that nothing they hold is out of the ordinary.
+    Lanes without a task repeat the last one, so that they hold ordinary numbers.
     """
     tasks, size = source.shape[0], target.size // WIDTH
     step = source.size // tasks
@@ -418,7 +417,7 @@ def _to_lanes(source, first, i, target):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _from_lanes(source, first, i, target):  # type: ignore[no-untyped-def]
-    """Copy `source` (..., WIDTH) to part i of the tasks from `first` on, of `target` (T, ...)."""
+    """Copy `source` (..., WIDTH) to element i of the tasks of `target` (T, ...), from `first` on."""
     tasks, size = target.shape[0], source.size // WIDTH
     step = target.size // tasks
     whole = size - size % WIDTH if first + WIDTH <= tasks else 0

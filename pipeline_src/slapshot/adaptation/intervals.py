@@ -1,9 +1,9 @@
 """Prediction intervals from sampled phi, and their calibration.
 
-The belief of a Kalman filter inside a network is Gaussian in phi. Sampled phi, each passed through the
-prediction network, give a cloud of predicted outcomes (paper, section "Linear regression" and figure 1);
-its mean and covariance make an ellipse. Training by squared error leaves the belief's scale free, so the
-ellipse that covers a share p of outcomes is measured on validation data, never assumed.
+The belief of the Kalman filter is Gaussian in phi. Samples of phi, each passed through the prediction
+network, give a cloud of predicted outcomes (paper, section "Linear regression" and figure 1); its mean and
+covariance define an ellipse. Training by squared error does not determine the scale of the belief, so the
+radius of the ellipse that covers a share p of outcomes is measured on validation data, never assumed.
 """
 
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ from slapshot.adaptation.data import Standardiser
 from slapshot.adaptation.method import AdaptationMethod
 from slapshot.errors import InputError
 
-# m²: keeps a covariance invertible whose few sampled outcomes agree; a millimetre is below every camera.
+# m²: keeps a covariance invertible when its few sampled outcomes agree; no camera resolves a millimetre.
 _LEAST_VARIANCE = 1e-6
 
 
 @runtime_checkable
 class SamplesPhi(Protocol):
-    """What a method needs for intervals: a belief to draw phi from, and a prediction for each phi."""
+    """Interface of methods with intervals: a belief to draw phi from, and a prediction for each phi."""
 
     models: int
 
@@ -33,12 +33,12 @@ class SamplesPhi(Protocol):
         """(M, B, samples, h) draws from the belief."""
 
     def outcome(self, phi: Tensor, state: Tensor, action: Tensor) -> Tensor:
-        """(M, ..., do) predicted for given phi; the leading dimensions broadcast."""
+        """(M, ..., do) predicted outcome for given phi; the leading dimensions broadcast."""
 
 
 @dataclass(frozen=True)
 class Predictive:
-    """Predicted outcomes in the outcome's unit (m).
+    """Predicted outcomes, in m.
 
     Attributes:
         mean: (M, B, Q, do), the prediction at the belief's mean.
@@ -68,7 +68,7 @@ def predictive(
     draws: int,
     generator: torch.Generator,
 ) -> Predictive:
-    """Predict queries (M, B, Q, d) by the mean of phi, with the spread over `draws` sampled phi.
+    """Predict queries (M, B, Q, d) at the mean of phi, with the covariance over `draws` samples of phi.
 
     Raises:
         InputError: the method has no belief to sample from.
@@ -79,7 +79,7 @@ def predictive(
         )
     mean = standardiser.restore("outcome", method.predict(belief, state, action))
     phi = method.sample_phi(belief, draws, generator)
-    # A query at a time: all of them together would need gigabytes.
+    # One query at a time: all at once would need gigabytes.
     covariances = []
     for q in range(state.shape[2]):
         one = slice(q, q + 1)
@@ -112,7 +112,7 @@ class Calibration:
     table: pd.DataFrame
 
     def radius2(self, model: int, samples: int, level: float) -> float:
-        """Of the largest measured number of samples that is not above `samples`."""
+        """Squared radius after the largest measured number of samples that does not exceed `samples`."""
         rows = self.table[(self.table["model"] == model) & (self.table["level"] == level)]
         known = rows[rows["samples"] <= samples].sort_values("samples")
         return float(known["radius2"].to_numpy()[-1])

@@ -44,7 +44,7 @@ class Kalman(AdaptationMethod[KalmanBelief]):
         prediction = [query + h, *settings.hidden, sizes.outcome]
         self.measurement_net = StackedMLP(models, measurement, generator)
         self.prediction_net = StackedMLP(models, prediction, generator)
-        # The coordinates of phi are free: at first z measures phi itself, and the prior is N(0, I).
+        # The choice of coordinates of phi is free: at first z measures phi itself, and the prior is N(0, I).
         noise = torch.empty(models, h, h).normal_(0, 0.01, generator=generator)
         self.C = nn.Parameter(torch.eye(h) + noise)
         self.prior_mean = nn.Parameter(torch.zeros(models, h))
@@ -62,10 +62,10 @@ class Kalman(AdaptationMethod[KalmanBelief]):
 
         Full, because one sample fixes some directions of phi and leaves others open, and which ones
         depends on (s, a): a diagonal Sigma_z could only weigh fixed directions, the rows of C. On
-        tasks y = W x with W 2 x 2 it left 1.5 times the squared error after 15 samples with twice
-        the parameters. The factor is that of the inverse, because an open direction is one of
-        little precision, a harmless number near 0: the large variance that says the same would
-        drown the small ones in the rounding of float32.
+        tasks y = W x with W 2 x 2 a diagonal one left 1.5 times the squared error after 15 samples,
+        with twice the parameters. L factors the precision, not the covariance, because an unobserved
+        direction then has a precision near 0, which is harmless; its large variance would drown the
+        small ones in the rounding of float32.
 
         Inputs are (M, ..., d), results (M, ..., h) and (M, ..., h, h).
         """
@@ -75,11 +75,11 @@ class Kalman(AdaptationMethod[KalmanBelief]):
         return self.measurement_net(torch.cat([state, action, observed], dim=-1))
 
     def whiten(self, mean: Tensor, L: Tensor) -> tuple[Tensor, Tensor]:
-        """Return y = L' mu_z and H = L' C_z, the measurement as `kalman_step` takes it."""
+        """Return y = L' mu_z and H = L' C_z, the whitened measurement for `kalman_step`."""
         return whiten(mean, L, self.C)
 
     def update(self, belief: KalmanBelief, state: Tensor, action: Tensor, observed: Tensor) -> KalmanBelief:
-        """Measure one sample (M, B, d) and integrate it; see `kalman_step`."""
+        """Update the belief with one sample (M, B, d); see `kalman_step`."""
         y, H = self.whiten(*self.measure(state, action, observed))
         return self._integrate(belief, y, H)
 
@@ -118,7 +118,7 @@ class Kalman(AdaptationMethod[KalmanBelief]):
     def sample_phi(self, belief: KalmanBelief, samples: int, generator: torch.Generator) -> Tensor:
         """Draw phi ~ N(mu_phi, Sigma_phi), (M, B, samples, h), for predictive intervals."""
         models, tasks, h = belief.mean.shape
-        # Drawn where the generator lives: a seed on the CPU means the same on every device.
+        # Drawn on the generator's device: a seed on the CPU gives the same draws on every device.
         white = torch.randn(models, tasks, samples, h, generator=generator, device=generator.device)
         L = torch.linalg.cholesky_ex(belief.covariance).L
         return belief.mean[:, :, None] + white.to(L) @ L.mT
@@ -126,11 +126,11 @@ class Kalman(AdaptationMethod[KalmanBelief]):
     def normalised_innovation_squared(
         self, belief: KalmanBelief, state: Tensor, action: Tensor, observed: Tensor
     ) -> Tensor:
-        """(M, B) of r' S^-1 r, r = y - H mu: how far a sample (M, B, d) is from what the belief expects.
+        """(M, B) normalised innovation squared r' S^-1 r, r = y - H mu, of a sample (M, B, d).
 
         The usual test of a filter's consistency. It would follow a chi-squared distribution with k
-        degrees of freedom if the belief's scale were that of a likelihood; trained by squared error it
-        must be compared with simulated samples instead.
+        degrees of freedom if the filter were trained by likelihood; training by squared error does not
+        fix the belief's scale, so it must be compared with simulated samples instead.
         """
         y, H = self.whiten(*self.measure(state, action, observed))
         step = kalman_step(belief.mean, belief.covariance, y, H, self.settings.drift)

@@ -8,7 +8,7 @@ from torch.autograd.function import once_differentiable
 
 
 class FilterStep(NamedTuple):
-    """Result of one filter step and what its adjoint needs."""
+    """Result of one filter step, and the quantities that its adjoint needs."""
 
     mean: Tensor  # mu_phi^{t+1|t+1}, (M, B, h)
     covariance: Tensor  # Sigma_phi^{t+1|t+1}, (M, B, h, h)
@@ -18,7 +18,7 @@ class FilterStep(NamedTuple):
 
 
 def kalman_step(mean: Tensor, covariance: Tensor, y: Tensor, H: Tensor, drift: float) -> FilterStep:
-    """Let the parameters drift once and integrate one whitened measurement.
+    """One prediction step (random walk of phi) and one update with a whitened measurement.
 
     A measurement z ~ N(C phi, Sigma_z) with Sigma_z^-1 = L L' is the same as y ~ N(H phi, I) with
     y = L' z and H = L' C. Eqs. (pred_mean, pred_cov) with A = I, B = 0, Q = drift I, then eqs.
@@ -28,13 +28,13 @@ def kalman_step(mean: Tensor, covariance: Tensor, y: Tensor, H: Tensor, drift: f
         S  = H P H' + I,   K = P H' S^-1
         mu = mu + K (y - H mu)
 
-    with K the paper's gain times L'^-1. Eq. (sigma_update) is taken in the form of Joseph,
+    with K the paper's gain times L'^-1. Eq. (sigma_update) is taken in Joseph's form,
 
         Sigma_phi = (I - K H) P (I - K H)' + K K'
 
-    Equal to (I - K H) P for the exact gain, but a sum of two positive semidefinite terms whose
-    error is of second order in that of K. The short form is a difference, which float32 makes
-    indefinite once a precise measurement has taken most of the variance.
+    which equals (I - K H) P for the exact gain, but is a sum of two positive semidefinite terms whose
+    error is of second order in that of K. The short form is a difference, which becomes indefinite in
+    float32 once a precise measurement has removed most of the variance.
 
     Args:
         mean: mu_phi before the step, (M, B, h).
@@ -47,8 +47,8 @@ def kalman_step(mean: Tensor, covariance: Tensor, y: Tensor, H: Tensor, drift: f
     P = covariance + drift * identity
     PH = P @ H.mT
     S = H @ PH + torch.eye(y.shape[-1], dtype=mean.dtype, device=mean.device)
-    # No eigenvalue of S is below 1, so only inputs that are not finite could fail here, and they
-    # show in the result: the _ex variant leaves out a check on every step.
+    # No eigenvalue of S is below 1, so only non-finite inputs could fail here, and they show in the
+    # result: the _ex variant skips a check on every step.
     S_inverse = torch.cholesky_inverse(torch.linalg.cholesky_ex(S).L)
     gain = PH @ S_inverse
     innovation = y - times(H, mean)
@@ -66,7 +66,7 @@ def kalman_step(mean: Tensor, covariance: Tensor, y: Tensor, H: Tensor, drift: f
 class PlainFilterMeans(torch.autograd.Function):
     """Means of phi after 0, 1, ..., N measurements: `kalman_step` in a loop, for any device.
 
-    The gradient is a hand-written adjoint of matrix products only, faster than differentiating the loop.
+    The gradient is a hand-written adjoint, made of matrix products only: faster than autograd of the loop.
     """
 
     @staticmethod

@@ -1,11 +1,11 @@
-"""Arithmetic on many small problems at once, for numba: one number of each of 16 tasks is one value.
+"""SIMD arithmetic on many small matrices at once, for numba: a value holds one number of each of 16 tasks.
 
-An array (..., WIDTH) holds one number of WIDTH tasks in its last axis. `load` takes such a row as a `Lanes`,
-a SIMD vector of LLVM, and what is computed with it runs for all tasks. Written as loops over the last axis
-the same products run a twentieth to a hundredth as fast: numba's arrays may overlap, so LLVM writes every
-partial sum back to memory.
+The last axis of an array (..., WIDTH) runs over WIDTH tasks. `load` reads such a row as a `Lanes`, a SIMD
+vector of LLVM, and arithmetic on it is done for all tasks at once. Written as loops over the last axis the
+same products run a twentieth to a hundredth as fast: numba's arrays may overlap, so LLVM writes every partial
+sum back to memory.
 
-Indices count rows of a C-contiguous array and are not checked.
+Arrays are C-contiguous; indices are not checked.
 """
 
 import operator
@@ -21,9 +21,9 @@ from numba.np.arrayobj import make_array
 
 WIDTH = 16  # tasks; in float32 one register of AVX-512, two of AVX2, four of NEON
 
-_TILE_ROWS, _TILE_COLUMNS = 2, 4  # of a product: their partial sums stay in registers
+_TILE_ROWS, _TILE_COLUMNS = 2, 4  # tile of a matrix product whose partial sums stay in registers
 intrinsic: Any = extending.intrinsic  # its own type keeps the typing context among the arguments
-_CONTRACT = ("contract",)  # a product and a sum may become one fused operation; nothing else is relaxed
+_CONTRACT = ("contract",)  # fast-math flag: fused multiply-add is allowed, nothing else is relaxed
 
 
 class Lanes(types.Type):
@@ -42,7 +42,7 @@ class _LanesModel(models.PrimitiveModel):
 
 
 class _Matrix:
-    """An argument (rows, columns, WIDTH), while code is generated: reads and writes its entries."""
+    """Reads and writes entries of an argument (rows, columns, WIDTH) during code generation."""
 
     def __init__(self, context: Any, builder: ir.IRBuilder, kind: types.Array, value: ir.Value):
         self.builder = builder
@@ -64,7 +64,7 @@ class _Matrix:
 
 def _read(builder: ir.IRBuilder, address: ir.Value) -> ir.Value:
     value = builder.load(address)
-    value.align = 4  # whatever array it is in
+    value.align = 4  # bytes; holds for any array
     return value
 
 
@@ -107,7 +107,7 @@ def square_root(typingctx, lanes):  # type: ignore[no-untyped-def]
 
 
 def _register(operation: Callable[..., Any], instruction: str) -> None:
-    """Let an operator of Python work on two Lanes."""
+    """Define an operator of Python for two Lanes."""
 
     @intrinsic
     def on_lanes(typingctx, a, b):  # type: ignore[no-untyped-def]
@@ -140,14 +140,14 @@ def product(
     add: bool = False,
     lower: bool = False,
 ) -> Any:
-    """Compiled function (C, A, B) of C = scale A B, of every task's own matrices.
+    """Compiled function (C, A, B) that computes C = scale A B for the matrices of every task.
 
     Args:
         transpose_a: take A'.
         transpose_b: take B'.
         scale: a factor.
-        add: add to what C holds.
-        lower: of the entries above the diagonal, leave those undone that lie outside of the tiles on it.
+        add: add to the previous value of C.
+        lower: compute the lower triangle only; tiles on the diagonal are computed as a whole.
     """
     general = _product(transpose_a, transpose_b)
 
@@ -185,12 +185,12 @@ def _product(transpose_a: bool, transpose_b: bool) -> Any:
 
 
 def _tile(rows: int, columns: int, transpose_a: bool, transpose_b: bool) -> Callable[..., None]:
-    """(C, i, j, A, B, scale, add): so many rows and columns of a product, from (i, j) on."""
+    """Function (C, i, j, A, B, scale, add) for one tile of a product: `rows` x `columns` from (i, j) on."""
 
     @intrinsic
     def tile(typingctx, C, i, j, A, B, scale, add):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
-            # One copy for all callers: inlined, it would be compiled a dozen times.
+            # One copy for all callers: if inlined, it would be compiled a dozen times.
             builder.function.attributes.add("noinline")
             C, A, B = (_Matrix(context, builder, signature.args[n], args[n]) for n in (0, 3, 4))
             places = [
@@ -230,9 +230,9 @@ def _tile(rows: int, columns: int, transpose_a: bool, transpose_b: bool) -> Call
 
 @intrinsic
 def transpose(typingctx, source, begin, step, target, target_begin, target_step):  # type: ignore[no-untyped-def]
-    """Copy a square of WIDTH x WIDTH numbers from one array to another, transposed.
+    """Copy a block of WIDTH x WIDTH numbers from one array to another, transposed.
 
-    Row i of the square begins at number begin + i step of the array, seen as flat.
+    Row i of the block begins at index begin + i step of the flattened array.
     """
 
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
@@ -244,7 +244,7 @@ def transpose(typingctx, source, begin, step, target, target_begin, target_step)
                 yield builder.bitcast(builder.gep(numbers, [place]), vector)
 
         rows = [_read(builder, x) for x in addresses(signature.args[0], *args[:3])]
-        # Squares of 1, 2, 4, ... change places across the diagonal.
+        # Blocks of 1, 2, 4, ... are swapped across the diagonal.
         half = 1
         while half < WIDTH:
             upper = [c if not c & half else WIDTH + c - half for c in range(WIDTH)]

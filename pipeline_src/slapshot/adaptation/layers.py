@@ -35,8 +35,8 @@ class StackedMLP(nn.Module):
             models: M, the number of independent networks.
             sizes: widths (d_in, hidden ..., d_out).
             generator: source of the initial weights; no global random state is touched.
-            activation: of the hidden layers. SiLU is smooth, which matters to whoever
-                differentiates a prediction with respect to its action.
+            activation: of the hidden layers. SiLU is smooth, which matters where a prediction is
+                differentiated with respect to its action.
         """
         super().__init__()
         if len(sizes) < 2:

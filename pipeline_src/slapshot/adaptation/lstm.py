@@ -1,8 +1,8 @@
 """Black-box recurrent adaptation: the paper's LSTM baseline (section "Results", after Hochreiter 2001).
 
 An LSTM cell reads the samples (s, a, s~') one after the other, and a prediction network maps (s, a, h)
-to the outcome. Nothing in it knows of noise or of parameters: how to weigh a sample against what is
-already known is learned through eq. (loss), as everything else.
+to the outcome. It has no model of noise or of parameters: how to weigh a sample against what is
+already known is learned through eq. (loss), like everything else.
 """
 
 import math
@@ -25,7 +25,7 @@ class LstmBelief:
 
 
 def lstm_step(belief: LstmBelief, projected: Tensor, recurrent: Tensor) -> LstmBelief:
-    """Let the cell read one sample.
+    """Update the cell with one sample.
 
         (i, f, g, o) = W x + b + U h
         c <- sigmoid(f) c + sigmoid(i) tanh(g)
@@ -34,7 +34,7 @@ def lstm_step(belief: LstmBelief, projected: Tensor, recurrent: Tensor) -> LstmB
     Args:
         belief: h and c before the step.
         projected: W x + b, (M, B, 4 H), gates in the order of `torch.nn.LSTM`: i, f, g, o.
-        recurrent: U as bmm takes it, (M, H, 4 H).
+        recurrent: U in the layout of bmm, (M, H, 4 H).
     """
     i, f, g, o = torch.baddbmm(projected, belief.h, recurrent).chunk(4, dim=-1)
     c = f.sigmoid() * belief.c + i.sigmoid() * g.tanh()
@@ -51,8 +51,8 @@ class Lstm(AdaptationMethod[LstmBelief]):
         super().__init__(sizes, settings, models, generator)
         H = settings.state
         query = sizes.state + sizes.action
-        # torch.nn.LSTM draws everything from U(-b, b) with b = 1 / sqrt(H). Its two biases only ever
-        # occur as a sum: here there is one.
+        # torch.nn.LSTM draws everything from U(-b, b) with b = 1 / sqrt(H). Its two biases only occur
+        # as a sum, so here there is one.
         bound = 1 / math.sqrt(H)
 
         def uniform(*shape: int) -> Tensor:
@@ -61,11 +61,11 @@ class Lstm(AdaptationMethod[LstmBelief]):
         self.input_weight = nn.Parameter(uniform(query + sizes.outcome, 4 * H))
         self.recurrent_weight = nn.Parameter(uniform(H, 4 * H))
         bias = uniform(1, 4 * H)
-        # sigmoid(1) = 0.73 keeps most of c from one sample to the next. With 0 it would halve, and a
-        # gradient from 32 samples on would be 2^-32 of itself: nothing old could be learned to matter.
+        # A forget gate of sigmoid(1) = 0.73 keeps most of c from one sample to the next. A bias of 0 would
+        # halve it, and a gradient over 32 samples would shrink by 2^-32: old samples could not be learned.
         bias[..., H : 2 * H] = 1.0
         self.bias = nn.Parameter(bias)
-        # What is known before any sample is learned, like the prior of the Kalman method.
+        # The initial state is learned, like the prior of the Kalman method.
         self.prior_h = nn.Parameter(torch.zeros(models, H))
         self.prior_c = nn.Parameter(torch.zeros(models, H))
         self.prediction_net = StackedMLP(models, [query + H, *settings.hidden, sizes.outcome], generator)
@@ -76,7 +76,7 @@ class Lstm(AdaptationMethod[LstmBelief]):
         return LstmBelief(h, c)
 
     def update(self, belief: LstmBelief, state: Tensor, action: Tensor, observed: Tensor) -> LstmBelief:
-        """Let the cell read one sample per task, each (M, B, d)."""
+        """Update the cell with one sample per task, each (M, B, d)."""
         return lstm_step(belief, self._project(state, action, observed), self.recurrent_weight)
 
     def predict(self, belief: LstmBelief, state: Tensor, action: Tensor) -> Tensor:
@@ -85,7 +85,7 @@ class Lstm(AdaptationMethod[LstmBelief]):
         return self.prediction_net(torch.cat([state, action, h], dim=-1))
 
     def hidden(self, belief: LstmBelief) -> Tensor:
-        """Output h of the LSTM, (M, B, H), all of the belief that a prediction sees."""
+        """Output h of the LSTM, (M, B, H), the only part of the belief that a prediction uses."""
         return belief.h
 
     def adapt(self, state: Tensor, action: Tensor, observed: Tensor) -> list[LstmBelief]:

@@ -5,21 +5,21 @@ learned theta_0 and with a learned step size alpha:
 
     theta_t+1 = theta_t - alpha grad_theta 1 / (k do) sum_batch |f_theta(s, a) - s~'|^2
 
-Every task has its own theta_t, yet none is ever formed. A layer z = x W + b with error delta = dE/dz
+Every task has its own theta_t, but none is ever formed. A layer z = x W + b with error delta = dE/dz
 of a sample has dE/dW = x' delta and dE/db = delta (row vectors). So after steps on n samples
 
     W_t = W_0 - alpha sum_j x_j' delta_j,   b_t = b_0 - alpha sum_j delta_j,   j = 1, ..., n
 
-and with the rows X_j = x_j and D_j = -alpha delta_j, the layer's input and its move at sample j,
+and with the rows X_j = x_j and D_j = -alpha delta_j, the layer's input and displacement at sample j,
 
     x W_t + b_t = x W_0 + b_0 + (x X' + 1) D
     delta W_t'  = delta W_0' + (delta D') X
 
-which is all that a forward and a backward pass need. So is |grad|^2 of a task, for the bound on it:
-the sum over layers and pairs of samples of (x_i x_j' + 1) (delta_i delta_j').
+which is all that a forward and a backward pass need. |grad|^2 of a task, which is bounded, follows in the
+same way: it is the sum over layers and pairs of samples of (x_i x_j' + 1) (delta_i delta_j').
 
-The backward pass of a step is written out in plain tensor operations, so autograd differentiates it
-once more: training uses the full, second order gradient.
+The backward pass of a step is written out in plain tensor operations, so that autograd can differentiate
+it once more: training uses the full, second-order gradient.
 """
 
 import math
@@ -47,7 +47,7 @@ those on 4 or 8.
 
 @dataclass(frozen=True)
 class MamlBelief:
-    """What theta_t differs by from theta_0, after steps on n samples, and the samples of no step yet.
+    """Difference of theta_t from theta_0 after steps on n samples, and the samples not used yet.
 
     Attributes:
         inputs: X of every layer, (M, B, n, d_in).
@@ -61,7 +61,7 @@ class MamlBelief:
 
 
 class ForwardPass(NamedTuple):
-    """Of every layer the input x, (M, B, Q, d_in), and the output z before its activation."""
+    """Input x of every layer, (M, B, Q, d_in), and its output z before the activation."""
 
     inputs: tuple[Tensor, ...]
     outputs: tuple[Tensor, ...]
@@ -81,7 +81,7 @@ class Maml(AdaptationMethod[MamlBelief]):
         self.log_step_size = nn.Parameter(torch.full((models,), math.log(settings.step_size)))
 
     def prior(self, tasks: int) -> MamlBelief:
-        """No step made, no sample waiting: theta_0."""
+        """Belief before any step: theta_0, no sample waiting."""
 
         def empty(width: int) -> Tensor:
             return self.log_step_size.new_empty(self.models, tasks, 0, width)
@@ -93,7 +93,7 @@ class Maml(AdaptationMethod[MamlBelief]):
         )
 
     def update(self, belief: MamlBelief, state: Tensor, action: Tensor, observed: Tensor) -> MamlBelief:
-        """Let one sample per task wait, each (M, B, d), and make a step if it completes a batch."""
+        """Add one sample per task, each (M, B, d), and make a step if it completes a batch."""
         seen = belief.moves[0].shape[2] + belief.waiting.shape[2]
         if self._used(seen + 1) == seen:
             return belief
@@ -111,15 +111,15 @@ class Maml(AdaptationMethod[MamlBelief]):
     def hidden(self, belief: MamlBelief) -> Tensor:
         """Displacement b_t - b_0 of the biases of all layers, (M, B, sum of their widths).
 
-        A part of theta_t - theta_0 small enough to look at: the sum of the moves, 0 before any step.
+        A part of theta_t - theta_0 small enough for a latent analysis: the sum of the rows of D, 0 before
+        any step.
         """
         return torch.cat([D.sum(2) for D in belief.moves], dim=-1)
 
     def adapt(self, state: Tensor, action: Tensor, observed: Tensor) -> list[MamlBelief]:
         """Return the beliefs after 0, ..., N samples, all of them views of the last one's tensors.
 
-        Samples only ever join a belief's end. N beliefs with tensors of their own would take N / 2
-        times the memory.
+        Views suffice because samples are only appended. Separate tensors would take N / 2 times the memory.
         """
         k = self.settings.batch
         query = torch.cat([state, action], dim=-1)
@@ -138,14 +138,14 @@ class Maml(AdaptationMethod[MamlBelief]):
         return beliefs
 
     def sequence_predictions(self, state: Tensor, action: Tensor, observed: Tensor) -> Tensor:
-        """Predict each outcome from the complete batches before it, all those of one theta_t at once.
+        """Predict each outcome from the complete batches before it; those with the same theta_t at once.
 
         The predictions of a batch's own outcomes are the forward pass of the step on that batch.
         """
         k, N = self.settings.batch, state.shape[2]
         query = torch.cat([state, action], dim=-1)
         belief, predictions = self.prior(state.shape[1]), []
-        # The last observation has nothing left to predict.
+        # The last observation is never adapted to: no prediction follows it.
         steps = self._used(N - 1) // k
         for start in range(0, steps * k, k):
             batch = slice(start, start + k)
@@ -156,7 +156,7 @@ class Maml(AdaptationMethod[MamlBelief]):
         return torch.cat(predictions, dim=2)
 
     def _used(self, samples: int) -> int:
-        """Return how many of a sequence's first samples adapt theta: training stops after `steps`."""
+        """Return how many of a sequence's first samples adapt theta: training makes at most `steps` steps."""
         limit = self.settings.steps * self.settings.batch
         return min(samples, limit) if self.training else samples
 

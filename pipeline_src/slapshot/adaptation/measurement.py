@@ -1,4 +1,4 @@
-"""What the outputs of the measurement network say: a Gaussian measurement, and the same whitened."""
+"""Gaussian measurement from the outputs of the measurement network, and its whitened form."""
 
 import torch
 from torch import Tensor
@@ -18,15 +18,15 @@ def measurement_size(k: int) -> int:
 
 
 def unpack(outputs: Tensor, k: int) -> tuple[Tensor, Tensor]:
-    """mu_z (..., k) and L (..., k, k), Sigma_z^-1 = L L', of outputs (..., `measurement_size(k)`)."""
+    """mu_z (..., k) and L (..., k, k) with Sigma_z^-1 = L L', from outputs (..., `measurement_size(k)`)."""
     mean, packed = outputs.split([k, outputs.shape[-1] - k], dim=-1)
     return mean, positive_diagonal(square(packed.clamp(-LARGEST_FACTOR, LARGEST_FACTOR), k))
 
 
 def square(packed: Tensor, k: int) -> Tensor:
-    """(..., k, k) in which each of the k (k + 1) / 2 packed values stands once on or below the diagonal.
+    """Unpack k (k + 1) / 2 values to the lower triangle, diagonal included, of a matrix (..., k, k).
 
-    Indexing with tril_indices would do the same with a slower gradient.
+    Indexing with tril_indices would do the same, with a slower gradient.
     """
     return torch.cat([packed[..., k:], packed.flip(-1)], dim=-1).unflatten(-1, (k, k))
 
@@ -38,7 +38,7 @@ def positive_diagonal(raw: Tensor) -> Tensor:
 
 
 def whiten(mean: Tensor, L: Tensor, C: Tensor) -> tuple[Tensor, Tensor]:
-    """Return y = L' mu_z (M, ..., k) and H = L' C_z (M, ..., k, h), as `kalman_step` takes them.
+    """Return y = L' mu_z (M, ..., k) and H = L' C_z (M, ..., k, h), the arguments of `kalman_step`.
 
     Args:
         mean: mu_z, (M, ..., k).

@@ -1,8 +1,8 @@
-"""The face that all adaptation methods share, and the way to find one by its name.
+"""Interface of all adaptation methods, and how one is found by its name.
 
 Every parameter has a leading dimension M (independent models, trained together), every data tensor
 is (M, B, N, d): M models, B tasks, N samples in a sequence. All inputs are standardised by the
-caller, so nothing in here has a physical unit.
+caller, so nothing here has a physical unit.
 """
 
 import dataclasses
@@ -37,8 +37,8 @@ class AdaptationMethod(nn.Module, ABC, Generic[BeliefT]):
 
     `predict` is f, `update` extends g by one sample. Eq. (1) of the paper fixes the order: the
     prediction for sample i uses the belief from the samples before it. A subclass implements the
-    abstract methods and may replace the two loops, `sequence_predictions` and `adapt`, by something
-    faster that gives the same result.
+    abstract methods and may replace the two loops, `sequence_predictions` and `adapt`, by faster code
+    with the same result.
     """
 
     Settings: ClassVar[type[Model]]
@@ -67,7 +67,7 @@ class AdaptationMethod(nn.Module, ABC, Generic[BeliefT]):
 
     @abstractmethod
     def hidden(self, belief: BeliefT) -> Tensor:
-        """Return the (M, B, h) vector that stands for the belief in a latent analysis."""
+        """Return the (M, B, h) vector that represents the belief in a latent analysis."""
 
     def adapt(self, state: Tensor, action: Tensor, observed: Tensor) -> list[BeliefT]:
         """Return the N + 1 beliefs after 0, 1, ..., N samples of sequences (M, B, N, d)."""
@@ -82,7 +82,7 @@ class AdaptationMethod(nn.Module, ABC, Generic[BeliefT]):
 
         s^'_i = f(s_i, a_i, phi_{i-1}),   phi_{i-1} = g(D_{i-1}),   i = 0, ..., N - 1
 
-        Prediction i uses samples 0, ..., i - 1 only, prediction 0 is the prior's. Inputs are
+        Prediction i uses samples 0, ..., i - 1 only; prediction 0 is made from the prior. Inputs are
         (M, B, N, d), the result is (M, B, N, do).
         """
         belief = self.prior(state.shape[1])
@@ -90,7 +90,7 @@ class AdaptationMethod(nn.Module, ABC, Generic[BeliefT]):
         for i in range(state.shape[2]):
             query = slice(i, i + 1)
             predictions.append(self.predict(belief, state[:, :, query], action[:, :, query]))
-            # The last observation has nothing left to predict.
+            # No prediction follows the last observation.
             if i + 1 < state.shape[2]:
                 sample = (state[:, :, i], action[:, :, i], observed[:, :, i])
                 belief = self.update(belief, *sample)
@@ -109,7 +109,7 @@ class AdaptationMethod(nn.Module, ABC, Generic[BeliefT]):
     def sequence_loss(predictions: Tensor, outcome: Tensor) -> Tensor:
         """Training loss: eq. (loss) of each model, summed over the M models.
 
-        The sum, not the mean: model m's gradient is then that of its own loss, whatever M is.
+        The sum, not the mean: the gradient of model m is then that of its own loss, whatever M is.
         """
         return AdaptationMethod.model_losses(predictions, outcome).sum()
 

@@ -1,10 +1,10 @@
-"""Names of adaptation methods; apart from `method.py`, so that the plan need not import torch."""
+"""Names of adaptation methods; separate from `method.py`, so that `slapshot.dag` need not import torch."""
 
 
 def method_file(name: str) -> str:
-    """Return the file of this package, without .py, that a method's name in the configuration means.
+    """Return the file of this package, without .py, that implements a method of the configuration.
 
-    One file can serve several methods that differ in their settings: what follows the first
-    underscore tells them apart (`maml_1` and `maml_8` are both maml.py).
+    One file can serve several methods that differ in their settings: the part of the name after the
+    first underscore distinguishes them (`maml_1` and `maml_8` are both maml.py).
     """
     return name.partition("_")[0]

@@ -1,4 +1,4 @@
-"""The training loop that all stages share: Adam on the paper's sequence loss."""
+"""The training loop shared by all stages: Adam on the paper's sequence loss."""
 
 import logging
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from slapshot.progress import progress
 log = logging.getLogger("slapshot")
 
 _VALIDATIONS = 20  # points of the validation curve
-_GRADIENT_NORM = 5.0  # of one model; only the first steps and a rare batch reach it
+_GRADIENT_NORM = 5.0  # clipping threshold of one model; only the first steps and a rare batch reach it
 
 
 def fit(
@@ -28,12 +28,12 @@ def fit(
     """Train all models of an ensemble at once (paper, algorithm 1 and eq. loss).
 
     Args:
-        method: the ensemble; its weights are changed.
-        draw: gives the batch of the next step.
+        method: the ensemble, trained in place.
+        draw: returns the batch of the next step.
         validation: held-out batch of the validation curve.
         steps: number of gradient steps.
         learning_rate: the peak of a one-cycle schedule.
-        name: what is trained, for the progress report.
+        name: of the model that is trained, for the progress report.
 
     Returns:
         Losses by step, model: train, validation (mean squared error, standardised).
@@ -67,10 +67,10 @@ def fit(
 
 
 def clip_gradients(method: AdaptationMethod[Any], largest: float) -> None:
-    """Scale the gradient of each model down to the norm `largest`.
+    """Clip the gradient of each model to the norm `largest`.
 
-    Model by model: torch's own function would take the norm over all of them, and one model's bad batch
-    would shorten the step of the others.
+    Torch's own function would take the norm over all models, so that one model's bad batch would shorten
+    the steps of the others.
     """
     gradients = [p.grad for p in method.parameters() if p.grad is not None]
     norm = torch.cat([g.reshape(len(g), -1) for g in gradients], dim=1).norm(dim=1)

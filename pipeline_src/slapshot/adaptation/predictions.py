@@ -1,4 +1,4 @@
-"""Stage `predictions`: what one model believed of single hits before and after it saw others."""
+"""Stage `predictions`: one model's predictions of single hits, before and after adaptation to others."""
 
 import logging
 from collections.abc import Iterator, Mapping
@@ -31,8 +31,8 @@ def produce(run: Run) -> None:
 
     Columns: source (simulated, recorded), recording, rig, object, condition, name, hit, samples, model,
     x_m, y_m, cov_xx, cov_xy, cov_yy (m²), radius2_<percent> of each calibrated level, true_x_m, true_y_m.
-    Simulated are the test hits that kept their track, after other hits of their condition; recorded are
-    all hits whose commands were not adapted to.
+    Simulated hits are the test hits whose track was kept, predicted after other hits of their condition;
+    recorded ones are all hits whose commands were not adapted to.
     """
     settings = run.settings(PredictionsSettings)
     torch.set_num_threads(run.cores)
@@ -62,7 +62,7 @@ def _simulated(
     most: int,
     rng: np.random.Generator,
 ) -> Iterator[tuple[pd.DataFrame, Arrays, Arrays]]:
-    """Keys of the hits to predict, noisy hits to adapt to and hits to predict, for each test condition."""
+    """For each test condition: keys of the hits to predict, noisy hits to adapt to, and hits to predict."""
     data = read_sequences(rollouts, "test")
     keys = ["condition", "hit"]
     groups = (t[t["split"] == "test"][keys] for t in iterate_tracks(rollouts))
@@ -89,7 +89,7 @@ def _simulated(
 def _recorded(
     settings: PredictionsSettings, inputs: Mapping[str, Path], most: int, rng: np.random.Generator
 ) -> Iterator[tuple[pd.DataFrame, Arrays, Arrays]]:
-    """The same for each object of each recorded rig; what is recorded is noisy already."""
+    """As `_simulated`, for each object of each recorded rig; recorded hits are noisy already."""
     for task in recorded_tasks(settings, inputs):
         (adapt,), (query,) = split_hits(task.hits, most, 1, rng, task.where)
         keys = pd.DataFrame({"hit": task.hits["hit"].to_numpy()[query]}).assign(

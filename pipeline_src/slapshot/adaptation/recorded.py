@@ -1,4 +1,4 @@
-"""Recordings as an adaptation method sees them: one task for each object of each rig."""
+"""Recordings as data for adaptation methods: one task for each object of each rig."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -14,22 +14,22 @@ from slapshot.recordings.format import Recording
 from slapshot.recordings.read import read_recording, recording_folders
 from slapshot.trajectories.vae import TrajectoryVae
 
-# rad: commands that the trajectory model cannot reproduce are no samples of its latent space.
+# rad: commands that the trajectory model reproduces less well have no latent vector.
 MAX_ENCODING_ERROR = 0.05
 
 
 @dataclass(frozen=True)
 class RecordedTask:
-    """Hits of one object on one rig that came to rest where the camera saw it.
+    """Hits of one object on one rig whose rest point the camera saw.
 
     Attributes:
         recording: name in the configuration.
-        rig: number of the stand-in rig, 0 for a recording of one's own.
+        rig: number of the stand-in rig, 0 for a user's own recording.
         object: object_id.
-        stand_in: not a real robot.
+        stand_in: True for a stand-in rig, which is no real robot.
         hits: (n) rows of the table of hits.
         data: state, action and outcome (n, size) in the units of the rollouts.
-        where: what to call it in a message.
+        where: name of the task in messages.
     """
 
     recording: str
@@ -46,11 +46,11 @@ class RecordedTask:
 
 
 def recorded_tasks(settings: RecordedTasksSettings, inputs: Mapping[str, Path]) -> Iterator[RecordedTask]:
-    """All tasks in the recordings that a stage is told of.
+    """All tasks in the recordings that a stage reads.
 
     Args:
-        settings: what it is told.
-        inputs: trajectory_model, and the stand-in rigs' versions as `recording_folders` wants them.
+        settings: of the stage.
+        inputs: folders of trajectory_model and of the stand-in rigs, with the roles of `recording_folders`.
 
     Raises:
         InputError: a recording cannot be read, or its hits have no latents of the trajectory model.
@@ -82,7 +82,7 @@ def _tasks(
 def hit_latents(
     recording: Recording, model: TrajectoryVae, model_id: str, folder: Path
 ) -> NDArray[np.float32]:
-    """(hits, latent): as recorded if they are this model's, else encoded from the commands.
+    """Latents (hits, latent): as recorded if they are of this model, else encoded from the commands.
 
     Raises:
         InputError: neither is possible.
@@ -120,13 +120,13 @@ def hit_latents(
 def split_hits(
     hits: pd.DataFrame, samples: int, repeats: int, rng: np.random.Generator, where: str
 ) -> tuple[list[NDArray[np.int64]], list[NDArray[np.int64]]]:
-    """Row numbers to adapt to (samples) and to score on (the rest), no command in both.
+    """Row numbers to adapt to (`samples` of them) and to score on (the rest), without a common command.
 
     Raises:
         InputError: too few hits.
     """
     own = hits["command_id"].astype("Float64").to_numpy(float, na_value=np.nan)
-    # Without a command id, a hit is a command of its own.
+    # A hit without a command id counts as a command of its own.
     commands = np.where(np.isnan(own), -1 - np.arange(len(hits)), own)
     unique = np.unique(commands)
     adapt, query = [], []

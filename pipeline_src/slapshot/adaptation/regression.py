@@ -1,13 +1,13 @@
-"""Stage `regression`: the mechanism on straight lines, where the exact answer is known (paper, S9).
+"""Stage `regression`: the Kalman method on straight lines, where the exact posterior is known (paper, S9).
 
 Section "Linear regression" of the paper: y = w x + b is predicted from a few noisy observations of y.
-The Kalman method is used as it is, with s = x, no action, and s' = y; nothing here has a unit.
+The Kalman method is used unchanged, with s = x, no action, and s' = y; nothing here has a unit.
 
 The noise is unknown to the model, as in the paper, and a filter's gain does not learn it from the
 residuals. The best estimate linear in y depends on the noise through its mean variance only, so it is
 that of Bayesian regression with the variance noise_variance_max / 2: a walkthrough at that level can be
-held against the exact posterior. Only ratios of Sigma_phi, Sigma_z and Q enter the predictions and with
-them the loss; the width of the belief itself is trained by nothing but its fixed Q.
+compared with the exact posterior. Predictions and loss depend on ratios of Sigma_phi, Sigma_z and Q only;
+the width of the belief itself is determined by nothing but its fixed Q.
 """
 
 import copy
@@ -33,9 +33,9 @@ SIZES = Sizes(state=1, action=0, outcome=1)
 COUNTS = (0, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 """Numbers of samples in contraction.parquet."""
 
-# Draws of phi and points in x, for the one task that is drawn and for each of the many in the contraction
-# table. A standard deviation from n draws is off by 1 / sqrt(2 n): 2 % and 6 %; the latter hardly touches
-# ratios, as every belief is sampled with the same random numbers.
+# Draws of phi and points in x, for the one task in the figure and for each of the many in the contraction
+# table. A standard deviation from n draws has a relative error of 1 / sqrt(2 n): 2 % and 6 %; the latter
+# hardly affects ratios, because every belief is sampled with the same random numbers.
 _FINE, _COARSE = (2048, 41), (128, 9)
 
 
@@ -85,7 +85,7 @@ class LineBelief(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """What is believed of y on a grid of x: mean and standard deviation, (..., points)."""
+    """Predicted y on a grid of x: mean and standard deviation, (..., points)."""
 
     mean: Tensor
     sd: Tensor
@@ -97,7 +97,7 @@ def values(line: Tensor, x: Tensor) -> Tensor:
 
 
 def exact_beliefs(lines: Lines, x: Tensor, observed: Tensor, noise_variance: float) -> LineBelief:
-    """Posterior of (w, b) after 0, 1, ..., N samples, the noise variance v known.
+    """Posterior of (w, b) after 0, 1, ..., N samples with known noise variance v.
 
     Sigma^-1 = Sigma_0^-1 + X'X / v,   mu = Sigma X'y / v,   with rows (x_i, 1) of X.
 
@@ -119,7 +119,7 @@ def exact_beliefs(lines: Lines, x: Tensor, observed: Tensor, noise_variance: flo
 
 
 def _running(terms: Tensor) -> Tensor:
-    """Sums of the first 0, 1, ..., N terms; the sample is the first dimension after (M, B)."""
+    """Sums of the first 0, 1, ..., N terms along the sample dimension, the first after (M, B)."""
     return torch.cat([torch.zeros_like(terms[:, :, :1]), terms.cumsum(2)], 2)
 
 
@@ -177,7 +177,7 @@ def walkthrough(
     noise_variance: float,
     generator: torch.Generator,
 ) -> dict[str, pd.DataFrame]:
-    """The tables of one model and one task: belief, prediction, observed.
+    """Tables belief, prediction and observed of one model and one task.
 
     Args:
         method: an ensemble; model 0 is shown.
@@ -225,10 +225,10 @@ def walkthrough(
 def contraction(
     method: Kalman, lines: Lines, tasks: Tasks, counts: Sequence[int], noise_variance: float, seed: int
 ) -> pd.DataFrame:
-    """How belief and prediction narrow with samples (claim C1), by drift, model, task, samples.
+    """Contraction of belief and prediction with samples (claim C1), by drift, model, task, samples.
 
-    Once with the trained drift and once, with the same weights, with none. Errors are mean squares over
-    the grid against the true line, standard deviations of y means over the grid. Arguments as in
+    Once with the trained drift and once without drift, with the same weights. Errors are mean squares over
+    the grid against the true line, standard deviations of y are means over the grid. Arguments as in
     `walkthrough`; every belief is sampled with the same `seed`, so that ratios vary little.
     """
     draws, points = _COARSE
@@ -263,7 +263,7 @@ def produce(run: Run) -> None:
     """Write the ensemble, losses.csv, and the tables belief, prediction, observed, contraction."""
     settings = run.settings(RegressionSettings)
     shown = settings.walkthrough
-    # Tensors this small only wait for a second thread.
+    # Tensors are too small to gain from a second thread.
     torch.set_num_threads(1)
     lines = Lines(settings.slope_sd, settings.intercept_sd, settings.x_range)
     method, losses = train(lines, settings.kalman, settings.training, settings.seed)
@@ -271,7 +271,8 @@ def produce(run: Run) -> None:
     save_ensemble(run.out, "kalman", method, _as_it_is())
 
     variance = shown.noise_variance
-    # Apart from training: the tasks stay when the training changes. All models see the same ones.
+    # A seed separate from that of training: the tasks stay the same when the training changes. All models
+    # see the same tasks.
     generator = torch.Generator().manual_seed(settings.seed + 1)
     drawn = lines.draw((1, settings.tasks), max(COUNTS), torch.tensor(variance), generator)
     every = (method.models, -1, -1)
@@ -288,7 +289,7 @@ def _each(batch: Batch, change: Callable[[Tensor], Tensor]) -> Batch:
 
 
 def _as_it_is() -> Standardiser:
-    """Lines need no scaling, a saved ensemble needs a standardiser."""
+    """Identity standardiser: lines need no scaling, but a saved ensemble needs a standardiser."""
     sizes = dataclasses.asdict(SIZES)
     return Standardiser(
         {k: torch.zeros(n) for k, n in sizes.items()}, {k: torch.ones(n) for k, n in sizes.items()}

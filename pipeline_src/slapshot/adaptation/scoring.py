@@ -24,7 +24,7 @@ def errors_against_samples(
 
     Args:
         method: an ensemble of M models.
-        standardiser: of its training data.
+        standardiser: of the ensemble's training data.
         adapt: state, action and outcome (B, N, size) of the hits to adapt to.
         query: state, action and outcome (B, Q, size) of other hits of the same tasks.
         noise: (B, N, size), added to the standardised outcomes to adapt to.

@@ -35,14 +35,14 @@ def produce(run: Run) -> None:
 def train_ensemble(
     rollouts: Path, name: str, settings: MethodSettings, training: EnsembleTraining, device: torch.device
 ) -> tuple[AdaptationMethod[Any], Standardiser, pd.DataFrame]:
-    """Train an ensemble of the method called `name`; the validation conditions only draw a curve.
+    """Train an ensemble of the method called `name`; validation conditions serve only the validation curve.
 
     Args:
         rollouts: version folder of the rollouts.
         name: of the method, as in the configuration.
-        settings: the method's own.
-        training: how it is trained.
-        device: to train on.
+        settings: of the method.
+        training: settings of the training.
+        device: on which to train.
     """
     data = read_sequences(rollouts, "train")
     standardiser = Standardiser.fit(data)

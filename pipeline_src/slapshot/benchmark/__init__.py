@@ -1,1 +1,1 @@
-"""What the pipeline costs and how exact it is, as ratios measured in one run."""
+"""Computing cost and accuracy of the pipeline, as ratios measured in one run."""

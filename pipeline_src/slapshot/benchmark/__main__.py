@@ -35,7 +35,7 @@ SCALES = ("default", "paper")
 
 
 def measure(store: Store, cores: int) -> list[Measure]:
-    """All measures: of every domain of the default configuration, the gallery, the diagnosis, and peers."""
+    """All measures: of each domain of the default configuration, of the gallery, diagnosis and peer tools."""
     need_sysid()
     need_dynamax()
     rows: list[Measure] = []
@@ -71,7 +71,7 @@ def measure(store: Store, cores: int) -> list[Measure]:
 
 
 def main() -> None:
-    """Command line, as the workflow calls it."""
+    """Command line that the workflow calls."""
     parser = argparse.ArgumentParser(prog="python -m slapshot.benchmark")
     parser.add_argument("--store", type=Path, default=Path("data/store"))
     parser.add_argument("--cores", type=int, default=os.cpu_count() or 1)

@@ -1,4 +1,4 @@
-"""Seconds that a diagnosis takes: of a null and of a plain case of the small proof, warm and cold."""
+"""Duration of a diagnosis: of a null and of a plain case of the small blind validation, warm and cold."""
 
 import time
 from pathlib import Path
@@ -19,7 +19,7 @@ CONDITIONS = ("null", "plain")
 
 
 def diagnosis_measures(config: Configuration, store: Store, cores: int) -> list[Measure]:
-    """The first case of each condition; cold is with the signatures of its commands to be made."""
+    """Time the first case of each condition; cold includes computing the sensitivities of its commands."""
     plan = make_plan(config)
     cases = read_cases(Path(config.cases.small))
     rows: list[Measure] = []
@@ -30,7 +30,7 @@ def diagnosis_measures(config: Configuration, store: Store, cores: int) -> list[
         setting = setting_of(Scene.load(inputs["scene"]), recipe.settings(VerdictSettings).friction)
         recording = read_recording(inputs["recording"] / "recording")
         signatures = Signatures.load(inputs["signatures"] / "signatures.safetensors")
-        diagnose(recording, setting, threads=cores, signatures=signatures)  # compiles what is compiled
+        diagnose(recording, setting, threads=cores, signatures=signatures)  # numba compiles
         for temperature, given in (("warm", signatures), ("cold", None)):
             began = time.perf_counter()
             diagnose(recording, setting, threads=cores, signatures=given)

@@ -1,4 +1,4 @@
-"""The Kalman filter of training beside dynamax's, and beside the plain one: time of forward and backward."""
+"""Time of a forward and backward pass of the Kalman filter of training, against dynamax and plain torch."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -21,16 +21,16 @@ ROUNDS = 9
 
 
 def filter_measures(domain: str, settings: KalmanSettings, training: Training) -> list[Measure]:
-    """Seconds of a pass forwards and backwards at the configured sizes, on one core, and ratios to others.
+    """Seconds of a forward and backward pass at the configured sizes, on one core, and ratios to others.
 
-    The plain filter is the same in calls of torch, with unpacking and whitening, which the compiled one does
-    too. dynamax's gets whitened measurements, and is compiled beforehand. `difference_to_dynamax` is the
-    largest one of means and gradients, of the largest entry of each.
+    The plain filter is the same in calls of torch, including unpacking and whitening, as in the compiled one.
+    dynamax's gets whitened measurements, and is compiled beforehand. `difference_to_dynamax` is the largest
+    difference of means and gradients, relative to the largest entry of each.
 
     Args:
         domain: its name in the configuration.
         settings: of the Kalman method.
-        training: its sizes.
+        training: sizes of the training.
 
     Raises:
         InputError: dynamax is not installed.
@@ -41,7 +41,7 @@ def filter_measures(domain: str, settings: KalmanSettings, training: Training) -
     def normal(*size: int) -> Tensor:
         return torch.randn(training.models, *size, generator=generator)
 
-    # The last sample of a sequence is predicted only.
+    # The last sample of a sequence is only predicted, never adapted to.
     B, N = training.tasks, training.sequence - 1
     mean, covariance = normal(B, h), torch.eye(h).expand(training.models, B, h, h).contiguous()
     outputs, C = normal(B, N, measurement_size(h)), torch.eye(h) + 0.01 * normal(h, h)
@@ -66,7 +66,7 @@ def filter_measures(domain: str, settings: KalmanSettings, training: Training) -
         }
         for run in passes.values():
             run()  # compiles
-        # In turns, the best of each: whatever else the machine does slows all alike.
+        # Interleaved, minimum of each: load from other processes then slows all alike.
         rounds = [{name: seconds(run) for name, run in passes.items()} for _ in range(ROUNDS)]
         expected = _both_ways(on_whitened, (mean, covariance, y, H), weights)
         difference = max(
@@ -86,7 +86,7 @@ def filter_measures(domain: str, settings: KalmanSettings, training: Training) -
 
 @contextmanager
 def one_core() -> Iterator[None]:
-    """Keep this process, with the threads that libraries start meanwhile, to one core where that can be."""
+    """Pin this process, and threads that libraries start meanwhile, to one core where the system can."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return
@@ -128,7 +128,7 @@ class _Dynamax:
         identity = self.jax.numpy.eye(weights.shape[-1])
 
         def task(mean: Any, covariance: Any, y: Any, H: Any) -> Any:
-            # Its first measurement comes before any drift, ours after the first.
+            # Its first measurement precedes any drift, ours follows the first drift.
             parameters = inference.make_lgssm_params(
                 mean, covariance + drift * identity, identity, drift * identity, H, identity
             )
@@ -140,7 +140,7 @@ class _Dynamax:
 
         self.compiled = self.jax.jit(self.jax.value_and_grad(loss, argnums=(1, 2, 3, 4), has_aux=True))
         self.prior, self.weights = arguments[0], weights
-        # It leaves out the mean before any measurement.
+        # It does not return the mean before any measurement.
         self.arguments = [self._array(x) for x in (weights[:, :, 1:], *arguments)]
 
     def _array(self, tensor: Tensor) -> Any:
@@ -156,6 +156,6 @@ class _Dynamax:
             torch.from_numpy(np.array(x)).unflatten(0, self.prior.shape[:2]) for x in (means, *gradients)
         )
         means = torch.cat([self.prior[:, :, None], means], dim=2)
-        # It takes the covariance for any matrix; symmetric ones see the symmetric part of the gradient.
+        # It differentiates with respect to a general matrix; for a symmetric one, take the symmetric part.
         l_covariance = 0.5 * (l_covariance + l_covariance.mT)
         return [means, l_mean + self.weights[:, :, 0], l_covariance, *rest]

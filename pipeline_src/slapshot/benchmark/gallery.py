@@ -1,4 +1,4 @@
-"""Opening the gallery of hits: seconds, and how they grow with the number of hits."""
+"""Time to open the gallery of hits, and how it grows with the number of hits."""
 
 import json
 import tempfile
@@ -10,13 +10,13 @@ from slapshot.benchmark.measures import ROUNDS, Measure, seconds
 from slapshot.viewer.gallery import serve
 from slapshot.viewer.hit_recording import INDEX_FILE, read_index
 
-SHARE = 10  # the small gallery has one hit of so many
+SHARE = 10  # the small gallery has a SHARE-th of the hits
 
 
 def gallery_measures(domain: str, folder: Path) -> list[Measure]:
-    """Seconds until the catalogue names all hits, and their ratio to those of a tenth of the hits.
+    """Seconds until the catalogue lists all hits, and their ratio to the seconds for a tenth of the hits.
 
-    The ratio is 1 if the number of hits costs nothing, and 10 if nothing else costs.
+    The ratio is 1 if the time does not depend on the number of hits, and 10 if it is proportional to it.
 
     Args:
         domain: its name in the configuration.
@@ -25,8 +25,8 @@ def gallery_measures(domain: str, folder: Path) -> list[Measure]:
     with tempfile.TemporaryDirectory() as parent:
         few = Path(parent) / "few"
         _link_some(folder, few)
-        open_gallery(few)  # imports, and pages of the files
-        # In turns, the best of each: whatever else the machine does slows both alike.
+        open_gallery(few)  # warm up: imports, and the file cache
+        # Interleaved, minimum of each: load from other processes then slows both alike.
         rounds = [
             (seconds(lambda: open_gallery(folder)), seconds(lambda: open_gallery(few))) for _ in range(ROUNDS)
         ]
@@ -38,7 +38,7 @@ def gallery_measures(domain: str, folder: Path) -> list[Measure]:
 
 
 def open_gallery(folder: Path) -> list[str]:
-    """Serve a version's hits until the catalogue has answered; the hits' recording ids."""
+    """Serve a version's hits until the catalogue has answered; return the recording ids of the hits."""
     with serve({"hits": folder}, 0) as address:
         client = rr.catalog.CatalogClient(address.partition("/entry")[0])
         return client.get_dataset("hits").segment_ids()

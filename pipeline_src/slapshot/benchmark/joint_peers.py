@@ -1,10 +1,10 @@
 """`python -m slapshot.benchmark.joint_peers`: masses of an arm, fitted by mujoco.sysid and by the diagnosis.
 
 Both get the same recordings of the stand-in arm, the same model, and the masses of two links to fit. In one
-scenario a mass is off, so that a fit of masses is all that is needed; in the other one joint has friction
-that the model lacks, and no mass helps. mujoco.sysid simulates whole episodes from given states: those that
-the diagnosis estimates for their beginning. Scored are windows that neither has seen, predicted from data
-before them.
+scenario a mass is wrong, so that fitting masses suffices; in the other, one joint has friction that the model
+lacks, which no mass can explain. mujoco.sysid simulates whole episodes from given initial states, for which
+the estimates of the diagnosis are used. The score is the prediction error on held-out windows, predicted from
+data before them.
 """
 
 import argparse
@@ -40,10 +40,10 @@ from slapshot.whole_file import write_whole
 RIG, LINKS = "arm", ("upper", "fore")
 SCENARIOS = {"a mass is off": "link_mass", "friction is missing": "coulomb_friction"}
 SEEDS = (11, 12, 13, 14, 15)
-SIZE = 10.0  # of what is concealed, over the encoders' noise
+SIZE = 10.0  # of the hidden effect, relative to the encoders' noise
 EPISODES, SECONDS = 10, 3.0
-BOUNDS = (-0.9, 3.0)  # of the excess of a mass, as a share
-LEVEL = 0.1  # of 90 % intervals
+BOUNDS = (-0.9, 3.0)  # of the relative excess of a mass
+LEVEL = 0.1  # significance level of 90 % intervals
 NAME = "joint_peers"
 _ROUNDING = 1e-12
 
@@ -61,7 +61,7 @@ includes noise levels and the test whether anything is missing, its diagnosis th
 
 
 def compare(scenario: str, seed: int) -> list[dict[str, Any]]:
-    """Rows of both tools on one recording.
+    """Result rows of both tools on one recording.
 
     Args:
         scenario: of `SCENARIOS`.
@@ -117,16 +117,16 @@ def compare(scenario: str, seed: int) -> list[dict[str, Any]]:
 
 
 def fit_by_sysid(recording: SignalRecording, rig: Rig, used: Segments, starts: Array) -> tuple[Array, Array]:
-    """Excess of the links' masses by least squares over whole episodes, and half-widths of 90 % intervals.
+    """Relative excess of link masses by least squares over episodes, and half-widths of 90 % intervals.
 
     Args:
         recording: all episodes.
-        rig: nominal.
-        used: segments of the episodes that may be used.
-        starts: (episodes, nq + nv) states at their beginning, in the order of `used`.
+        rig: nominal rig.
+        used: segments of the episodes to fit.
+        starts: (episodes, nq + nv) initial states, in the order of `used`.
 
     Raises:
-        InputError: its extra is not installed.
+        InputError: mujoco.sysid's extra is not installed.
     """
     sysid = need_sysid()
     spec = mujoco.MjSpec.from_string(nominal_model(RIG))
@@ -142,12 +142,12 @@ def fit_by_sysid(recording: SignalRecording, rig: Rig, used: Segments, starts: A
     for episode, x in zip(used.episode[used.first == 0], starts, strict=True):
         states.append(sysid.create_initial_state(model, x[: model.nq], x[model.nq : model.nq + model.nv]))
         u, step = used.controls[episode], model.opt.timestep
-        # mujoco.sysid resamples to steps of which a whole number fits: not to one more, by rounding.
+        # mujoco.sysid resamples to a whole number of steps: keep rounding from adding one.
         controls.append(sysid.TimeSeries(np.arange(len(u)) * step * (1 - _ROUNDING), u))
         table = recording.signals[recording.channels[rig.observations[0].channel].clock]
         own = table[table["episode"] == used.ids[episode]]
         y = own[[observation.channel for observation in rig.observations]].to_numpy(float)
-        # mujoco.sysid stamps what a step reads at its beginning with the time of its end.
+        # mujoco.sysid stamps the readings at the beginning of a step with the time of its end.
         sensors.append(sysid.TimeSeries.from_names(own["t"].to_numpy(float) + step, y, model))
         names.append(f"episode {used.ids[episode]}")
     parameters = sysid.ParameterDict()
@@ -155,7 +155,7 @@ def fit_by_sysid(recording: SignalRecording, rig: Rig, used: Segments, starts: A
         parameters.add(sysid.Parameter(link, 0.0, *BOUNDS, modifier=_scaled(spec, link)))
     sequences = sysid.ModelSequences(RIG, spec, names, states, controls, sensors)
     residual = sysid.build_residual_fn(models_sequences=[sequences], n_threads=1)
-    with redirect_stdout(StringIO()):  # a line an iteration
+    with redirect_stdout(StringIO()):  # it prints a line per iteration
         found, result = sysid.optimize(parameters, residual, optimizer="mujoco", verbose=False)
     residuals, *_ = residual(result.x, found)
     _, widths = sysid.calculate_intervals(residuals, result.jac, alpha=LEVEL)
@@ -163,7 +163,7 @@ def fit_by_sysid(recording: SignalRecording, rig: Rig, used: Segments, starts: A
 
 
 def _scaled(spec: mujoco.MjSpec, link: str) -> Any:
-    """What scales mass and inertia of a link in a spec; it has one geom, with a mass."""
+    """Function that scales mass and inertia of a link in a spec; the link has one geom, with a mass."""
     nominal = float(spec.body(link).first_geom().mass)
 
     def scale(changed: mujoco.MjSpec, parameter: Any) -> None:
@@ -173,7 +173,7 @@ def _scaled(spec: mujoco.MjSpec, link: str) -> Any:
 
 
 def _final(found: Diagnosis, free: tuple[str, ...]) -> Mapping[str, Any]:
-    """Values of the masses in the last fit of a diagnosis."""
+    """Values of the masses in the final fit of a diagnosis."""
     assert found.search is not None
     fit = found.search.final.scored.fit
     keys = [effect.key for effect in fit.hypothesis.effects]
@@ -226,7 +226,7 @@ def _spread(values: pd.Series) -> str:
 
 
 def main() -> None:
-    """Command line, as the workflow calls it."""
+    """Command line that the workflow calls."""
     parser = argparse.ArgumentParser(prog="python -m slapshot.benchmark.joint_peers")
     parser.add_argument("--out", type=Path, default=Path("figures"))
     args = parser.parse_args()

@@ -1,4 +1,4 @@
-"""The measures: speed and error of hits, memory, and training."""
+"""Measures of the pipeline: speed and error of hits, memory, and training."""
 
 import json
 import resource
@@ -28,7 +28,7 @@ from slapshot.trajectories.vae import TrajectoryVae
 
 HITS = 2048  # for the speed of the collector
 ROUNDS = 3
-SLOW_HITS = 96  # for everything that simulates the whole arm
+SLOW_HITS = 96  # for measures that simulate the whole arm
 
 
 class Measure(NamedTuple):
@@ -67,7 +67,7 @@ def hit_measures(
     few = hits.rows(slice(0, SLOW_HITS))
     collector: HitCollector = load_part(kind, "collector").Collector(scene, swings, threads=1)
     collector.collect(few)  # compiles the slide
-    # In turns, the best of each: whatever else the machine does slows both alike.
+    # Interleaved, minimum of each: load from other processes then slows both alike.
     rounds = [
         (seconds(lambda: collector.collect(hits)), seconds(lambda: reference.plain_rests(scene, swings, few)))
         for _ in range(ROUNDS)
@@ -75,7 +75,7 @@ def hit_measures(
     collect_rate, slow_rate = HITS / min(r[0] for r in rounds), SLOW_HITS / min(r[1] for r in rounds)
     latents = swings.latents[np.unique(hits.swings)]
     swing_seconds = seconds(lambda: execute(scene, model, latents, np.zeros(len(latents), int), 1))
-    # With the swings: every hit pays a swing of its own, as hits that were asked for one by one do.
+    # With swings: every hit needs a swing of its own, as for hits requested one by one.
     with_swings = 1 / (1 / collect_rate + swing_seconds / len(latents))
     fast = collector.collect(few).rests[:, :2]
     error = 1e3 * np.linalg.norm(fast - reference.exact_rests(scene, swings, few), axis=1)
@@ -115,7 +115,7 @@ def memory_measures(domain: str, folders: Mapping[str, Path], settings: Rollouts
 
 
 def peak_memory(folders: Mapping[str, Path], settings: str, factor: int) -> float:
-    """MB that this process needed at most to roll out `factor` times 4096 hits; settings are as JSON."""
+    """Peak memory in MB of this process after rolling out `factor` times 4096 hits; `settings` is JSON."""
     few = RolloutsSettings.from_parts(
         RolloutsSettings.model_validate_json(settings),
         train=64 * factor,
@@ -132,9 +132,9 @@ def peak_memory(folders: Mapping[str, Path], settings: str, factor: int) -> floa
 def training_measures(
     domain: str, method_name: str, settings: MethodSettings, training: Training, action: int
 ) -> list[Measure]:
-    """Seconds of a training step at the configured sizes, and against a plain loop.
+    """Seconds of a training step at the configured sizes, and the speed-up over a plain loop.
 
-    The plain loop trains one model after the other and goes through a sequence sample by sample.
+    The plain loop trains one model after the other and processes a sequence sample by sample.
     """
     models = training.models
     together = _training_step(method_name, settings, training, action, models)
@@ -174,7 +174,7 @@ def _training_step(
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """How long some work takes."""
+    """Wall time of a call, in s."""
     begin = time.perf_counter()
     work()
     return time.perf_counter() - begin

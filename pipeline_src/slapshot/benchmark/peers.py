@@ -1,8 +1,8 @@
 """The same parameters of the same scene, fitted to the same hits by mujoco.sysid and by the diagnosis.
 
 A stand-in rig on a tilted board is recorded; both fit the friction of one puck and the two slopes to its
-slides. mujoco.sysid is told the parameters to fit and the state in which each slide begins, which it takes
-for exact: it is read off the first frames. Scored are slides that neither has seen.
+slides. mujoco.sysid is given the parameters to fit and the initial state of each slide, which is estimated
+from the first frames and which it assumes to be exact. The score is the error on held-out slides.
 """
 
 import tempfile
@@ -54,7 +54,7 @@ def peer_measures(config: Configuration, store: Store, cores: int, seed: int = 0
     """Wall time and held-out error of both.
 
     Raises:
-        InputError: mujoco.sysid's extra is not installed, or the pool of commands is not made.
+        InputError: mujoco.sysid's extra is not installed, or the pool of commands has not been made.
     """
     scene, tracks, truth = _recorded(config, store, seed)
     kept, held = split_hits(tracks, np.random.default_rng(seed))
@@ -122,7 +122,7 @@ def _fitter(tracks: HitTracks, scene: Scene, cores: int) -> SlideFitter:
 
 
 def fit_by_sysid(scene: Scene, tracks: HitTracks, valid: NDArray[np.bool_], cores: int) -> dict[str, float]:
-    """Parameters by least squares over all frames of all slides.
+    """Parameters by least squares over all frames of all slides, fitted by mujoco.sysid.
 
     Raises:
         InputError: its extra is not installed.
@@ -170,7 +170,7 @@ def need_sysid() -> Any:
 
 
 def object_alone(scene: Scene) -> mujoco.MjSpec:
-    """The scene without its arm, with a sensor of where the object is, and a motor that is never used."""
+    """The scene without its arm, with a sensor of the object's position, and a motor that is never used."""
     spec = mujoco.MjSpec.from_string(scene.xml)
     for body in list(spec.worldbody.bodies):
         if body.name != scene.info.object_body:
@@ -187,7 +187,7 @@ def object_alone(scene: Scene) -> mujoco.MjSpec:
 
 
 def _modifier(scene: Scene, name: str) -> Any:
-    """What sets a parameter in a spec."""
+    """Function that sets a parameter in a spec."""
     # Tangent 1 of a horizontal contact is world y.
     place = {"friction_y": 0, "friction_x": 1, "friction_torsional": 2}
 

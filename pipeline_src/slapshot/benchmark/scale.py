@@ -1,4 +1,4 @@
-"""The hours that a configuration's long stages would take here, from rates measured at a small size."""
+"""Predicted hours of a configuration's long stages on this machine, from rates measured at a small size."""
 
 import tempfile
 from collections.abc import Mapping
@@ -24,11 +24,11 @@ from slapshot.trajectories.swings import SPLITS
 from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
 from slapshot.validation import values_of
 
-LEAST_CORES = 2  # hours are told for so many, too
+LEAST_CORES = 2  # hours are also reported for this number of cores
 
 _TASKS = 256  # demonstrations that are timed
 _STEPS = 100  # training steps of the trajectory model that are timed
-_POLICY_HITS = 320  # hits that are timed: an iteration's, before one update
+_POLICY_HITS = 320  # hits that are timed: those of an iteration before one update
 
 
 def hours(
@@ -40,14 +40,14 @@ def hours(
     measured: Mapping[str, float],
     cores: int,
 ) -> list[Measure]:
-    """Counts and hours of one configuration (named `name`), stage by stage and together.
+    """Counts and hours of the configuration called `name`, for each stage and in total.
 
     Args:
         domain: its name in the configuration.
         name: of the configuration.
         config: the domain's block.
         plans: of the configuration, and as `default` of one whose demonstrations can be made from `folders`.
-        folders: scene and trajectory_model, to time demonstrations and training on.
+        folders: scene and trajectory_model, for timing demonstrations and training.
         measured: the measures so far, by name.
         cores: of this machine.
     """
@@ -76,22 +76,22 @@ def hours(
 
 
 def long_jobs(plan: Plan, domain: str, costs: Mapping[str, float], refined: str | None) -> dict[str, Job]:
-    """The jobs of a plan that belong to the figures; what is not a long stage of the domain takes no time.
+    """The jobs of a plan that the figures need; all but the domain's long stages take no time.
 
     Args:
         plan: of the configuration.
         domain: its name.
-        costs: seconds that one job of a stage takes on one core; of training, train_<method>.
-        refined: method whose models are made again from refined ranges.
+        costs: stage (train_<method> for training) -> seconds of one job on one core.
+        refined: method whose models are retrained on refined ranges.
     """
     costs = dict(costs)
     if refined is not None:
         costs |= {"refined_rollouts": costs["rollouts"], "refined_train": costs[f"train_{refined}"]}
-    names: dict[tuple[str, str], str] = {}  # recipes under two labels are one job
+    names: dict[tuple[str, str], str] = {}  # equal recipes under two labels are one job
     jobs = {}
     for label, recipe in plan.of_figures().items():
         if names.setdefault((recipe.stage, recipe.id), label) == label:
-            # The commands of the proof's cases are demonstrations, but few.
+            # The commands of the validation cases are demonstrations, but few.
             long = label.split("/")[1:2] == [domain] and label != f"demonstrations/{domain}/pool"
             cost = costs.get(_part(label), 0.0) if long else 0.0
             after = tuple(names[pair] for pair in recipe.upstream.values())
@@ -100,18 +100,18 @@ def long_jobs(plan: Plan, domain: str, costs: Mapping[str, float], refined: str 
 
 
 def _part(label: str) -> str:
-    """Stage of a label, with the method where models are trained."""
+    """Stage of a label; for training with the name of the method."""
     stage, *rest = label.split("/")
     return f"{stage}_{rest[1]}" if stage == "train" else stage
 
 
 def stage_hours(prefix: str, jobs: Mapping[str, Job], cores: int) -> list[Measure]:
-    """Hours of each long stage alone on these cores, its jobs side by side; and of all of them.
+    """Hours of each long stage alone on these cores, with its jobs in parallel, and of all of them.
 
     Args:
         prefix: of the measures' names.
-        jobs: of `long_jobs`.
-        cores: of this machine; hours of all stages are told for two cores, too.
+        jobs: from `long_jobs`.
+        cores: of this machine; hours of all stages are reported for two cores, too.
     """
     parts: dict[str, list[str]] = {}
     for label, job in jobs.items():
@@ -133,7 +133,7 @@ def stage_hours(prefix: str, jobs: Mapping[str, Job], cores: int) -> list[Measur
 
 
 def _demonstration(plan: Plan, domain: str, folders: Mapping[str, Path]) -> float:
-    """Seconds that a demonstration takes on the one core that the stage uses."""
+    """Seconds per demonstration on the one core that the stage uses."""
     recipe = plan.recipes[f"demonstrations/{domain}"]
     few = DemonstrationsSettings.from_parts(recipe.settings(DemonstrationsSettings), count=_TASKS)
     config = values_of(few)
@@ -142,7 +142,7 @@ def _demonstration(plan: Plan, domain: str, folders: Mapping[str, Path]) -> floa
 
 
 def _policy_hit(config: Domain, folders: Mapping[str, Path]) -> float:
-    """Seconds that a policy's hit takes on one core, without what PPO adds."""
+    """Seconds per hit of a policy on one core, without the cost of PPO."""
     rng = np.random.default_rng(0)
     randomisation = config.randomisation
     conditions = pd.DataFrame(draw_conditions(randomisation, _POLICY_HITS, rng))
@@ -167,7 +167,7 @@ def _vae_step(config: Domain, folders: Mapping[str, Path]) -> float:
     threads = torch.get_num_threads()
     torch.set_num_threads(1)  # as the stage does
     try:
-        train(flat, sizes, of_steps(2))  # what only the first steps cost
+        train(flat, sizes, of_steps(2))  # warm up
         return seconds(lambda: train(flat, sizes, of_steps(_STEPS))) / _STEPS
     finally:
         torch.set_num_threads(threads)

@@ -1,4 +1,4 @@
-"""How long jobs that wait for one another take on some cores, from the time of each."""
+"""Makespan of dependent jobs on a number of cores, from the time of each."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ class Job:
     """One job of a workflow.
 
     Attributes:
-        core_seconds: that it takes on one core.
-        threads: most cores that it takes; it is that much faster.
-        after: names of the jobs that it waits for.
+        core_seconds: duration on one core.
+        threads: largest number of cores that it uses, with linear speed-up.
+        after: names of the jobs that it depends on.
     """
 
     core_seconds: float
@@ -19,37 +19,37 @@ class Job:
     after: tuple[str, ...] = ()
 
     def seconds(self, cores: int) -> float:
-        """That it takes where there are so many cores."""
+        """Duration on a machine with this number of cores."""
         return self.core_seconds / self.cores(cores)
 
     def cores(self, cores: int) -> int:
-        """That it takes where there are so many."""
+        """Number of cores that it uses of these."""
         return min(self.threads, cores)
 
 
 def core_seconds(jobs: Mapping[str, Job]) -> float:
-    """What all jobs take together, counted on one core."""
+    """Total duration of all jobs on one core."""
     return sum(job.core_seconds for job in jobs.values())
 
 
 def critical_path(jobs: Mapping[str, Job], cores: int) -> float:
-    """Seconds of the longest chain of jobs that wait for one another: no schedule is faster.
+    """Seconds of the longest chain of dependent jobs: no schedule is faster.
 
     Args:
-        jobs: by name, each after those that it waits for.
-        cores: that one job may take.
+        jobs: by name, in topological order.
+        cores: that one job may use.
     """
     return max(_paths(jobs, cores).values(), default=0.0)
 
 
 def makespan(jobs: Mapping[str, Job], cores: int) -> float:
-    """Seconds from the first start to the last end, if no core waits for a job that could start.
+    """Seconds from the first start to the last end under list scheduling.
 
-    Of the jobs that can start, the one with the longest chain from its start on comes first.
+    No core is idle while a job can start; among those, the one that begins the longest chain is first.
 
     Args:
-        jobs: by name, each after those that it waits for.
-        cores: that there are.
+        jobs: by name, in topological order.
+        cores: of the machine.
     """
     ahead = _paths(jobs, cores)
     waiting = sorted(jobs, key=lambda name: -ahead[name])
@@ -74,7 +74,7 @@ def makespan(jobs: Mapping[str, Job], cores: int) -> float:
 
 def _paths(jobs: Mapping[str, Job], cores: int) -> dict[str, float]:
     """Seconds of the longest chain that begins with each job."""
-    after = dict.fromkeys(jobs, 0.0)  # the longest chain that waits for it
+    after = dict.fromkeys(jobs, 0.0)  # longest chain that depends on it
     paths = {}
     for name in reversed(list(jobs)):
         paths[name] = jobs[name].seconds(cores) + after[name]

@@ -40,7 +40,7 @@ def main() -> None:
         recipe = plan.recipes[f"rollouts/{name}"]
         rollouts = Store(args.store).folder(recipe.stage, recipe.id)
         trials += [(name, domain, rollouts, m, rate) for m in domain.methods for rate in RATES]
-    # A trial a process: on one thread each they finish sooner than on all threads one after another.
+    # One process per trial: in parallel on one thread each they finish sooner than in turn on all threads.
     with get_context("spawn").Pool(args.cores) as pool:
         table = pd.DataFrame(pool.map(_try, trials, chunksize=1))
     table.to_csv(args.out, index=False, float_format="%.6g")
@@ -49,10 +49,10 @@ def main() -> None:
 
 
 def by_rate(table: pd.DataFrame) -> pd.DataFrame:
-    """Validation loss of each method (rows) by learning rate, and whether the best one is the grid's edge.
+    """Validation loss of each method (rows) by learning rate, and whether the best is at the grid's edge.
 
     Args:
-        table: of tuning.csv.
+        table: rows of tuning.csv.
     """
     shown = table.pivot(index=["domain", "method"], columns="learning_rate", values="validation_loss")
     edge = shown.idxmin(axis="columns").isin([shown.columns.min(), shown.columns.max()])
@@ -69,7 +69,7 @@ def _in_use(config: Configuration) -> pd.Series:
 
 
 def _try(trial: tuple[str, Domain, Path, str, float]) -> dict[str, Any]:
-    """Train a small ensemble for a while; return its row of the table."""
+    """Train a small ensemble briefly; return its row of the table."""
     name, domain, rollouts, method, rate = trial
     torch.set_num_threads(1)
     short = EnsembleTraining.from_parts(

@@ -1,7 +1,7 @@
-"""The whole pipeline as recipes: which versions a configuration asks for, and what each is made from.
+"""The pipeline's dependency graph (DAG) as recipes: the versions of a configuration, and their inputs.
 
-This package is the one place that knows how stages follow on each other. The workflow turns every recipe
-into a job; adding a method, a recording or a domain to the configuration adds recipes here by itself.
+Only this package defines how stages depend on each other. The workflow turns every recipe into a job; adding
+a method, a recording or a domain to the configuration adds its recipes automatically.
 """
 
 from collections.abc import Callable
@@ -29,25 +29,25 @@ __all__ = ["CLAIMS", "FIGURES", "STAGES", "Plan", "Stage", "in_words", "load_pla
 
 
 def load_plan(path: Path | None = None) -> Plan:
-    """Recipes of the default configuration with the values of `path` laid over it.
+    """Recipes of the default configuration, overridden by the values of the file `path`.
 
     Raises:
-        InputError: the configuration is not allowed, or names what does not exist.
+        InputError: the configuration is invalid, or names something that does not exist.
     """
     checked = read_config([] if path is None else [path])
     return make_plan(checked.settings, checked.layers.where)
 
 
 def make_plan(config: Configuration, where: Callable[[Loc], str] | None = None) -> Plan:
-    """Work out all recipes of a checked configuration.
+    """Work out all recipes of a validated configuration.
 
     Args:
-        config: what it says.
+        config: the configuration.
         where: file and line of a value, for messages.
 
     Raises:
         InputError: a module, a recording, a list of cases or a figure that the configuration names does not
-            exist, or cannot be had of it.
+            exist, or cannot be made from it.
     """
     try:
         return _make_plan(config)

@@ -1,4 +1,4 @@
-"""Recipes of acting: stand-in rigs hit anew with adapted models and with policies, and exploration."""
+"""Recipes of goal reaching: new hits on stand-in rigs with adapted models and policies, and exploration."""
 
 from slapshot.config.acting import (
     ActingSettings,
@@ -20,7 +20,7 @@ from slapshot.scenes.domain import domain_module, part_module
 
 
 def add_acting(plan: Plan, name: str, domain: Domain) -> None:
-    """Everything of the block `acting`; nothing without it, or without any recording."""
+    """Add all recipes of the block `acting`; none without this block or without recordings."""
     acting = domain.acting
     if acting is None or not domain.recordings:
         return
@@ -71,7 +71,7 @@ def add_acting(plan: Plan, name: str, domain: Domain) -> None:
 
 
 def _add_policies(plan: Plan, name: str, domain: Domain, policy: Policy, count: int) -> list[str]:
-    """Policies from weights and hits of their own, by label; rigs meet them in turn."""
+    """Add independently trained policies, each with its own hits; return labels. Rigs use them in turn."""
     scene = domain.scene.domain
     labels = []
     for number in range(count):

@@ -20,7 +20,7 @@ from slapshot.dag.sources import Sources
 
 
 def method_module(method: str) -> str:
-    """Dotted name of the file that a method of the configuration lives in."""
+    """Dotted name of the module that implements a method of the configuration."""
     return f"slapshot.adaptation.{method_file(method)}"
 
 
@@ -30,7 +30,7 @@ def add_regression(plan: Plan, regression: Regression) -> None:
 
 
 def training_of(domain: Domain, method: str) -> TrainSettings:
-    """How the domain trains one of its methods."""
+    """Training settings of one of the domain's methods."""
     configured = domain.methods[method]
     training = EnsembleTraining.from_parts(
         domain.training, seed=domain.seed, learning_rate=configured.learning_rate
@@ -39,7 +39,7 @@ def training_of(domain: Domain, method: str) -> TrainSettings:
 
 
 def add_method(plan: Plan, name: str, domain: Domain, method: str) -> None:
-    """Training and evaluation, simulated and recorded, of one method."""
+    """Training of one method, and its evaluation on simulated and recorded hits."""
     train = f"train/{name}/{method}"
     plan.add(
         train,
@@ -71,7 +71,7 @@ def add_method(plan: Plan, name: str, domain: Domain, method: str) -> None:
 
 
 def add_uncertainty(plan: Plan, name: str, domain: Domain) -> None:
-    """Calibrated intervals and predictions of one method, hidden states of some."""
+    """Calibrated intervals and predictions of one method, and hidden states of the selected methods."""
     uncertainty, noise, seed = domain.uncertainty, domain.noise_levels, domain.seed
     method, rollouts = uncertainty.method, {"rollouts": f"rollouts/{name}"}
     plan.add(
@@ -100,7 +100,7 @@ def add_uncertainty(plan: Plan, name: str, domain: Domain) -> None:
 
 
 def of_model(plan: Plan, name: str, sources: Sources) -> RecordedTasksSettings:
-    """Recordings as the domain's trajectory model encodes them."""
+    """Settings of stages that encode recordings with the domain's trajectory model."""
     model = plan.recipes[f"trajectory_model/{name}"].id
     return RecordedTasksSettings(recordings=sources.described, trajectory_model_id=model)
 
@@ -116,7 +116,7 @@ def add_recorded(
     upstream: Mapping[str, str] | None = None,
     train: str | None = None,
 ) -> None:
-    """A recipe of a stage that puts recordings before a trained method: the domain's, or that of an arm."""
+    """A recipe of a stage that runs a trained method, of the domain or of an arm, on recordings."""
     plan.add(
         label,
         stage,

@@ -1,4 +1,4 @@
-"""Recipes of the calibration: null recordings and recordings of every effect's law, in blocks."""
+"""Recipes of the calibration: null recordings, and recordings with each effect, in blocks."""
 
 from collections.abc import Iterator
 
@@ -18,7 +18,7 @@ from slapshot.validation import ProblemAtError
 
 
 def add_calibration(plan: Plan, calibration: Calibration) -> None:
-    """Blocks of recordings, and the tables made of them."""
+    """Blocks of recordings, and the tables made from them."""
     _add_nulls(plan, calibration.nulls)
     _add_coverage(plan, calibration.coverage)
 
@@ -56,6 +56,6 @@ def _blocks(blocks: Blocks) -> Iterator[Block]:
 
 
 def _add_table(plan: Plan, stage: str, labels: list[str]) -> None:
-    """A table of blocks, in their order."""
+    """Table that joins blocks in their order."""
     blocks = {label.partition("/")[2]: label for label in labels}
     plan.add(stage, stage, TableSettings(blocks=list(blocks)), blocks)

@@ -1,4 +1,4 @@
-"""Recipes of diagnoses of the recordings that the configuration names."""
+"""Recipes of the diagnoses of the recordings in the configuration."""
 
 from slapshot.config.cases import DiagnosisSettings, NominalSettings
 from slapshot.config.domain import Domain
@@ -11,19 +11,19 @@ SEED = 0
 
 
 def nominal_settings(domain: Domain) -> NominalSettings:
-    """What a diagnosis is told beside the scene: the friction, and no effects of one's own."""
+    """Nominal parameters of a diagnosis besides the scene: the friction, and no effects of the user's own."""
     condition = middle_condition(domain.randomisation)
     friction = [condition[f"friction_{axis}"] for axis in ("x", "y", "torsional")]
     return NominalSettings(friction=friction, effects=[])
 
 
 def diagnosed(name: str, domain: Domain, recording: str) -> Sources:
-    """The recording that a diagnosis reads; of stand-in rigs, the first one."""
+    """The recording that a diagnosis reads; for stand-in rigs, that of the first rig."""
     return Sources.of(name, domain.recordings, [recording], rigs=1)
 
 
 def add_diagnoses(plan: Plan, name: str, domain: Domain) -> None:
-    """The report of every recording."""
+    """Add the diagnosis report of every recording."""
     for recording in domain.recordings:
         sources = diagnosed(name, domain, recording)
         plan.add(

@@ -1,4 +1,4 @@
-"""Recipes of the proof for joints: cases of the joint lab, their verdicts, and the score of both."""
+"""Recipes of the blind validation for joints: cases of the joint lab, their verdicts, and the score."""
 
 from pkgutil import iter_modules
 
@@ -12,13 +12,13 @@ from slapshot.lab.joints.cases import read_cases
 
 
 def add_joint_proof(plan: Plan, cases: Cases) -> None:
-    """A recording and a verdict for each case of the list, and one score.
+    """Add a recording and a verdict for each case of the list, and one score.
 
     Raises:
         ProblemAtError: there is no such list.
-        InputError: what is wrong in it.
+        InputError: the list is invalid.
     """
-    # The catalogue finds its modules in its folder, where the code of a stage does not name them.
+    # The catalogue discovers its modules in its folder: no import in a stage's code names them.
     effects = [f"{joints.__name__}.{module.name}" for module in iter_modules(joints.__path__)]
     inputs: dict[str, str] = {}
     conditions: dict[str, str] = {}

@@ -1,7 +1,8 @@
-"""Marks: files whose existence tells Snakemake that a version is there.
+"""Marks: files whose existence tells Snakemake that a version exists.
 
-Snakemake would delete and half-create the folders of versions themselves. A mark is named after what its
-version is and its id, such as `train/hockey-kalman-0123456789ab`: dry runs, graphs and logs show that.
+With version folders as outputs, Snakemake would delete them, and create incomplete ones. A mark is named
+after the label and the id of its version, such as `train/hockey-kalman-0123456789ab`, which dry runs, graphs
+and logs show.
 """
 
 import re
@@ -16,11 +17,11 @@ _LONGEST = 100  # characters of a name, of the 255 bytes that a file may have
 
 
 class Marks:
-    """The marks of what a plan asks for.
+    """The marks of the versions of a plan.
 
     Args:
         root: folder of marks, usually data/marks.
-        plan: whose labels name them; of equal recipes, the first label does.
+        plan: whose labels name the marks; for equal recipes, the first label is used.
     """
 
     def __init__(self, root: Path, plan: Plan) -> None:
@@ -34,15 +35,15 @@ class Marks:
         return self._of(recipe.stage, recipe.id)
 
     def above(self, recipe: Recipe) -> list[Path]:
-        """Marks of the versions that one is made from."""
+        """Marks of the versions upstream of a recipe."""
         return [self._of(*version) for version in recipe.upstream.values()]
 
     def pattern(self, stage: str) -> Path:
-        """The marks of a stage, with the wildcard `version`."""
+        """Path pattern of a stage's marks, with the wildcard `version`."""
         return self._root / stage / "{version}"
 
     def recipe(self, stage: str, version: str) -> Recipe:
-        """What the wildcard of `pattern` stands for.
+        """Recipe of a value of the wildcard of `pattern`.
 
         Raises:
             InputError: the configuration asks for no such version.
@@ -50,18 +51,18 @@ class Marks:
         return self._plan.by_id(stage, version[-ID_LENGTH:])
 
     def label(self, recipe: Recipe) -> str:
-        """What the version is, in words: `train hockey/kalman`."""
+        """The version's label for people, such as `train hockey/kalman`."""
         return in_words(self._labels[recipe.stage, recipe.id])
 
     def refresh(self, store: Store) -> None:
-        """Make marks say what the store holds: versions come and go without Snakemake, too.
+        """Synchronise marks with the store, since versions are also made and removed without Snakemake.
 
         Raises:
             InputError: a mark cannot be made or removed.
         """
         for stage, version_id in self._labels:
             mark = self._of(stage, version_id)
-            # In this order: a version that another process finishes right now is whole before its mark.
+            # The mark is checked first: another process completes a version before it makes the mark.
             if mark.exists():
                 if not store.is_whole(stage, version_id):
                     with writing(mark):

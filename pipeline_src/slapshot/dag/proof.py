@@ -1,4 +1,4 @@
-"""Recipes of the proof: concealed cases, their verdicts, and the score of both."""
+"""Recipes of the blind validation: cases with hidden effects, their verdicts, and the score."""
 
 from pathlib import Path
 from typing import Literal
@@ -20,11 +20,11 @@ FRESH = Path("data/proof/fresh.csv")  # cases of `--config proof=fresh`, drawn b
 
 
 def add_proof(plan: Plan, config: Configuration) -> None:
-    """The small proof, which belongs to the figures, and the full one."""
+    """Add the small validation, which belongs to the figures, and the full one."""
     cases, name = config.cases, config.cases.domain
     domain = config.domains[name]
     if cases.like not in domain.stand_ins:
-        return  # without a stand-in rig there is nothing to conceal anything on
+        return  # without a stand-in rig there is nothing to hide effects in
     pool, kind, lab = cases.pool, domain.scene.domain, config.lab_of_cases
     module = domain_module(kind)
     plan.add(
@@ -49,7 +49,7 @@ def add_proof(plan: Plan, config: Configuration) -> None:
 
 
 def list_file(cases: Cases, key: Literal["small", "published", "joints"]) -> Path:
-    """File of the list that stands under a key of `cases`.
+    """File of the list named by a key of `cases`.
 
     Raises:
         ProblemAtError: there is no such file.
@@ -57,7 +57,7 @@ def list_file(cases: Cases, key: Literal["small", "published", "joints"]) -> Pat
     file = Path({"small": cases.small, "published": cases.published, "joints": cases.joints}[key])
     try:
         is_file = file.is_file()
-    except OSError:  # too long
+    except OSError:  # the path is too long
         is_file = False
     if not is_file:
         shipped = f"config/cases/{'joints' if key == 'joints' else 'small'}.csv"
@@ -68,11 +68,11 @@ def list_file(cases: Cases, key: Literal["small", "published", "joints"]) -> Pat
 
 
 def _read(key: Literal["small", "published"], cases: Cases, lab: Lab) -> list[Case]:
-    """Cases of the list that stands under a key of `cases`, for which the pool has commands enough.
+    """Cases of the list named by a key of `cases`; the pool must have enough commands for each.
 
     Raises:
-        ProblemAtError: there is no such list, or it asks for hits that there cannot be.
-        InputError: what is wrong in the list.
+        ProblemAtError: there is no such list, or the pool has too few commands for its hits.
+        InputError: the list is invalid.
     """
     file, pool, objects = list_file(cases, key), cases.pool.count, len(lab.objects)
     listed = read_cases(file)

@@ -1,4 +1,4 @@
-"""The set of recipes that a configuration asks for."""
+"""The set of recipes of a configuration."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -12,11 +12,11 @@ from slapshot.validation import Model, values_of
 
 @dataclass
 class Plan:
-    """Recipes by label; a label says stage, domain and what else tells instances apart.
+    """Recipes by label, which consists of stage, domain and further identifiers of an instance.
 
     Attributes:
-        recipes: label -> recipe, upstream first. Equal recipes under two labels are one version.
-        on_demand: labels of what `snakemake figures` does not make.
+        recipes: label -> recipe, in topological order. Equal recipes under two labels are one version.
+        on_demand: labels of the recipes that `snakemake figures` does not make.
     """
 
     recipes: dict[str, Recipe] = field(default_factory=dict)
@@ -36,13 +36,13 @@ class Plan:
         """Add one recipe.
 
         Args:
-            label: says stage, domain and what else tells instances apart.
-            stage: its name.
-            settings: what it is told, which `Run.settings` gives it back; None for nothing.
+            label: stage, domain and further identifiers, separated by slashes.
+            stage: name of the stage.
+            settings: of the stage, which reads them by `Run.settings`; None for none.
             upstream: role -> label of an earlier recipe.
-            modules: that it imports by name.
+            modules: that the stage imports dynamically, by name.
             files: name -> file from outside the store.
-            on_demand: `snakemake figures` does not make it.
+            on_demand: True if `snakemake figures` does not make it.
         """
         if on_demand or STAGES[stage].on_demand:
             self.on_demand.add(label)
@@ -55,7 +55,7 @@ class Plan:
         )
 
     def _bare_recipe(self, stage: str, modules: tuple[str, ...]) -> Recipe:
-        """Stage, code and libraries alone: code is read once for the hundreds of cases of a proof."""
+        """Stage, code and libraries only, cached: a validation has hundreds of cases with the same code."""
         key = (stage, *modules)
         if key not in self._bare:
             self._bare[key] = make_recipe(stage, [STAGES[stage].module, *modules], {}, {})
@@ -66,11 +66,11 @@ class Plan:
         return {label: r for label, r in self.recipes.items() if r.stage == stage}
 
     def of_figures(self) -> dict[str, Recipe]:
-        """Label -> recipe of all that `snakemake figures` makes."""
+        """Label -> recipe of everything that `snakemake figures` makes."""
         return {label: r for label, r in self.recipes.items() if label not in self.on_demand}
 
     def names_of(self, stage: str) -> list[str]:
-        """What tells the versions of a stage apart, such as hockey-F7."""
+        """Labels of a stage without the stage's name, such as hockey-F7."""
         return [label.removeprefix(f"{stage}/").replace("/", "-") for label in self.of_stage(stage)]
 
     def by_id(self, stage: str, version_id: str) -> Recipe:
@@ -93,5 +93,5 @@ class Plan:
 
 
 def in_words(label: str) -> str:
-    """A label as people read it: `train hockey/kalman`."""
+    """A label for people, such as `train hockey/kalman`."""
     return label.replace("/", " ", 1)

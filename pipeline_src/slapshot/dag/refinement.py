@@ -1,4 +1,4 @@
-"""Recipes of range refinement, and of what it is worth on stand-in rigs."""
+"""Recipes of range refinement, and of its evaluation on stand-in rigs."""
 
 from slapshot.config.domain import Domain
 from slapshot.config.refinement import (
@@ -16,7 +16,7 @@ from slapshot.scenes.domain import part_module
 
 
 def add_refinement(plan: Plan, name: str, domain: Domain) -> None:
-    """Everything of the block `refinement`; nothing without it, or without any recording."""
+    """Add all recipes of the block `refinement`; none without this block or without recordings."""
     refinement = domain.refinement
     if refinement is None or not domain.recordings:
         return
@@ -46,7 +46,7 @@ def add_refinement(plan: Plan, name: str, domain: Domain) -> None:
 
 
 def _add_retrained(plan: Plan, name: str, domain: Domain, settings: Refinement, rig: int) -> None:
-    """Rollouts and models made again from one rig's refined ranges, and their errors on new hits of it."""
+    """Rollouts and models from one rig's refined ranges, and their errors on new hits of that rig."""
     method = settings.method
     refinement, train = f"refinement/{name}", f"train/{name}/{method}"
     rollouts, refined = f"refined_rollouts/{name}/{rig}", f"refined_train/{name}/{rig}"

@@ -1,4 +1,4 @@
-"""Recipes of what people look at: figures, claims and Rerun recordings."""
+"""Recipes of results for people: figures, claims and Rerun recordings."""
 
 from collections.abc import Mapping, Sequence
 
@@ -25,7 +25,7 @@ from slapshot.yaml_file import Loc
 
 
 def add_figures(plan: Plan, config: Configuration) -> None:
-    """The figures of every domain, and of the linear regression."""
+    """Add the figures of every domain and of the linear regression."""
     for figure in _known(config.regression.figures, ("regression", "figures"), only=["F3"]):
         _add_figure(plan, "regression", figure, {"regression": "regression"}, None)
     for name, domain in config.domains.items():
@@ -49,7 +49,7 @@ def _add_figure(
 
 
 def _figure_settings(name: str, figure: str, domain: Domain | None) -> FigureSettings:
-    """What a figure shows of the configuration."""
+    """Settings of a figure from the configuration."""
     plain = FigureSettings(module=FIGURES[figure], domain=name)
     if domain is None:
         return plain
@@ -72,7 +72,7 @@ def _figure_settings(name: str, figure: str, domain: Domain | None) -> FigureSet
 
 
 def _figure_inputs(plan: Plan, name: str, domain: Domain, figure: str) -> dict[str, str]:
-    """Upstream labels by role."""
+    """Role -> label of each version that a figure reads."""
     methods = list(domain.methods)
     match figure:
         case "A1":
@@ -109,7 +109,7 @@ def _figure_inputs(plan: Plan, name: str, domain: Domain, figure: str) -> dict[s
 
 
 def add_claims(plan: Plan, config: Configuration) -> None:
-    """A version for the verdict on each claim, and one that tells them all."""
+    """Add a version for the verdict on each claim, and one that summarises all of them."""
     labels = []
     for claim in _known(config.regression.claims, ("regression", "claims"), only=["C1"]):
         labels.append(_add_claim(plan, "regression", claim, {"regression": "regression"}))
@@ -158,7 +158,7 @@ def _claim_inputs(plan: Plan, name: str, domain: Domain, claim: str) -> dict[str
 
 
 def _rig_labels(plan: Plan, name: str, wanted: str, stage: str, block: str = "acting") -> dict[str, str]:
-    """Rig -> label of what was done there."""
+    """Rig -> label of the version of `stage` on that rig."""
     labels = _on_rigs(plan, name, stage) or [f"{stage}/{name}/0"]
     return {label.rpartition("/")[2]: _needed(plan, label, wanted, block) for label in labels}
 
@@ -168,7 +168,7 @@ def _on_rigs(plan: Plan, name: str, stage: str) -> list[str]:
 
 
 def _compared_labels(plan: Plan, name: str, domain: Domain, wanted: str) -> dict[str, str]:
-    """What policies and models did on every rig (stage/rig), and what the model predicts."""
+    """Versions of policies and models on every rig (role stage/rig), and of the model's predictions."""
     rigs = {
         f"{stage}/{rig}": label
         for stage in ("policy_acting", "acting")
@@ -190,7 +190,7 @@ def _needed(plan: Plan, label: str, wanted: str, block: str = "acting") -> str:
 
 
 def _known(wanted: Sequence[str], loc: Loc, only: list[str]) -> Sequence[str]:
-    """The wanted ids, each of which can be made there."""
+    """Return the wanted ids, after checking that each is available here."""
     for i, name in enumerate(wanted):
         if name not in only:
             raise ProblemAtError((*loc, i), f"{name!r} cannot be made here; use some of: {', '.join(only)}")
@@ -207,7 +207,7 @@ def _need_recordings(name: str, domain: Domain, key: str, wanted: str) -> None:
 
 
 def add_viewer(plan: Plan, name: str, domain: Domain) -> None:
-    """Rerun recordings of simulated and recorded hits."""
+    """Add Rerun recordings of simulated and recorded hits."""
     roles = {stage: f"{stage}/{name}" for stage in ("scene", "swings", "rollouts", "predictions")}
     sources = Sources.of(name, domain.recordings, list(domain.recordings))
     plan.add(

@@ -1,4 +1,4 @@
-"""Recipes that close the circle: rollouts, models and evaluations of three arms about one diagnosis."""
+"""Recipes that close the loop: rollouts, models and evaluations of three arms after one diagnosis."""
 
 from slapshot.config.cases import DiagnosisSettings
 from slapshot.config.domain import Domain
@@ -15,7 +15,7 @@ NOMINAL, RETRAINED = "nominal", ("refitted", "augmented")
 
 
 def add_retraining(plan: Plan, name: str, domain: Domain) -> None:
-    """Everything of `snakemake circle`; nothing without a block `retraining`, or without any recording."""
+    """Add all recipes of `snakemake circle`; none without the block `retraining` or without recordings."""
     retraining = domain.retraining
     if retraining is None or not domain.recordings:
         return

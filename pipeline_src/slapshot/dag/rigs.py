@@ -1,4 +1,4 @@
-"""Recipes of whatever hits a stand-in rig anew."""
+"""Recipes of stages that make new hits on a stand-in rig."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from slapshot.scenes.domain import domain_module, part_module
 
 @dataclass(frozen=True)
 class Robot:
-    """A stand-in rig that is hit anew: what a recipe says of it, and reads for it."""
+    """A stand-in rig for new hits: settings and upstream labels of the recipes that use it."""
 
     settings: RobotSettings
     upstream: Mapping[str, str]
 
 
 def robot_of(plan: Plan, name: str, domain: Domain, recording: str, rig: int) -> Robot:
-    """The robot of one rig of a recording by stand-ins."""
+    """The robot of one rig of a stand-in recording."""
     described, model = domain.stand_ins[recording], f"trajectory_model/{name}"
     return Robot(
         RobotSettings(
@@ -47,7 +47,7 @@ def add_on_rig(
     upstream: Mapping[str, str],
     modules: list[str],
 ) -> None:
-    """The recipe with that label (its stage comes first), of a stage that hits the robot."""
+    """Add the recipe of a stage that hits the robot; the label begins with the stage's name."""
     scene = settings.domain
     plan.add(
         label,

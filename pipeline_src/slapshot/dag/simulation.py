@@ -11,7 +11,7 @@ from slapshot.validation import ProblemAtError
 
 
 def add_simulation(plan: Plan, name: str, domain: Domain) -> None:
-    """Scene, demonstrations, trajectory model, swings and rollouts of a domain."""
+    """Add scene, demonstrations, trajectory model, swings and rollouts of a domain."""
     kind, seed = domain.scene.domain, domain.seed
     try:
         find_domain(kind)
@@ -53,7 +53,7 @@ def add_simulation(plan: Plan, name: str, domain: Domain) -> None:
 
 
 def add_labs(plan: Plan, name: str, domain: Domain) -> None:
-    """A recording of every stand-in rig: `rigs` draws from the ranges of one block of settings."""
+    """Add a recording of every stand-in rig: `rigs` draws from the ranges of one block of settings."""
     model = f"trajectory_model/{name}"
     for recording, described in domain.stand_ins.items():
         for rig, label in enumerate(rig_labels(name, recording, described)):

@@ -1,4 +1,4 @@
-"""The recordings that a recipe reads, made by the lab or of one's own."""
+"""The recordings that a recipe reads, made by the lab or supplied by the user."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ _NEEDED = ("recording.json", "hits.parquet")  # without which a folder holds no 
 
 @dataclass(frozen=True)
 class Sources:
-    """What a recipe says of recordings; `slapshot.recordings.read` finds their folders from it.
+    """Description of recordings in a recipe, from which `slapshot.recordings.read` finds their folders.
 
     Attributes:
-        described: recording -> where it comes from.
+        described: recording -> its source.
         roles: lab/<recording>/<rig> -> label of the stand-in's version.
-        files: what the folders of one's own hold.
+        files: name -> file in the user's own recording folders.
     """
 
     described: dict[str, Source]
@@ -35,10 +35,10 @@ class Sources:
         """Sources of some recordings of the domain called `name`.
 
         Args:
-            name: the domain's.
-            recordings: all of them.
-            wanted: their names.
-            rigs: how many stand-in rigs of each, the first ones; None for all.
+            name: of the domain.
+            recordings: all recordings of the domain.
+            wanted: names of those to read.
+            rigs: number of stand-in rigs of each, beginning with the first; None for all.
 
         Raises:
             ProblemAtError: a folder holds no recording.
@@ -63,10 +63,10 @@ class Sources:
 
 
 def _recording_files(path: str, loc: Loc) -> dict[str, Path]:
-    """What a recording consists of, by name.
+    """Files of a recording by name.
 
     Raises:
-        ProblemAtError: the folder is none, or holds no recording.
+        ProblemAtError: there is no such folder, or it holds no recording.
         InputError: a file of it cannot be read.
     """
     folder, remedy = Path(path), "give the path of a recording's folder"

@@ -1,7 +1,7 @@
-"""The table of stages, and the figures and claims with their modules.
+"""The table of stages, and the modules of figures and claims.
 
-The plan takes a stage's module from here, the workflow makes its rules from here: a new stage is its module,
-a row of this table, and what it is made from, which `Plan.add` is told.
+Recipes take a stage's module from this table, and the workflow makes its rules from it. A new stage needs its
+module, a row of this table, and a call of `Plan.add` with its inputs.
 """
 
 from dataclasses import dataclass
@@ -9,20 +9,20 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Stage:
-    """What runs as one job of the workflow.
+    """A stage; each of its versions is one job of the workflow.
 
     Attributes:
         name: of its folder in the store, of its rule, and of the target that makes all its versions.
         module: that the job runs.
-        says: what its versions are; `snakemake --list` shows it.
-        threads: most cores that it uses. Most stages use one: small matrices gain nothing from a second, and
-            another job beside does.
-        minutes: that a cluster is asked for: about twice those of one core at the paper's scale, as far as
-            figures/benchmark.csv tells them. A job that needs longer is tried again with twice as many.
-        memory_mb: that a cluster is asked for; no stage takes more by the default configuration.
-        target: name of that target if not the stage's own (empty); None if there is none.
-        on_demand: not made by `snakemake figures`, since it takes hours or its bytes never repeat.
-        renders: draws pictures of a scene, which takes a GL library.
+        says: description of its versions, shown by `snakemake --list`.
+        threads: largest number of cores that it uses. Most stages use one: small matrices gain nothing from a
+            second core, a parallel job does.
+        minutes: requested from a cluster: about twice the time on one core at the paper's scale, where
+            figures/benchmark.csv has it. A job that runs out of time is retried with twice as many.
+        memory_mb: requested from a cluster; no stage takes more with the default configuration.
+        target: name of the target; empty for the stage's name, None for no target.
+        on_demand: not made by `snakemake figures`, since it takes hours or its bytes are not reproducible.
+        renders: renders a scene, which needs a GL library.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Stage:
     renders: bool = False
 
 
-_MANY = 16  # of stages whose work falls into parts; more gain little
+_MANY = 16  # threads of stages with parallel work; more gain little
 
 _TABLE = (
     # Simulation
@@ -77,7 +77,7 @@ _TABLE = (
         "What one model believed of single hits before and after adaptation.",
     ),
     Stage("beliefs", "slapshot.adaptation.beliefs", "Hidden states of test conditions and recordings."),
-    # What an adapted model is used for, and the policy that the paper compares with
+    # Uses of an adapted model, and the policy that the paper compares with
     Stage(
         "inverse", "slapshot.goal_reaching.train_inverse", "A network from a target and a belief to a latent."
     ),
@@ -91,7 +91,7 @@ _TABLE = (
     Stage(
         "policy_acting", "slapshot.policy.rigs", "A policy that adapts to every stand-in rig by its own hits."
     ),
-    # Narrower randomisation from beliefs, and what models trained on it are worth
+    # Narrower randomisation from beliefs, and the evaluation of models trained on it
     Stage(
         "refinement", "slapshot.refinement.__main__", "Ranges of randomisation that hold the recorded rigs."
     ),
@@ -113,7 +113,7 @@ _TABLE = (
         "slapshot.refinement.errors",
         "New hits of a rig, predicted by models of all ranges and of refined ones.",
     ),
-    # What people look at
+    # Results for people
     Stage("claim", "slapshot.claims.__main__", "The verdict on one claim of the paper.", target=None),
     Stage("claims", "slapshot.claims.report", "The verdict on each claim of the paper."),
     Stage(
@@ -126,7 +126,7 @@ _TABLE = (
         target="recordings",
         on_demand=True,
     ),
-    # Diagnosis of hits, and its proof: only the score opens the seals
+    # Diagnosis of hits, and its blind validation: only the score opens the sealed truths
     Stage(
         "diagnosis",
         "slapshot.diagnosis.pucks.stage_report",
@@ -150,7 +150,7 @@ _TABLE = (
         "What the diagnosis says of the recordings of the small proof.",
     ),
     Stage("score", "slapshot.blind_validation.__main__", "The small proof."),
-    # The same of joints; a verdict takes one core, on which it says how long it took
+    # The same for joints; a verdict runs on one core, for which it reports its duration
     Stage(
         "joint_case",
         "slapshot.lab.joints.stage_case",
@@ -170,7 +170,7 @@ _TABLE = (
         "The proof for joints, not published.",
         on_demand=True,
     ),
-    # What was found goes back into the rollouts; a model trained on them meets the recording again
+    # Closed loop: effects found are added to the rollouts; models trained on them adapt to the recording
     Stage(
         "findings",
         "slapshot.diagnosis.pucks.stage_findings",
@@ -194,7 +194,7 @@ _TABLE = (
     Stage(
         "arms", "slapshot.retraining.__main__", "The comparison of arms, not yet published.", on_demand=True
     ),
-    # Are p-values of joints p-values, and do intervals hold what they say? Blocks resume
+    # Calibration of p-values and coverage of intervals, for joints; blocks resume
     Stage(
         "null_p_values",
         "slapshot.calibration.stage_null_p_values",
@@ -223,7 +223,7 @@ _TABLE = (
     ),
 )
 STAGES = {stage.name: stage for stage in _TABLE}
-# Figure id -> its module.
+# Figure id -> module.
 FIGURES = {
     "A1": "slapshot.figures.a1_acting",
     "A2": "slapshot.figures.a2_exploration",
@@ -245,6 +245,6 @@ FIGURES = {
     "U1": "slapshot.figures.u1_coverage",
     "U2": "slapshot.figures.u2_innovations",
 }
-# Claim id -> its module.
+# Claim id -> module.
 _JUDGED = ("c1", "c2", "c3", "c4", "c5", "c6", "c7", "s11", "s12", "s13")
 CLAIMS = {name.upper(): f"slapshot.claims.{name}" for name in _JUDGED}

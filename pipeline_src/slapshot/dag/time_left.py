@@ -1,4 +1,4 @@
-"""How long the rest of a run takes, from what versions of its stages took before."""
+"""Estimated time left in a run, from the durations of earlier versions of its stages."""
 
 import logging
 import sys
@@ -13,25 +13,25 @@ from slapshot.store.folder import Store
 
 
 class TimeLeft:
-    """Says how many jobs of a run are done and about how long the rest takes, in place of Snakemake's line.
+    """Prints how many jobs of a run are done and the estimated time left, in place of Snakemake's line.
 
-    Jobs of a stage are taken to last as long as those versions of it, by any configuration, that the store
-    held when the run began, or as those that this run has made, and to fill all cores.
+    The duration of a stage's jobs is estimated from its versions of any configuration that were in the store
+    when the run began and those made since; jobs are assumed to use all cores.
 
     Args:
         store: of the versions.
-        cores: that the run has.
+        cores: of the run.
     """
 
     def __init__(self, store: Store, cores: int) -> None:
         self._store, self._cores = store, cores
         self._left: Counter[str] = Counter()  # jobs by stage
         self._total = 0
-        self._took: dict[str, list[float]] = {}  # s, of each version
-        self._began: dict[int, tuple[str, float]] = {}  # stage and time of each job that runs, by its number
+        self._took: dict[str, list[float]] = {}  # durations in s by stage
+        self._began: dict[int, tuple[str, float]] = {}  # stage and start time of running jobs, by number
 
     def __call__(self, record: logging.LogRecord) -> bool:
-        """Filter of Snakemake's log: takes note of its events and keeps all but its line of progress."""
+        """Filter of Snakemake's log: records its events, and drops only its progress line."""
         said: dict[str, Any] = vars(record)
         match str(said.get("event", "")):
             case "run_info":
@@ -52,7 +52,7 @@ class TimeLeft:
         return True
 
     def say(self, done: int = 0) -> bool:
-        """Say it, unless no stage is left; whether anything was said."""
+        """Print the progress line unless no stage is left; return whether it was printed."""
         left = +self._left
         if not left:
             return False

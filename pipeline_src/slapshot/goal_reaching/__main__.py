@@ -1,4 +1,4 @@
-"""Stage `acting`: hits at targets on a rig, chosen by models that adapted to hits of their own on it."""
+"""Stage `acting`: hits at targets on a rig, chosen by models that adapted to earlier hits on it."""
 
 import logging
 from collections.abc import Mapping
@@ -27,13 +27,13 @@ ORACLE = "oracle"
 def produce(run: Run) -> None:
     """Write acting.parquet: rig, object, method, chooser, samples, target, target_x_m, target_y_m, error_m.
 
-    Every method adapts to the same hits of sampled latents. error_m is the distance from the target at
-    which the object was seen to rest. Targets are where recorded commands lead without chance, so that they
-    can be reached; the oracle repeats that command, and misses by what differs from hit to hit (its
-    `samples` are -1, its method is empty).
+    Every method adapts to the same hits with sampled latents. error_m is the distance between the target and
+    the observed rest point. Targets are the noiseless rest points of recorded commands, so that they can be
+    reached; the oracle repeats that command, and its error is the scatter from hit to hit (its `samples` are
+    -1, its method is empty).
 
     Raises:
-        InputError: the acting method has no belief that uncertainty could be taken from.
+        InputError: the method has no belief from which to compute uncertainty.
     """
     settings = run.settings(ActingSettings)
     torch.set_num_threads(run.cores)
@@ -50,7 +50,7 @@ def produce(run: Run) -> None:
 
 
 def _choosers(settings: ActingSettings, inputs: Mapping[str, Path], candidates: Array) -> dict[str, Chooser]:
-    """Method -> what chooses by it."""
+    """Method -> its optimiser of latents."""
     believing, standardiser = load_believing(inputs[f"train/{settings.method}"])
     inverse = load_inverse(inputs["inverse"], believing, settings.inverse.hidden)
     generator = torch.Generator().manual_seed(settings.seed)

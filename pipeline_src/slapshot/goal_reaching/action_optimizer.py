@@ -1,4 +1,4 @@
-"""What chooses latents for targets: an ensemble that adapted, with or without a belief."""
+"""Optimisers of latents for targets: adapted ensembles, with or without a Gaussian belief."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -28,15 +28,15 @@ GRADIENT, MEAN_ONLY, INVERSE = "gradient", "gradient, means only", "inverse mode
 
 
 class Chooser:
-    """An ensemble of any method that acts as one: by gradient through what its models predict."""
+    """Chooses latents by gradient descent through the mean cost of an ensemble of any method."""
 
     def __init__(self, method: AdaptationMethod[Any], standardiser: Standardiser, candidates: Array) -> None:
         """Prepare.
 
         Args:
-            method: whose weights stay as they are.
+            method: the ensemble; its weights are not changed.
             standardiser: of its data.
-            candidates: (C, latent) safe latents that the search begins at.
+            candidates: (C, latent) safe latents at which the search begins.
         """
         self._method, self._standardiser = method, standardiser
         self._to_action = Standardisation(standardiser.mean["action"], standardiser.scale["action"])
@@ -45,19 +45,19 @@ class Chooser:
         self._candidates = standardiser.standardise("action", candidates)
 
     def beliefs(self, seen: Mapping[str, Array]) -> list[Any]:
-        """After 0, 1, ..., n of the hits seen, (n, size) each."""
+        """Beliefs after 0, 1, ..., n of the hits seen, (n, size) each."""
         names = ("state", "action", "outcome")
         one_task = (self._standardiser.standardise(name, seen[name])[None] for name in names)
         with torch.no_grad():
             return self._method.adapt(*(batched(x, self._method.models) for x in one_task))
 
     def latents(self, belief: Any, start: NDArray[np.floating], targets: Array) -> dict[str, Array]:
-        """Way to choose -> latents (T, latent) for targets (T, 2) m, given a belief about one task."""
+        """Optimiser -> latents (T, latent) for targets (T, 2) in m, given a belief about one task."""
         state, wanted = self._standardised(start, targets)
         return {GRADIENT: self._descend(predicted_cost(self._method, belief, state, wanted), len(targets))}
 
     def _standardised(self, start: NDArray[np.floating], targets: Array) -> tuple[Tensor, Tensor]:
-        """(ds,), and (1, T, do)."""
+        """Standardised start (ds,) and targets (1, T, do)."""
         standardise = self._standardiser.standardise
         return standardise("state", start), standardise("outcome", targets)[None]
 
@@ -69,7 +69,7 @@ class Chooser:
 
 
 class BelievingChooser(Chooser):
-    """One whose beliefs know how uncertain they are, and that has an inverse model."""
+    """Optimiser for a method with Gaussian beliefs and an inverse model."""
 
     def __init__(
         self,
@@ -80,15 +80,15 @@ class BelievingChooser(Chooser):
         draws: int,
         generator: torch.Generator,
     ) -> None:
-        """As `Chooser`; expectations are over `draws` of phi."""
+        """As `Chooser`; expectations are over `draws` samples of phi."""
         super().__init__(method, standardiser, candidates)
         self._kalman, self._inverse = method, inverse
         self._draws, self._generator = draws, generator
 
     def latents(self, belief: KalmanBelief, start: NDArray[np.floating], targets: Array) -> dict[str, Array]:
-        """By gradient with and without uncertainty, and by the inverse models.
+        """Latents by gradient with and without uncertainty, and from the inverse models.
 
-        Of their answers, one a model, that of least expected cost over all models counts.
+        Each inverse model proposes one latent; the one with the least expected cost over all models is used.
         """
         method = self._kalman
         state, wanted = self._standardised(start, targets)

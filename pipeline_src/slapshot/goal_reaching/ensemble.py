@@ -1,4 +1,4 @@
-"""Ensembles that act: their weights stay as they are."""
+"""Trained ensembles for goal reaching, with fixed weights."""
 
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,10 @@ def load_acting(folder: Path) -> tuple[AdaptationMethod[Any], Standardiser]:
 
 
 def load_believing(folder: Path) -> tuple[Kalman, Standardiser]:
-    """The same, of a method with beliefs.
+    """As `load_acting`, for a method with Gaussian beliefs.
 
     Raises:
-        InputError: its method has no belief that uncertainty could be taken from.
+        InputError: the method has no belief from which to compute uncertainty.
     """
     method, standardiser = load_acting(folder)
     if not isinstance(method, Kalman):

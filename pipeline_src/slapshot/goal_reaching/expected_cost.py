@@ -1,12 +1,12 @@
-"""Latents that hit targets: by gradient through the adapted models, taking their uncertainty into account.
+"""Latents that hit targets, by gradient descent on the expected cost under the adapted models.
 
 The expected squared distance of the rest point from a target t is
 
     E |s' - t|^2 = |E f(s, a, phi) - t|^2 + tr Cov f(s, a, phi),   phi ~ N(mu_phi, Sigma_phi),
 
-so that of two latents with like means the one is chosen whose outcome is surer. The expectation is over the
-models of the ensemble, too: where training data are thin they disagree, and a search that trusts one of them
-finds the places where that one is wrong. What scatters from hit to hit, whatever the latent, is a constant.
+so that of two latents with equal means the one with less uncertain outcome is chosen. The expectation is also
+over the models of the ensemble: they disagree where training data are sparse, and an optimiser that trusts
+one of them exploits its errors. Scatter from hit to hit that does not depend on the latent is a constant.
 """
 
 from collections.abc import Callable
@@ -18,8 +18,8 @@ from torch import Tensor
 from slapshot.adaptation.kalman import Kalman, KalmanBelief
 from slapshot.adaptation.method import AdaptationMethod
 
-LARGEST_LATENT = 2.0  # of a unit Gaussian's components: farther out training data are thin
-_KEPT = 4  # candidates that the gradient goes on from
+LARGEST_LATENT = 2.0  # of a unit Gaussian's components: training data are sparse beyond
+_KEPT = 4  # best candidates, from which gradient descent starts
 _STEPS = 60
 _STEP_SIZE = 0.05
 
@@ -31,7 +31,7 @@ def expected_cost(method: Kalman, phi: Tensor, state: Tensor, action: Tensor, ta
     """Mean squared distance over draws of phi, (M, B, T, C), standardised.
 
     Args:
-        method: whose belief phi is drawn from.
+        method: the ensemble that predicts.
         phi: (M, B, draws, h).
         state: (ds,).
         action: (M, B, T, C, latent), standardised.
@@ -42,7 +42,7 @@ def expected_cost(method: Kalman, phi: Tensor, state: Tensor, action: Tensor, ta
 
 
 def believed_cost(method: Kalman, phi: Tensor, state: Tensor, target: Tensor) -> Cost:
-    """`expected_cost` as the mean over models, for targets (B, T, do) that all of them share."""
+    """Mean of `expected_cost` over models, for targets (B, T, do) common to all models."""
 
     def cost(action: Tensor) -> Tensor:
         many, wanted = (x.expand(method.models, *x.shape) for x in (action, target))
@@ -52,7 +52,7 @@ def believed_cost(method: Kalman, phi: Tensor, state: Tensor, target: Tensor) ->
 
 
 def predicted_cost(method: AdaptationMethod[Any], belief: Any, state: Tensor, target: Tensor) -> Cost:
-    """Squared distance of predicted rest points, mean over models: of a method that knows no uncertainty."""
+    """Mean over models of the squared distance of predicted rest points; ignores uncertainty."""
 
     def cost(action: Tensor) -> Tensor:
         many = action.flatten(1, 2).expand(method.models, action.shape[0], -1, -1)
@@ -72,7 +72,7 @@ def choose_by_gradient(
         cost: of actions.
         candidates: (C, latent) standardised actions.
         tasks: B.
-        targets: T, of each task.
+        targets: T, number of targets of each task.
         bounds: lowest and highest standardised action, (latent,) each.
 
     Returns:
@@ -94,11 +94,11 @@ def choose_by_gradient(
 
 
 def cheapest(cost: Tensor, action: Tensor) -> Tensor:
-    """(B, T, latent): of actions (B, T, C, latent) those of least cost (B, T, C)."""
+    """Actions of least cost, (B, T, latent), among (B, T, C, latent) with costs (B, T, C)."""
     lowest = cost.argmin(-1, keepdim=True)
     return action.gather(2, lowest[..., None].expand(*lowest.shape, action.shape[-1]))[:, :, 0]
 
 
 def draw_phi(method: Kalman, belief: KalmanBelief, draws: int, generator: torch.Generator) -> Tensor:
-    """(M, B, draws, h) from the beliefs; a single one is their mean."""
+    """Samples of phi (M, B, draws, h) from the beliefs; with `draws` = 1, their mean."""
     return belief.mean[:, :, None] if draws == 1 else method.sample_phi(belief, draws, generator)

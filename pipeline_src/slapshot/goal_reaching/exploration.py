@@ -1,4 +1,4 @@
-"""Stage `exploration`: error against samples, with hits that a belief chooses and with sampled latents."""
+"""Stage `exploration`: error against samples, for hits chosen by a belief and for randomly sampled hits."""
 
 import logging
 
@@ -26,11 +26,11 @@ _NAMES = ("state", "action", "outcome")
 def produce(run: Run) -> None:
     """Write exploration.parquet: recording, rig, object, stand_in, arm, repeat, model, samples, error_m.
 
-    In each repeat a recording's hits are split at random into candidates and hits to predict, no command in
-    both; both arms choose among the same candidates.
+    In each repeat a recording's hits are split at random into candidates and hits to predict, without a
+    common command; both arms choose among the same candidates.
 
     Raises:
-        InputError: the method has no belief that uncertainty could be taken from.
+        InputError: the method has no belief from which to compute uncertainty.
     """
     settings = run.settings(ExplorationSettings)
     torch.set_num_threads(run.cores)
@@ -55,7 +55,7 @@ def _errors(
     settings: ExplorationSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """Of one task: repeats are the tasks of the ensemble."""
+    """Errors of one task; its repeats are the ensemble's batch of tasks."""
     adapt, query = split_hits(task.hits, settings.candidates, settings.repeats, rng, task.where)
     candidates = {name: _stacked(standardiser, task, name, adapt, method.models) for name in _NAMES}
     asked = (
@@ -73,13 +73,13 @@ def _errors(
 def _stacked(
     standardiser: Standardiser, task: RecordedTask, name: str, rows: list[NDArray[np.int64]], models: int
 ) -> Tensor:
-    """(M, repeats, hits, size), standardised."""
+    """Standardised values of the selected hits, (M, repeats, hits, size)."""
     values = torch.stack([standardiser.standardise(name, task.data[name][r]) for r in rows])
     return values.expand(models, *values.shape)
 
 
 def _sampled(standardiser: Standardiser, count: int, rng: np.random.Generator) -> Tensor:
-    """(count, latent) standardised actions of latents from the unit Gaussian."""
+    """Standardised actions (count, latent) of latents drawn from the unit Gaussian."""
     size = len(standardiser.mean["action"])
     return standardiser.standardise("action", rng.normal(size=(count, size)))
 
@@ -91,7 +91,7 @@ def _scores(
     task: RecordedTask,
     query: list[NDArray[np.int64]],
 ) -> NDArray[np.float64]:
-    """(M, repeats, samples + 1) mean distance in m; repeats differ in how many hits they predict."""
+    """Mean distance in m, (M, repeats, samples + 1); repeats differ in the number of predicted hits."""
     scores = np.empty((method.models, len(query), len(beliefs)))
     for repeat, rows in enumerate(query):
         state, action = (

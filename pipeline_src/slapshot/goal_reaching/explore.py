@@ -1,7 +1,7 @@
-"""Informed exploration: the next hit is that after which predictions should be surest.
+"""Informed exploration: the next hit is the one expected to reduce predictive variance the most.
 
-It is chosen among hits that were recorded, and what is predicted are others of them, so that it can be tried
-on any recording; a robot at hand would make the hit instead.
+It is chosen among recorded hits, and other recorded hits are predicted, so that the strategy can be evaluated
+on any recording; on a robot the chosen hit would be executed instead.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,15 +17,15 @@ Choice = Callable[[KalmanBelief, Tensor], Tensor]
 
 
 def informed(method: Kalman, candidates: Mapping[str, Tensor], asked: tuple[Tensor, Tensor]) -> Choice:
-    """Choose by expected reduction of the predictive variance over hits that may be asked for.
+    """Choose by expected reduction of the predictive variance over the hits of interest.
 
-    No candidate is taken twice: what a rig does otherwise than the simulator is alike in repeats of a
-    command, which the filter takes for independent.
+    No candidate is taken twice: the model error of a rig is the same in repeats of a command, but the filter
+    assumes independent measurements.
 
     Args:
         method: an ensemble of M models.
         candidates: state and action of C hits, (M, B, C, d).
-        asked: state and action (M, B, Q, d) of hits like all that a robot may be asked for.
+        asked: state and action (M, B, Q, d) of hits representative of those that are to be predicted.
     """
 
     def choose(belief: KalmanBelief, used: Tensor) -> Tensor:
@@ -37,7 +37,7 @@ def informed(method: Kalman, candidates: Mapping[str, Tensor], asked: tuple[Tens
 
 
 def at_random(generator: torch.Generator) -> Choice:
-    """Latent sampling: any candidate that is left."""
+    """Choose uniformly among unused candidates: latent sampling."""
 
     def choose(belief: KalmanBelief, used: Tensor) -> Tensor:
         drawn = torch.rand(used.shape, generator=generator)
@@ -50,13 +50,13 @@ def at_random(generator: torch.Generator) -> Choice:
 def explore(
     method: Kalman, candidates: Mapping[str, Tensor], choose: Choice, samples: int
 ) -> list[KalmanBelief]:
-    """Beliefs after 0, 1, ..., `samples` hits, each model choosing its own.
+    """Beliefs after 0, 1, ..., `samples` hits; each model chooses its own hits.
 
     Args:
         method: an ensemble of M models.
         candidates: state, action and outcome of C hits of each of B tasks, (M, B, C, d).
-        choose: the next one.
-        samples: at most C.
+        choose: the next hit.
+        samples: number of hits, at most C.
     """
     models, tasks, count, _ = candidates["action"].shape
     beliefs = [method.prior(tasks)]

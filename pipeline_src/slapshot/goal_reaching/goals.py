@@ -1,4 +1,4 @@
-"""Targets that a rig can reach: where commands of its recording lead."""
+"""Targets that a rig can reach: rest points of commands of its recording."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,12 @@ from slapshot.goal_reaching.rigs import Robot
 
 @dataclass(frozen=True)
 class Goals:
-    """Of one object of a rig.
+    """Targets for one object of a rig.
 
     Attributes:
-        latents: (T, latent) recorded commands, no two alike.
-        targets: (T, 2) m, where they lead without chance: what an oracle knows.
-        elsewhere: (n, 2) m, where the recording's other commands were seen to lead.
+        latents: (T, latent) distinct recorded commands.
+        targets: (T, 2) m, their noiseless rest points, which only an oracle knows.
+        elsewhere: (n, 2) m, observed rest points of the recording's other commands.
     """
 
     latents: Array
@@ -25,7 +25,7 @@ class Goals:
 
 
 def goals_of(robot: Robot, task: RecordedTask, count: int, seed: list[int]) -> Goals:
-    """Goals for one object, the same for everybody who asks: `count`, or half of its commands if fewer."""
+    """Goals for one object, determined by the seed: `count`, or half of its commands if that is fewer."""
     latents, first = np.unique(task.data["action"], axis=0, return_index=True)
     order = np.random.default_rng(seed).permutation(len(latents))
     chosen = order[: min(count, len(order) // 2)]

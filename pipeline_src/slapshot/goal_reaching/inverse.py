@@ -1,7 +1,7 @@
 """The inverse model: a network from a target and a belief to the latent that should hit it.
 
-Trained through the adapted forward model, on beliefs and targets of simulated conditions: what it minimises
-is what `choose_by_gradient` minimises hit by hit, so that it is that search learned by heart.
+Trained through the adapted forward model, on beliefs and targets of simulated conditions. It minimises the
+expected cost that `choose_by_gradient` minimises for each hit, so it amortises that optimisation.
 """
 
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ from slapshot.goal_reaching.expected_cost import LARGEST_LATENT, expected_cost
 from slapshot.progress import progress
 
 FILE = "inverse.safetensors"
-_LEAST_VARIANCE = 1e-6  # of phi, before its logarithm
-_TARGETS = 8  # of each task, in a step
+_LEAST_VARIANCE = 1e-6  # lower bound on variances of phi before the logarithm
+_TARGETS = 8  # targets of each task in a training step
 
 
 @dataclass(frozen=True)
 class InverseSizes:
-    """Dimensions: of the target, of phi, of the latent, and of the hidden layers."""
+    """Dimensions of the target, of phi, of the latent, and of the hidden layers."""
 
     target: int
     phi: int
@@ -42,7 +42,7 @@ class InverseModel(nn.Module):
         self.net = StackedMLP(models, [sizes.target + 2 * sizes.phi, *sizes.hidden, sizes.latent], generator)
 
     def forward(self, belief: KalmanBelief, target: Tensor) -> Tensor:
-        """(M, B, T, latent) in the latent's own units, for targets (M, B, T, do), standardised."""
+        """Latents (M, B, T, latent) in their own units, for standardised targets (M, B, T, do)."""
         spread = belief.covariance.diagonal(dim1=-2, dim2=-1).clamp_min(_LEAST_VARIANCE).log()
         known = torch.cat([belief.mean, spread], dim=-1)[:, :, None]
         inputs = torch.cat([target, known.expand(*target.shape[:-1], known.shape[-1])], dim=-1)
@@ -72,18 +72,18 @@ def train_inverse(
     training: Training,
     generator: torch.Generator,
 ) -> tuple[InverseModel, list[float]]:
-    """Fit an inverse model to a trained ensemble, whose own weights stay as they are.
+    """Fit an inverse model to a trained ensemble, whose weights are not changed.
 
     Args:
         method: the ensemble.
         sampler: of training sequences.
         to_action: from latents to standardised actions.
         settings: of the network and its training.
-        training: as the ensemble was trained.
+        training: settings that the ensemble was trained with.
         generator: source of randomness.
 
     Returns:
-        The model, and the mean expected squared distance (standardised) of every step.
+        The model, and the mean expected squared distance (standardised) at every step.
     """
     inverse = InverseModel(method.models, _sizes(method, settings.hidden), generator)
     optimiser = torch.optim.Adam(inverse.parameters(), lr=settings.learning_rate)
@@ -105,11 +105,11 @@ def train_inverse(
             adapted = (x[:, :, :seen] for x in (batch.state, batch.action, batch.observed))
             belief = method.adapt(*adapted)[-1]
             phi = method.sample_phi(belief, settings.draws, generator)
-        # Where hits of the same condition ended can be reached in it.
+        # Targets are rest points of hits under the same condition, so they can be reached.
         others = torch.randperm(training.sequence, generator=generator)[:_TARGETS]
         target = batch.outcome[:, :, others]
         action = to_action(inverse(belief, target))[:, :, :, None]
-        state = batch.state[0, 0, 0]  # objects are put where they always are
+        state = batch.state[0, 0, 0]  # the start position is the same for all hits
         loss = expected_cost(method, phi, state, action, target).mean((1, 2, 3)).sum()
         optimiser.zero_grad()
         loss.backward()
@@ -121,7 +121,7 @@ def train_inverse(
 
 @dataclass(frozen=True)
 class Standardisation:
-    """Latents (..., latent) to standardised actions: the mean and spread of training actions."""
+    """Latents (..., latent) to standardised actions, by mean and standard deviation of training actions."""
 
     mean: Tensor
     scale: Tensor
@@ -131,5 +131,5 @@ class Standardisation:
         return (latent - self.mean) / self.scale
 
     def back(self, action: Tensor) -> Tensor:
-        """To the latent's own units."""
+        """Undo the standardisation."""
         return action * self.scale + self.mean

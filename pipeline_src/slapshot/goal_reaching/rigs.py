@@ -1,4 +1,4 @@
-"""A rig to act on: safe commands from latents, and the tensors that an ensemble wants."""
+"""Execution of latents on an interactive rig by safe commands, and tensors of their outcomes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -19,24 +19,24 @@ from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.safety import SafetyCheck
 from slapshot.trajectories.vae import TrajectoryVae
 
-_SHRINK = 0.9  # of a latent that is not safe, until it is: 0 stands for the demonstrations' middle
+_SHRINK = 0.9  # factor on an unsafe latent until it is safe: 0 is the mean of the demonstrations
 _MOST_SHRINKING = 40
 _MOST_REPEATS = 10
 
 
 class Robot:
-    """Executes latents on a live rig."""
+    """Executes latents on an interactive rig."""
 
     def __init__(self, rig: LiveRig, model: TrajectoryVae, check: SafetyCheck) -> None:
         self._rig, self._model, self._check = rig, model, check
 
     def hit(self, latents: Array, object_ids: Sequence[str], rng: np.random.Generator) -> Array:
-        """(n, 2) m, where objects are seen to rest.
+        """Observed rest points (n, 2) in m.
 
-        A latent that is not safe is shrunk until it is; a hit whose end the camera misses is made again.
+        An unsafe latent is shrunk until it is safe; a hit whose rest point the camera misses is repeated.
 
         Raises:
-            InputError: the camera never sees some of them rest.
+            InputError: the camera never sees some of the rest points.
         """
         motions = [self.safe(latent)[1] for latent in latents]
 
@@ -46,12 +46,12 @@ class Robot:
         return _until_seen(len(latents), execute)
 
     def sample(self, count: int, object_id: str, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Safe latents (count, latent) and (count, 2) m, where an object is seen to rest after each.
+        """Safe latents (count, latent) and the observed rest points (count, 2) in m.
 
-        A latent whose end the camera misses is drawn anew: where friction is low some lead out of its view.
+        A latent whose rest point the camera misses is drawn anew: at low friction some hits leave its view.
 
         Raises:
-            InputError: the camera sees too few of them rest.
+            InputError: the camera sees too few rest points.
         """
         latents = np.empty((count, self._model.sizes.latent))
 
@@ -64,11 +64,11 @@ class Robot:
         return latents, rests
 
     def certain(self, latents: Array, object_ids: Sequence[str]) -> Array:
-        """(n, 2) m, where they would rest without chance: what an oracle knows."""
+        """Noiseless rest points (n, 2) in m, which only an oracle knows."""
         return self._rig.without_chance([self.safe(latent)[1] for latent in latents], object_ids)
 
     def safe(self, latent: Array) -> tuple[Array, Motion]:
-        """The latent, or the first safe one on its way to 0, and its motion."""
+        """The latent, or the first safe one as it is shrunk towards 0, and its motion."""
         for _ in range(_MOST_SHRINKING):
             motion = self._model.motion(latent)
             if self._check.report(motion).safe:
@@ -77,7 +77,7 @@ class Robot:
         return latent, motion
 
     def candidates(self, count: int, rng: np.random.Generator) -> Array:
-        """(count, latent) safe latents from the unit Gaussian."""
+        """Safe latents (count, latent) drawn from the unit Gaussian."""
         found: list[Array] = []
         while len(found) < count:
             latent = rng.normal(size=self._model.sizes.latent)
@@ -87,11 +87,11 @@ class Robot:
 
 
 def robot_of(settings: RobotSettings, inputs: Mapping[str, Path], cores: int) -> Robot:
-    """The robot that a stage is told of.
+    """The robot that a stage hits.
 
     Args:
-        settings: what it is told.
-        inputs: scene and trajectory_model.
+        settings: of the stage.
+        inputs: folders of scene and trajectory_model.
         cores: to use.
     """
     scene = Scene.load(inputs["scene"])
@@ -101,13 +101,13 @@ def robot_of(settings: RobotSettings, inputs: Mapping[str, Path], cores: int) ->
 
 
 def sampled_hits(robot: Robot, task: RecordedTask, count: int, rng: np.random.Generator) -> dict[str, Array]:
-    """State, action and outcome, (count, size) each, of new hits of a task's object with sampled latents."""
+    """State, action and outcome, (count, size) each, of new hits on a task's object with sampled latents."""
     latents, rests = robot.sample(count, task.object, rng)
     return {"state": np.tile(task.data["state"][0], (count, 1)), "action": latents, "outcome": rests}
 
 
 def _until_seen(count: int, execute: Callable[[list[int]], Array]) -> Array:
-    """(count, 2) m; `execute` makes hits of these rows and says where each ends, NaN if unseen."""
+    """Rest points (count, 2) in m; `execute` makes the hits of given rows and returns NaN for unseen ones."""
     rests = np.full((count, 2), np.nan)
     for _ in range(_MOST_REPEATS):
         unseen = np.flatnonzero(np.isnan(rests[:, 0])).tolist()
@@ -124,6 +124,6 @@ def _until_seen(count: int, execute: Callable[[list[int]], Array]) -> Array:
 
 
 def batched(values: NDArray[np.floating] | Tensor, models: int) -> Tensor:
-    """(M, ...) of values (...) that all models share."""
+    """Repeat values (...) that all models share to (M, ...)."""
     tensor = torch.as_tensor(np.asarray(values), dtype=torch.float32)
     return tensor.expand(models, *tensor.shape)

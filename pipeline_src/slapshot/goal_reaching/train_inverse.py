@@ -19,7 +19,7 @@ def produce(run: Run) -> None:
     """Write inverse.safetensors and losses.csv (step, loss).
 
     Raises:
-        InputError: the method has no belief that an inverse model could take.
+        InputError: the method has no belief, which is an input of the inverse model.
     """
     settings = run.settings(InverseSettings)
     torch.set_num_threads(run.cores)

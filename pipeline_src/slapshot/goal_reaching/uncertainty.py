@@ -1,4 +1,4 @@
-"""How uncertain predicted rest points are, and how much a hit that was not made yet would change that."""
+"""Variance of predicted rest points, and its expected reduction by a hit that was not made yet."""
 
 import torch
 from torch import Tensor
@@ -9,11 +9,11 @@ from slapshot.adaptation.kalman_filter import kalman_step
 
 @torch.no_grad()
 def outcome_jacobian(method: Kalman, belief: KalmanBelief, state: Tensor, action: Tensor) -> Tensor:
-    """D f^p(s, a, phi) / d phi at the belief's mean, (M, B, Q, do, h), for queries (M, B, Q, d).
+    """Jacobian d f^p(s, a, phi) / d phi at the belief's mean, (M, B, Q, do, h), for queries (M, B, Q, d).
 
-    By central differences: phi has few dimensions, and every one costs a pass for all queries at once.
+    By central differences: phi has few dimensions, and each takes two passes with all queries at once.
     """
-    step = 1e-2  # of the prior's standard deviation, about 1: far above float32's rounding
+    step = 1e-2  # in units of the prior's standard deviation, about 1: far above float32's rounding
     columns = []
     for i in range(belief.mean.shape[-1]):
         shift = torch.zeros(belief.mean.shape[-1])
@@ -26,7 +26,7 @@ def outcome_jacobian(method: Kalman, belief: KalmanBelief, state: Tensor, action
 
 
 def predicted_variance(jacobian: Tensor, covariance: Tensor) -> Tensor:
-    """Mean over queries of tr(J Sigma J'), (M, ...): standardised squared distance that phi leaves open.
+    """Mean over queries of tr(J Sigma J'), (M, ...): standardised variance of predictions due to phi.
 
     Args:
         jacobian: (M, B, Q, do, h).
@@ -44,13 +44,13 @@ def variance_after(
 ) -> Tensor:
     """`predicted_variance` after each of C candidate hits, (M, B, C), before any of them is made.
 
-    The filter's covariance does not depend on what a hit shows but through the measurement network, whose
-    precision does; it is asked at the outcome that the belief expects.
+    The covariance after the update depends on the observed outcome only through the precision that the
+    measurement network computes; it is evaluated at the outcome that the belief predicts.
 
     Args:
         method: whose belief it is.
-        belief: now.
-        jacobian: of the queries that matter, from `outcome_jacobian`.
+        belief: current belief.
+        jacobian: of the queries of interest, from `outcome_jacobian`.
         state: of the candidates, (M, B, C, ds).
         action: of the candidates, (M, B, C, latent).
     """
@@ -59,6 +59,6 @@ def variance_after(
     models, tasks, candidates, k, h = H.shape
     mean = belief.mean[:, :, None].expand(models, tasks, candidates, h)
     covariance = belief.covariance[:, :, None].expand(models, tasks, candidates, h, h)
-    measured = mean.new_zeros(models, tasks, candidates, k)  # whatever it is, the covariance is the same
+    measured = mean.new_zeros(models, tasks, candidates, k)  # the covariance does not depend on it
     step = kalman_step(mean, covariance, measured, H, method.settings.drift)
     return predicted_variance(jacobian, step.covariance)

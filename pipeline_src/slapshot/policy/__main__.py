@@ -24,7 +24,8 @@ log = logging.getLogger("slapshot")
 def produce(run: Run) -> None:
     """Write policy.safetensors, standardiser.safetensors and distances.csv (iteration, updates, distance).
 
-    Tasks are the training conditions of the rollouts, targets where their hits ended: all can be reached.
+    Tasks are the training conditions of the rollouts; targets are rest points of their hits, so that all can
+    be reached.
     """
     told = run.settings(PolicySettings)
     settings = told.policy
@@ -70,9 +71,9 @@ def _in_words(table: pd.DataFrame) -> str:
 def tasks(
     data: Sequences, standardiser: Standardiser, settings: PolicyTraining, generator: torch.Generator
 ) -> Iterator[tuple[Tensor, Tensor]]:
-    """Conditions (B,) and targets (U + 1, B, K, 2) of one iteration after another.
+    """Yield conditions (B,) and targets (U + 1, B, K, 2) of each iteration.
 
-    No condition comes again before all have come.
+    No condition is repeated before all have been used.
     """
     outcome = standardiser.standardise("outcome", data.outcome)
     conditions, hits, _ = outcome.shape

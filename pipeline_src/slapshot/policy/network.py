@@ -13,7 +13,7 @@ from slapshot.adaptation.layers import StackedMLP
 from slapshot.config.acting import PolicyTraining
 
 FILE = "policy.safetensors"
-_SD_BEFORE = 0.7  # of the latent, before training; demonstrations fill 1
+_SD_BEFORE = 0.7  # standard deviation of latents before training; that of demonstrations is 1
 
 Parameters = dict[str, Tensor]
 """Name -> (B, ...): the policy's parameters for each of B tasks."""
@@ -22,22 +22,22 @@ Parameters = dict[str, Tensor]
 class GaussianPolicy(nn.Module):
     """pi(z | t) = N(mu(t), diag(sd^2)) over latents z for standardised targets t.
 
-    Parameters have a leading dimension of tasks, which is 1 before any of them is adapted.
+    Parameters have a leading dimension of tasks, which is 1 before adaptation.
     """
 
     def __init__(self, target: int, latent: int, settings: PolicyTraining, generator: torch.Generator):
         """Draw weights.
 
         Args:
-            target: its dimensions.
-            latent: its dimensions.
+            target: dimension of a target.
+            latent: dimension of a latent.
             settings: widths of its network, and the step size of an adaptation before training.
             generator: source of randomness.
         """
         super().__init__()
         self.mean = StackedMLP(1, [target, *settings.hidden, latent], generator)
         self.log_sd = nn.Parameter(torch.full((1, 1, latent), math.log(_SD_BEFORE)))
-        # The logarithm keeps the step size positive; it is learned, and adapts the others.
+        # The logarithm keeps the step size positive. It is learned; adaptation does not change it.
         self.log_step_size = nn.Parameter(torch.tensor(math.log(settings.step_size)))
 
     def unadapted(self, tasks: int) -> Parameters:
@@ -46,7 +46,7 @@ class GaussianPolicy(nn.Module):
         return {name: p.expand(tasks, *p.shape[1:]) for name, p in shared.items()}
 
     def distribution(self, parameters: Parameters, targets: Tensor) -> Independent[Normal]:
-        """Over latents (B, K, latent) for targets (B, K, 2)."""
+        """Distribution of latents (B, K, latent) for targets (B, K, 2)."""
         weights = {n.removeprefix("mean."): p for n, p in parameters.items() if n.startswith("mean.")}
         mean = functional_call(self.mean, weights, (targets,))
         return Independent(Normal(mean, parameters["log_sd"].exp().expand_as(mean)), 1)

@@ -21,12 +21,12 @@ Act = Callable[[Tensor, Tensor], Tensor]
 def hits_of(
     policy: GaussianPolicy, conditions: Tensor, targets: Tensor, act: Act, generator: torch.Generator
 ) -> list[OwnHits]:
-    """The hits of tasks through all updates, on-policy.
+    """On-policy hits of tasks before and after each update.
 
     Args:
         policy: before any update.
         conditions: (B,) of the tasks.
-        targets: (U + 1, B, K, 2) of the K hits before the first of U updates, after it, ..., after the last.
+        targets: (U + 1, B, K, 2) for the K hits after 0, 1, ..., U updates.
         act: the simulator.
         generator: source of randomness.
     """
@@ -56,10 +56,10 @@ def own_hits(
 
 
 def objective(policy: GaussianPolicy, batches: list[OwnHits]) -> Tensor:
-    """PPO's clipped objective of what the policy does after each number of updates, to be maximised.
+    """PPO's clipped objective of the policy after each number of updates, to be maximised.
 
-    Hits before an update count themselves, too: otherwise nothing would hold the policy near targets where
-    few updates can take it there.
+    Hits before the last update count, too: otherwise nothing would keep the unadapted policy close enough to
+    the targets for few updates to reach them.
     """
     parameters, gains = policy.unadapted(len(batches[0].targets)), []
     for number, hits in enumerate(batches):
@@ -83,7 +83,7 @@ def train(
     """Train on-policy; no hit is used in more than one iteration.
 
     Args:
-        policy: changed.
+        policy: trained in place.
         tasks: conditions (B,) and targets (U + 1, B, K, 2) of each iteration.
         iterations: how many.
         act: the simulator.

@@ -1,4 +1,4 @@
-"""Stage `policy_acting`: a policy that adapts to a rig by its own hits there."""
+"""Stage `policy_acting`: a policy that adapts to a rig with its own hits there."""
 
 import logging
 
@@ -26,8 +26,9 @@ log = logging.getLogger("slapshot")
 def produce(run: Run) -> None:
     """Write policy.parquet: rig, object, policy, hits, target, target_x_m, target_y_m, error_m.
 
-    Targets are those of the stage `acting`, hit with the policy's mean; own hits, which are drawn from it
-    and aim at where other recorded hits ended, adapt it. `hits` counts these alone.
+    Targets are those of the stage `acting`; the policy hits at them with its mean action. It adapts with hits
+    of its own, which are drawn from the policy and aimed at rest points of other recorded hits; the column
+    `hits` counts only these.
     """
     settings = run.settings(PolicyActingSettings)
     torch.set_num_threads(run.cores)
@@ -53,14 +54,14 @@ def _errors(
     settings: PolicyActingSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """Of one object, before any update and after each."""
+    """Errors for one object, before any update and after each."""
     goals = goals_of(robot, task, settings.targets, [settings.seed, settings.rig])
     standardise = standardiser.standardise
     wanted = standardise("outcome", goals.targets)[None]
     generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
 
     def hit(latents: Tensor) -> NDArray[np.float64]:
-        """(n, 2) m, of latents (1, n, latent), which are moved to where simulation moves them."""
+        """Rest points (n, 2) in m of latents (1, n, latent), clipped as in simulation."""
         within = latents[0].clamp(-LARGEST_LATENT, LARGEST_LATENT).double().numpy()
         return robot.hit(within, [task.object] * len(within), rng)
 

@@ -1,4 +1,4 @@
-"""On-policy hits in simulation, for commands that no pool of swings holds."""
+"""On-policy hits in simulation, for commands that are not in the pool of swings."""
 
 import numpy as np
 import pandas as pd
@@ -16,7 +16,7 @@ from slapshot.trajectories.vae import TrajectoryVae
 
 
 class Simulator:
-    """Hits under randomised conditions, as the rollouts' but for swings, which follow commands exactly."""
+    """Hits under randomised conditions, like those of the rollouts, but with perfectly tracked swings."""
 
     def __init__(
         self,
@@ -30,11 +30,11 @@ class Simulator:
         """Prepare.
 
         Args:
-            scene: to hit in.
-            domain: of the scene, whose part `collector` simulates.
-            model: of trajectories.
+            scene: scene of the hits.
+            domain: of the scene; its module `collector` simulates the hits.
+            model: trajectory model.
             conditions: (c) rows of CONDITION_PARAMETERS.
-            start_error: of the rollouts.
+            start_error: distribution of start position errors, as in the rollouts.
             cores: to use.
         """
         self._scene, self._model, self._cores = scene, model, cores
@@ -43,9 +43,9 @@ class Simulator:
         self._start_error = start_error
 
     def rests(self, conditions: NDArray[np.int64], latents: Array, rng: np.random.Generator) -> Array:
-        """(n, 2) m, of latents (n, latent) under rows (n,) of the conditions.
+        """Rest points (n, 2) in m of latents (n, latent) under rows (n,) of the conditions.
 
-        Latents farther out than trajectory models are trained for are moved to where that ends.
+        Latent components are clipped to +-LARGEST_LATENT, the range that trajectory models are trained for.
         """
         swings = ideal_swings(self._scene, self._model, np.clip(latents, -LARGEST_LATENT, LARGEST_LATENT))
         collector: HitCollector = self._collector(self._scene, swings, self._cores)

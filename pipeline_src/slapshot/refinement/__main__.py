@@ -1,4 +1,4 @@
-"""Stage `refinement`: ranges of randomisation that hold each recorded rig, and its level of noise."""
+"""Stage `refinement`: ranges of randomisation that contain each recorded rig, and its noise level."""
 
 import logging
 from typing import Any
@@ -28,17 +28,17 @@ log = logging.getLogger("slapshot")
 NOISE = "noise_variance"
 SHARES = (0.05, 0.5, 0.95)
 _LEAST_NOISE = 1e-6
-# Of a range's width that a refined one keeps: also a rig at the edge needs one to draw from.
+# Least width of a refined range over that of the prior: a rig at the edge also needs a range to draw from.
 _LEAST_WIDTH = 0.05
 
 
 def produce(run: Run) -> None:
     """Write refinement.parquet, simulated.parquet, and for every rig a configuration, rig-<rig>.yaml.
 
-    Columns: recording, rig, object, parameter, low, median, high (5, 50 and 95 % quantiles), prior_low,
+    refinement: recording, rig, object, parameter, low, median, high (5, 50 and 95 % quantiles), prior_low,
     prior_high. friction_y is the multiple of friction_x that the configuration draws; noise_variance is that
-    of the standardised rest point, the mean of both components. The same of validation conditions, where
-    nothing is in the world that training lacks: condition in place of recording, rig and object, and truth.
+    of the standardised rest point, the mean of both components. simulated: the same for validation
+    conditions, which have no model error; condition replaces recording, rig and object, and truth is added.
 
     Raises:
         InputError: the rollouts have too few hits of a condition.
@@ -88,7 +88,7 @@ def produce(run: Run) -> None:
 
 
 class Prior:
-    """The parameters that are drawn uniformly from a range with a width, on the scale of their logarithms."""
+    """Prior of the parameters that are drawn uniformly from a range of nonzero width, in logarithms."""
 
     def __init__(self, randomisation: Draws, noise_variance_max: float) -> None:
         draws = {name: randomisation.of_parameter(name) for name in sorted(CONDITION_PARAMETERS)}
@@ -100,7 +100,7 @@ class Prior:
         self._noise = noise_variance_max
 
     def parameters(self, conditions: pd.DataFrame) -> Array:
-        """(conditions, p)."""
+        """Logarithms of the parameters of conditions, (conditions, p)."""
         columns = []
         for name, draw in self._draws.items():
             factor = 1.0 if draw.times is None else conditions[draw.times]
@@ -110,7 +110,7 @@ class Prior:
     def rows(self, found: Array, noise: Array) -> list[dict[str, Any]]:
         """Rows of the table from quantiles (SHARES, p) of the parameters and (SHARES,) of the noise.
 
-        Ranges stay within those that were drawn from: of what a model never saw it cannot tell.
+        Refined ranges stay within the prior's: a model cannot judge parameters that it was not trained on.
         """
         ranges = {name: draw.numbers for name, draw in self._draws.items()} | {NOISE: (0.0, self._noise)}
         values = np.exp(np.column_stack([found, noise]))
@@ -134,7 +134,7 @@ def _summaries(
     task: RecordedTask,
     adapt: list[NDArray[np.int64]],
 ) -> Summaries:
-    """Of sequences of a recording's hits, whose rows are in `adapt`."""
+    """Summaries of sequences of a recording's hits, each given by its row numbers in `adapt`."""
     stacked = (
         torch.stack([standardiser.standardise(name, task.data[name][rows]) for rows in adapt])
         for name in ("state", "action", "outcome")
@@ -145,9 +145,9 @@ def _summaries(
 def _refine(
     seen: Summaries, simulated: tuple[Summaries, Summaries, Array, Array], nearest: int
 ) -> tuple[Array, Array]:
-    """Quantiles (SHARES, p) of the parameters and (SHARES,) of the noise, logarithms.
+    """Quantiles (SHARES, p) of the parameters and (SHARES,) of the noise, as logarithms.
 
-    Of the mixture over models and over the sequences seen.
+    Quantiles of the mixture over models and over the observed sequences.
     """
     first, second, parameters, noise = simulated
     models, sequences, _ = seen.hidden.shape
@@ -172,7 +172,7 @@ def _refine(
 
 
 def configuration(own: pd.DataFrame, domain: str, rig: str) -> dict[str, Any]:
-    """What to lay over the default configuration: ranges that hold all objects of one rig."""
+    """Values to override in the default configuration: ranges that contain all objects of one rig."""
     ranges = own.groupby("parameter", sort=False).agg({"low": "min", "high": "max"})
     randomisation = {
         str(name): {"uniform": [_short(row["low"]), _short(row["high"])]}

@@ -1,4 +1,4 @@
-"""Stage `coverage`: do refined ranges hold the truth? The only module here that opens the seals of rigs."""
+"""Stage `coverage`: do refined ranges contain the truth? The only module here that opens sealed truths."""
 
 import json
 import logging
@@ -20,9 +20,10 @@ _TRUTHS = {
 
 
 def produce(run: Run) -> None:
-    """Write coverage.parquet: the rows of refinement.parquet that have a truth, `truth`, and `inside`.
+    """Write coverage.parquet and simulated.parquet.
 
-    And simulated.parquet: `inside` of the validation conditions.
+    coverage: rows of refinement.parquet whose true value is known, with `truth` and `inside`. simulated:
+    `inside` for the validation conditions.
     """
     simulated = read_frame(run.inputs["refinement"] / "simulated.parquet")
     simulated["inside"] = simulated["truth"].between(simulated["low"], simulated["high"])
@@ -33,7 +34,7 @@ def produce(run: Run) -> None:
         folder = run.inputs[f"lab/{row['recording']}/{row['rig']}"]
         rig = json.loads((folder / "truth" / "truth.json").read_text())["rig"]
         truth = _TRUTHS[row["parameter"]](rig["objects"][row["object"]])
-        # What no draw of the training data could be, no refinement of them can find.
+        # A true value outside the prior's range cannot be found by refining that range.
         drawable = row["prior_low"] <= truth <= row["prior_high"]
         inside = row["low"] <= truth <= row["high"]
         rows.append({**row, "truth": truth, "inside": inside, "drawable": drawable})

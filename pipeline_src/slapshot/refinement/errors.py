@@ -1,4 +1,4 @@
-"""Stage `refined_errors`: new hits of a rig, predicted by models of all ranges and of its refined ones."""
+"""Stage `refined_errors`: new hits on a rig, predicted by models trained on full and on refined ranges."""
 
 import logging
 
@@ -23,8 +23,8 @@ ALL_RANGES, REFINED = "all ranges", "refined ranges"
 def produce(run: Run) -> None:
     """Write errors.parquet: arm, model, rig, object, repeat, samples, error_m.
 
-    The rig is hit anew with sampled latents: the ranges were refined with its recorded hits. Each repeat
-    splits the new hits at random, the same way for both arms.
+    New hits with sampled latents are made on the rig, because its recorded hits were used to refine the
+    ranges. Each repeat splits the new hits at random, in the same way for both arms.
     """
     settings = run.settings(RefinedErrorsSettings)
     torch.set_num_threads(run.cores)

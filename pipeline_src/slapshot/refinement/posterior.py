@@ -1,21 +1,21 @@
-"""Approximate Bayesian computation: which simulated conditions look to the model as a rig does.
+"""Approximate Bayesian computation: posterior of a rig's parameters from simulated conditions like it.
 
-A rig's posterior over the randomised parameters is that of the simulated conditions whose summary lies
-nearest to the rig's, each moved to where a local linear regression on the summary would have it (Beaumont,
-Zhang and Balding 2002, "Approximate Bayesian computation in population genetics", equations 2 to 4).
+The posterior over the randomised parameters is represented by the simulated conditions whose summaries are
+nearest to the rig's, after local linear regression adjustment on the summary (Beaumont, Zhang and Balding
+2002, "Approximate Bayesian computation in population genetics", equations 2 to 4).
 """
 
 import numpy as np
 
 from slapshot.arrays import Array
 
-_RIDGE = 1e-3  # of a metric's mean eigenvalue: two halves of a sequence can agree in a direction
+_RIDGE = 1e-3  # relative to the metric's mean eigenvalue, for directions in which all pairs agree
 
 
 def metric_of(first: Array, second: Array) -> Array:
-    """(d, d) precision of a summary's noise, from pairs (n, d) that share a condition and differ by chance.
+    """Precision (d, d) of a summary's noise, from pairs (n, d) of independent summaries of one condition.
 
-    The covariance of a summary about its condition's mean is half that of a pair's difference.
+    The covariance of a summary about its condition's mean is half that of the difference of a pair.
     """
     covariance: Array = np.cov(first - second, rowvar=False).reshape(first.shape[1], -1) / 2
     covariance += _RIDGE * np.trace(covariance) / len(covariance) * np.eye(len(covariance))
@@ -25,17 +25,17 @@ def metric_of(first: Array, second: Array) -> Array:
 def posterior(
     summaries: Array, parameters: Array, observed: Array, metric: Array, count: int
 ) -> tuple[Array, Array]:
-    """Parameters that an observed summary could come from, and their weights.
+    """Weighted sample of the parameters given an observed summary.
 
     Args:
         summaries: (n, d) of simulated conditions.
-        parameters: (n, p) that they were simulated with, on a scale without bounds.
-        observed: (d,).
-        metric: (d, d), of distances between summaries.
-        count: of the nearest that are kept; the farthest of them has no weight.
+        parameters: (n, p) of the same conditions, on an unbounded scale.
+        observed: (d,) summary.
+        metric: (d, d), for distances between summaries.
+        count: number of nearest conditions that are kept; the farthest of them has weight 0.
 
     Returns:
-        (count, p) parameters after the regression, and (count,) weights that sum to 1.
+        Adjusted parameters (count, p), and weights (count,) that sum to 1.
     """
     off = summaries - observed
     squared = np.einsum("nd,de,ne->n", off, metric, off)
@@ -43,7 +43,7 @@ def posterior(
     near, farthest = squared[kept], squared[kept][-1]
     weights = 1 - near / farthest if farthest > 0 else np.ones(len(kept))
     weights = np.maximum(weights, 1e-9)
-    # Weighted least squares of the parameters on the offset of summaries.
+    # Weighted least squares of the parameters on the offsets of the summaries.
     inputs = np.column_stack([np.ones(len(kept)), off[kept]])
     root = np.sqrt(weights)[:, None]
     slopes = np.linalg.lstsq(root * inputs, root * parameters[kept], rcond=None)[0]
@@ -51,7 +51,7 @@ def posterior(
 
 
 def quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> Array:
-    """(shares, p) weighted quantiles of values (n, p): where the cumulative weight reaches a share."""
+    """Weighted quantiles (shares, p) of values (n, p): where the cumulative weight reaches each share."""
     found = np.empty((len(shares), values.shape[1]))
     for column in range(values.shape[1]):
         order = np.argsort(values[:, column])

@@ -1,4 +1,4 @@
-"""What a refined configuration says, for stages that go on from it without a person in between."""
+"""Refined configurations, as later stages read them."""
 
 from pathlib import Path
 from typing import Annotated
@@ -38,13 +38,13 @@ class RefinedConfiguration(Model):
 
 
 def refined_settings(refinement: Path, domain: str, rig: int) -> RefinedDomain:
-    """What rig-<rig>.yaml says of the domain of that name."""
+    """Settings of a domain in rig-<rig>.yaml."""
     document = read_document(refinement / f"rig-{rig}.yaml")
     return validated(RefinedConfiguration, document.values, document.where).domains[domain]
 
 
 def narrowed(randomisation: Draws, refined: RefinedDomain) -> Draws:
-    """The randomisation with the refined ranges in place of its own; what was not refined stays."""
+    """The randomisation with refined ranges where there are any; other parameters keep their range."""
     changed = {
         name: randomisation.of_parameter(name).within(*found.uniform)
         for name, found in refined.randomisation.items()

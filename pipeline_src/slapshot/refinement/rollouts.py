@@ -8,7 +8,7 @@ from slapshot.rollouts.__main__ import simulate
 
 
 def produce(run: Run) -> None:
-    """Write what the stage `rollouts` writes."""
+    """Write the same files as the stage `rollouts`."""
     told = run.settings(RefinedRolloutsSettings)
     refined = refined_settings(run.inputs["refinement"], told.name, told.rig)
     randomisation = narrowed(told.randomisation, refined)

@@ -1,4 +1,4 @@
-"""What a model makes of a sequence of hits: its belief about phi, and how far off its predictions were."""
+"""Summary statistics of a sequence of hits: a model's belief about phi, and its prediction error."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,13 +12,13 @@ from slapshot.adaptation.method import AdaptationMethod
 from slapshot.arrays import Array
 from slapshot.rollouts.reading import Sequences
 
-LEARNED = 4  # hits after which an error tells noise rather than ignorance
+LEARNED = 4  # hits after which the error is due to noise rather than to incomplete adaptation
 _NAMES = ("state", "action", "outcome")
 
 
 @dataclass(frozen=True)
 class Summaries:
-    """Of B sequences by M models.
+    """Summaries of B sequences by M models.
 
     Attributes:
         hidden: (M, B, h) after the last hit.
@@ -30,13 +30,13 @@ class Summaries:
     log_error: Array
 
     def only(self, sequence: int) -> "Summaries":
-        """Of one sequence, (M, 1, ...)."""
+        """Summaries of one sequence, (M, 1, ...)."""
         return Summaries(self.hidden[:, [sequence]], self.log_error[:, [sequence]])
 
 
 @torch.no_grad()
 def summarise(method: AdaptationMethod[Any], state: Tensor, action: Tensor, observed: Tensor) -> Summaries:
-    """Adapt to standardised sequences (B, N, d), the same for all models."""
+    """Adapt all models to the same standardised sequences (B, N, d)."""
     many = [x.expand(method.models, *x.shape) for x in (state, action, observed)]
     predicted = method.sequence_predictions(*many)
     off = (predicted - many[2])[:, :, LEARNED:].square().sum(-1).mean(-1)
@@ -52,13 +52,13 @@ def summarise_simulated(
     noise_variance_max: float,
     rng: np.random.Generator,
 ) -> tuple[Summaries, Summaries, Array]:
-    """Two sequences of each condition, of different hits, with noise as in training.
+    """Summarise two sequences of each condition, made of different hits, with noise as in training.
 
     Returns:
-        The summaries of both, and (B, 2) noise variances that both were observed with.
+        The summaries of both, and the noise variances (B, 2) of their observations.
 
     Raises:
-        ValueError: a condition has fewer than twice as many hits.
+        ValueError: a condition has fewer than 2 `samples` hits.
     """
     count, hits, size = data.outcome.shape
     if 2 * samples > hits:

@@ -33,9 +33,9 @@ def produce(run: Run) -> None:
 
 
 def _narrower(trained: Path, rollouts: Path) -> float:
-    """Variance of outcomes that the first ensemble was trained on, over that of refined rollouts.
+    """Variance of the outcomes that the first ensemble was trained on, over that of the refined rollouts.
 
-    Noise is in units of standardised outcomes, which are other ones in the two.
+    Noise is in units of standardised outcomes, which differ between the two.
     """
     before = load_ensemble(trained)[1].scale["outcome"]
     after = Standardiser.fit(read_sequences(rollouts, "train")).scale["outcome"]

@@ -1,4 +1,4 @@
-"""Stage `arms`: what the models of three arms do on the rig that was diagnosed, in table and picture."""
+"""Stage `arms`: errors of the models of three arms on the diagnosed rig, as tables and figures."""
 
 import json
 from typing import Any
@@ -29,7 +29,7 @@ def produce(run: Run) -> None:
         hits: {arm: read_frame(inputs[f"errors/{role}/{arm}"] / "errors.parquet") for arm in ARMS}
         for hits, role in zip(HITS, ("all", "held_out"), strict=True)
     }
-    # Repeats of all hits tell the scatter best; what is held out lies at other distances.
+    # The scatter is estimated best from repeats among all hits; held-out hits end at other distances.
     whole, repeats = noise_floor(recording)
     floors = dict(zip(HITS, (whole, whole * _farther(recording.hits, held)), strict=True))
     rng = np.random.default_rng(settings.seed)
@@ -54,7 +54,7 @@ def produce(run: Run) -> None:
 
 
 def _farther(hits: pd.DataFrame, held: list[int]) -> float:
-    """Mean distance of the held-out hits over that of all."""
+    """Mean distance of the held-out hits over that of all hits."""
     way = np.hypot(hits["rest_x"] - hits["start_x"], hits["rest_y"] - hits["start_y"])
     return float(way[hits["hit"].isin(held)].mean() / way.mean())
 

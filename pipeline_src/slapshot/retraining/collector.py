@@ -1,4 +1,4 @@
-"""Hits of a scene with effects: in the arm and the contact, in the slide, in what the camera reports."""
+"""Simulated hits with effects of the arm, of the contact, of the slide and of the camera."""
 
 from collections.abc import Mapping, Sequence
 
@@ -20,7 +20,7 @@ from slapshot.trajectories.vae import TrajectoryVae
 Found = Sequence[tuple[Effect, Mapping[str, float]]]  # effects and the values of their parameters
 
 BATCH = 512  # hits in contact at once
-SHORT = 0.02  # s of tracks that nobody looks at
+SHORT = 0.02  # s, duration of tracks, which are not used
 
 
 class AugmentedCollector:
@@ -29,15 +29,15 @@ class AugmentedCollector:
     def __init__(
         self, scene: Scene, swings: Swings, effects: Found, camera: Array, threads: int, size: int = BATCH
     ) -> None:
-        """With effects that act on the slide or the camera; those of the arm are in scene and swings.
+        """Prepare; effects of the slide and the camera act here, those of the arm are in scene and swings.
 
         Args:
             scene: augmented.
-            swings: executed on it.
+            swings: executed on the augmented scene.
             effects: that were found.
-            camera: (2,) m, point of the plane that the camera looks at.
-            threads: for MuJoCo.
-            size: hits simulated together.
+            camera: (2,) m, point of the plane that the camera is aimed at.
+            threads: of MuJoCo.
+            size: number of hits simulated together.
         """
         self._contact = ContactSimulator(scene, swings, size, threads)
         self._radius, self._camera, self._size = scene.info.object_radius, camera, size
@@ -45,7 +45,7 @@ class AugmentedCollector:
         self._seeing = [(e, v) for e, v in effects if e.acts_on_camera]
 
     def collect(self, hits: Hits) -> Outcomes:
-        """Simulate any number of hits; rest points are as the camera reports them, their yaw is not known."""
+        """Simulate any number of hits; rest points are as the camera reports them, without a yaw."""
         parts = [
             self._contact.launches(hits.rows(slice(begin, begin + self._size)))
             for begin in range(0, len(hits.swings), self._size)
@@ -75,7 +75,7 @@ class AugmentedCollector:
 
 
 class _Commanded:
-    """A trajectory model whose commands reach the servos as effects let them."""
+    """A trajectory model whose commands are changed by effects before they reach the servos."""
 
     def __init__(self, model: TrajectoryVae, effects: Found, period: float) -> None:
         self.sizes = model.sizes
@@ -100,7 +100,7 @@ class _CommandedMotion:
 def swings_with_effects(
     swings: Swings, model: TrajectoryVae, scene: Scene, effects: Found, cores: int
 ) -> Swings:
-    """The same swings executed on an augmented scene; those that are not safe there are left out."""
+    """Execute the swings on an augmented scene; those that are not safe there are left out."""
     commanded = _Commanded(model, effects, scene.info.control_period)
     executed, usable = execute(scene, commanded, swings.latents, swings.splits, cores)  # type: ignore[arg-type]
     return executed.of(usable)

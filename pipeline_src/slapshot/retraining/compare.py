@@ -1,4 +1,4 @@
-"""Numbers of the comparison of arms: errors with intervals, the noise floor, and what an arm removes."""
+"""Comparison of arms in numbers: errors with intervals, noise floor, and the share of error removed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ from slapshot.arrays import Array
 from slapshot.recordings.format import Recording
 from slapshot.retraining import ARMS
 
-SAMPLES = 4  # seen, where arms are compared in one number
-DRAWS = 4000
+SAMPLES = 4  # number of adaptation samples at which arms are compared
+DRAWS = 4000  # of the bootstrap
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,9 @@ class Measure:
     """A number with its 95 % interval.
 
     Attributes:
-        measure, condition: what, and on which hits.
-        value, low, high: NaN where it cannot be told.
-        n: what the interval was drawn over.
+        measure, condition: name of the number, and the hits that it was measured on.
+        value, low, high: NaN where they cannot be estimated.
+        n: what the bootstrap resamples.
     """
 
     measure: str
@@ -33,9 +33,9 @@ class Measure:
 
 
 def errors_by_arm(errors: Mapping[str, pd.DataFrame], samples: int) -> dict[str, Array]:
-    """Arm -> mean distance (splits, models) in m after so many samples, a split being a repeat of an object.
+    """Arm -> mean distance (splits, models) in m after `samples` samples; a split is a repeat of an object.
 
-    All arms see the same splits, so that rows belong together.
+    All arms use the same splits, so that their rows are paired.
     """
     found = {}
     for arm, table in errors.items():
@@ -47,9 +47,9 @@ def errors_by_arm(errors: Mapping[str, pd.DataFrame], samples: int) -> dict[str,
 
 
 def noise_floor(recording: Recording) -> tuple[float, int]:
-    """Mean distance in m by which repeats of a command miss their own mean, at the recording's distances.
+    """Mean distance in m between repeats of a command and their mean, scaled to the recording's distances.
 
-    Deviations are taken as shares of the distance, over the degrees of freedom that a mean leaves, and
+    Deviations are relative to the distance, corrected for the degree of freedom that the mean takes, and
     multiplied by the mean distance of all hits. The second value is the number of repeated hits; NaN and 0
     where no command was repeated.
     """
@@ -71,9 +71,9 @@ def noise_floor(recording: Recording) -> tuple[float, int]:
 def measures_of(
     errors: Mapping[str, pd.DataFrame], floor: float, condition: str, rng: np.random.Generator
 ) -> list[Measure]:
-    """Errors of each arm after SAMPLES hits (or all there are), and the share that the effects remove.
+    """Errors of each arm after SAMPLES hits (or all there are), and the share removed by the effects.
 
-    Intervals are of a bootstrap over splits and over models, arms drawn together.
+    Intervals are from a bootstrap over splits and models, with the same resamples for all arms.
     """
     seen = min(SAMPLES, int(min(table["samples"].max() for table in errors.values())))
     by_arm = errors_by_arm(errors, seen)

@@ -1,4 +1,4 @@
-"""F8 and F9 in three arms: error against samples on the diagnosed rig, and where it lies among conditions."""
+"""F8 and F9 for three arms: error against samples on the diagnosed rig, and its place among conditions."""
 
 from collections.abc import Mapping
 
@@ -20,13 +20,13 @@ NAMES = {
     "augmented": "with what was found, same ranges",
 }
 _PUCKS = {"red": "#D62728", "blue": "#1F4FB4"}
-MODEL = 0  # axes of different models are not comparable: one is shown
+MODEL = 0  # one model is shown, because axes of different models are not comparable
 
 
 def draw_errors(
     errors: Mapping[str, Mapping[str, pd.DataFrame]], floors: Mapping[str, float], stand_in: bool, name: str
 ) -> Drawing:
-    """One panel for each set of hits: error of each arm, with the noise floor of repeated commands."""
+    """One panel per set of hits: error of each arm, with the noise floor from repeated commands."""
     figure, row = plt.subplots(1, len(errors), figsize=(4.2 * len(errors), 3.3), squeeze=False, sharey=True)
     tables = []
     for axes, letter, (hits, by_arm) in zip(row[0], "abc", errors.items(), strict=False):
@@ -64,11 +64,11 @@ def _curve(axes: Axes, summary: pd.DataFrame, arm: str) -> None:
 def draw_latents(
     latents: Mapping[str, pd.DataFrame], samples: int, stand_in: bool, name: str
 ) -> tuple[Drawing, list[float]]:
-    """One panel an arm: drawn conditions, and the recorded pucks in every random order of their hits.
+    """One panel per arm: drawn conditions, and the recorded pucks for every random order of their hits.
 
     Returns:
-        The figure, and of each arm the rms distance of the recorded hidden states from the drawn ones:
-        Mahalanobis's in the plane of the two components, root 2 for one more condition like them.
+        The figure, and for each arm the rms Mahalanobis distance of the recorded hidden states from the
+        drawn ones in the plane of the two components; sqrt(2) is expected of another drawn condition.
     """
     figure, row = plt.subplots(1, len(ARMS), figsize=(3.6 * len(ARMS), 3.7), squeeze=False)
     tables, distances = [], []

@@ -1,4 +1,4 @@
-"""Stage `held_out`: the hits of a recording that took no part in its diagnosis, as a recording."""
+"""Stage `held_out`: the hits of a recording that its diagnosis held out, as a recording of their own."""
 
 import json
 from dataclasses import replace
@@ -17,7 +17,7 @@ def produce(run: Run) -> None:
     """Write recording/, without tracks and encoders, which adaptation does not read.
 
     Raises:
-        InputError: the diagnosis could not tell anything.
+        InputError: the diagnosis had insufficient data.
     """
     (folder,) = recording_folders(run.settings(HeldOutSettings).recordings, run.inputs).values()
     file = run.inputs["findings"] / REFIT_FILE

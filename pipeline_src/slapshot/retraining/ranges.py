@@ -1,4 +1,4 @@
-"""Ranges of randomisation drawn closely about what a diagnosis fitted to a rig."""
+"""Narrow ranges of randomisation about the parameters that a diagnosis fitted to a rig."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,20 +8,20 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.config.randomisation import Draw, Draws
 
-SDS = 2.0  # of a fitted value, that a range reaches on either side at least
+SDS = 2.0  # least half-width of a range, in standard deviations of the fitted value
 _FRICTION = ("friction_x", "friction_y", "friction_torsional")
 
 
 def refitted_ranges(randomisation: Draws, refit: Mapping[str, Any], margin: float) -> Draws:
-    """The randomisation with ranges about what was fitted, in whatever scene.
+    """The randomisation with ranges about the fitted parameters.
 
     A range covers the fits without and with the effects that were found, so that arms with and without them
-    draw from the same one. What a diagnosis does not fit (rolling friction) stays.
+    draw from the same range. Parameters that a diagnosis does not fit (rolling friction) keep their range.
 
     Args:
         randomisation: as in the configuration.
-        refit: as `slapshot.diagnosis.pucks.refit` writes it.
-        margin: by which a range goes beyond the fitted values at least, as a share of them.
+        refit: as written by `slapshot.diagnosis.pucks.refit`.
+        margin: least margin of a range beyond the fitted values, as a share of them.
     """
     fits = [one[scene] for one in refit["objects"].values() for scene in ("nominal", "final")]
     log_mu = np.log([fit["friction"] for fit in fits])
@@ -42,6 +42,6 @@ def refitted_ranges(randomisation: Draws, refit: Mapping[str, Any], margin: floa
 
 
 def _about(logs: Array, sds: Array, margin: float) -> tuple[float, float]:
-    """[low, high] around values (n,) whose logarithms and standard deviations of those are given."""
+    """Range [low, high] around values with logarithms (n,) and standard deviations of those (n,)."""
     reach = np.maximum(np.log1p(margin), SDS * sds)
     return float(np.exp((logs - reach).min())), float(np.exp((logs + reach).max()))

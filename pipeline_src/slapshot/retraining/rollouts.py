@@ -31,7 +31,7 @@ def produce(run: Run) -> None:
     """Write hits-<split>.parquet, conditions.parquet, ranges.json and effects.json.
 
     Raises:
-        InputError: the diagnosis could not tell anything.
+        InputError: the diagnosis had insufficient data.
     """
     settings, findings = run.settings(ArmRolloutsSettings), run.inputs["findings"]
     if not (findings / REFIT_FILE).is_file():

@@ -1,1 +1,1 @@
-"""Data versions: the path of a result is the digest of everything that made it."""
+"""Data versions: the path of a result is a digest of the code, configuration and data that produced it."""

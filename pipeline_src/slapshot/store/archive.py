@@ -1,4 +1,4 @@
-"""Versions in one file, to go on with on another machine what one machine has begun."""
+"""Archives of versions, to continue a run on another machine."""
 
 import lzma
 import shutil
@@ -14,18 +14,18 @@ from slapshot.whole_file import replacing
 
 
 def pack(store: Store, file: Path, stages: Collection[str] = ()) -> list[str]:
-    """Write finished versions to a compressed tar file; one that is there is replaced.
+    """Write finished versions to a compressed tar file; an existing file is replaced.
 
     Args:
-        store: where they are.
+        store: of the versions.
         file: to write.
-        stages: whose versions; of all stages if empty.
+        stages: whose versions are packed; all stages if empty.
 
     Returns:
         `stage/id` of each.
 
     Raises:
-        InputError: a version is damaged, there is none, or the file cannot be written.
+        InputError: a version is damaged, there are no versions, or the file cannot be written.
     """
     folders = [folder for folder in store.folders() if not stages or folder.parent.name in stages]
     if not folders:
@@ -42,15 +42,15 @@ def pack(store: Store, file: Path, stages: Collection[str] = ()) -> list[str]:
 
 
 def unpack(store: Store, file: Path) -> list[str]:
-    """Put the versions of an archive into a store; those that are whole there stay as they are.
+    """Add the versions of an archive to a store; versions that are complete there are not replaced.
 
-    Each is held against its digests first.
+    Each version of the archive is first checked against its digests.
 
     Returns:
-        `stage/id` of each that was put there.
+        `stage/id` of each version that was added.
 
     Raises:
-        InputError: the file is no archive of versions, or a version in it is damaged: nothing is taken then.
+        InputError: the file is no archive of versions, or a version in it is damaged; nothing is added then.
     """
     if not file.is_file():
         raise InputError(f"{file} is missing; name a file that `slapshot versions pack` has written")
@@ -88,7 +88,7 @@ def _put(store: Store, folder: Path) -> str | None:
         if store.is_whole(stage, version_id):
             return None
         final = store.folder(stage, version_id)
-        if final.exists():  # but not whole: somebody removed files from it
+        if final.exists():  # incomplete: somebody removed files from it
             shutil.rmtree(final)
         folder.rename(final)
     return f"{stage}/{version_id}"

@@ -1,7 +1,7 @@
-"""Which code a stage depends on, a digest of what that code says, and the libraries that it imports.
+"""Modules that a stage depends on, a digest of their code, and the libraries that they import.
 
-Modules are found and read, never imported: planning must not need torch or MuJoCo. What of a module counts
-is said in essence.py.
+Modules are found and read, never imported: working out recipes must not need torch or MuJoCo. Which parts of
+a module count is defined in normalised_source.py.
 """
 
 import hashlib
@@ -13,15 +13,14 @@ from pathlib import Path
 
 from slapshot.store.normalised_source import read_source
 
-# Libraries that show things to people, or refuse what they say, and compute nothing.
+# Libraries for display and validation, which compute no results.
 NEUTRAL_LIBRARIES = frozenset({"pydantic", "rich", "tqdm"})
 
 
 def code_digest(*modules: str) -> str:
-    """Digest of the modules and of all they import from their own packages, as syntax trees.
+    """Digest of the syntax trees of modules and of all that they import from their own packages.
 
-    Files that are not Python but lie in the folder of an imported sub-package (MJCF, say) count byte by
-    byte.
+    Files other than Python in the folder of an imported sub-package (such as MJCF) count byte by byte.
 
     Args:
         modules: dotted names, from this package or from outside it.
@@ -43,9 +42,9 @@ def code_digest(*modules: str) -> str:
 
 
 def module_closure(*modules: str) -> dict[str, Path]:
-    """All modules that `modules` import, directly or not, from packages that are nobody's library.
+    """The modules and all that they import, directly or indirectly, except libraries.
 
-    Those are the package itself and one's own modules beside it.
+    These are modules of slapshot and the user's own ones.
     """
     found: dict[str, Path] = {}
     waiting = list(modules)
@@ -65,9 +64,9 @@ def module_closure(*modules: str) -> dict[str, Path]:
 
 
 def imported_libraries(*modules: str) -> set[str]:
-    """Distributions that the modules and all of their closure import, wherever they do it.
+    """Distributions that the modules and all in their closure import, at top level or inside functions.
 
-    Those that compute nothing are left out.
+    Libraries in NEUTRAL_LIBRARIES are left out.
     """
     tops = {
         name.split(".")[0]
@@ -106,19 +105,19 @@ def _package_root(top: str) -> Path | None:
 
 @cache
 def _distributions() -> dict[str, set[str]]:
-    """Top-level package -> canonical names of the installed distributions that it comes from."""
+    """Top-level package -> canonical names of the installed distributions that provide it."""
     found = packages_distributions()
     return {top: {n.lower().replace("_", "-") for n in names} - {"slapshot"} for top, names in found.items()}
 
 
 def _is_nobodys(module: str) -> bool:
-    """True for a module of one's own: neither of Python nor of an installed distribution."""
+    """True for a user's own module: neither of Python nor of an installed distribution."""
     top = module.split(".")[0]
     return top not in sys.stdlib_module_names and top not in _distributions()
 
 
 def _data_files(folder: Path) -> list[Path]:
-    """Files beside the modules; what editors and file managers leave there (.name, name~) does not count."""
+    """Data files beside the modules, without those that editors and file managers leave (.name, name~)."""
     return [
         p
         for p in folder.iterdir()

@@ -1,4 +1,4 @@
-"""Digests of what files say rather than of how they are stored."""
+"""Digests of the content of files, independent of how it is stored."""
 
 import hashlib
 from collections.abc import Iterator
@@ -14,21 +14,21 @@ _ROWS = 65_536
 
 
 def content_digest(path: Path) -> str:
-    """Hex sha256: of the Arrow content for Parquet, of the bytes for everything else."""
+    """Hex sha256 of the Arrow content for Parquet, and of the bytes for all other files."""
     return parquet_digest(path) if path.suffix == ".parquet" else file_digest(path)
 
 
 def parquet_digest(path: Path) -> str:
     """Digest of schema and values; row groups, compression and the writer's name do not count.
 
-    Memory: a batch of rows at a time.
+    The file is read in batches of rows, to limit memory.
     """
     digest = hashlib.sha256()
     with open_table(path) as file:
         schema = file.schema_arrow.remove_metadata()
         digest.update(str(schema).encode())
         for rows in _rebatched(file):
-            # A fresh IPC stream of one batch of fixed length is a canonical form of its values.
+            # A separate IPC stream for each batch of fixed length is a canonical form of its values.
             sink = pa.BufferOutputStream()
             with pa.ipc.new_stream(sink, rows.schema) as writer:
                 writer.write_table(rows, max_chunksize=_ROWS)
@@ -37,7 +37,7 @@ def parquet_digest(path: Path) -> str:
 
 
 def _rebatched(file: pq.ParquetFile) -> Iterator[pa.Table]:
-    """Tables of exactly _ROWS rows (the last may be shorter), whatever the row groups are."""
+    """Tables of exactly _ROWS rows (the last may be shorter), regardless of row groups."""
     waiting: list[pa.RecordBatch] = []
     count = 0
     for batch in file.iter_batches(batch_size=_ROWS):
@@ -53,9 +53,9 @@ def _rebatched(file: pq.ParquetFile) -> Iterator[pa.Table]:
 
 
 def _canonical(table: pa.Table) -> pa.Table:
-    """One chunk, no offset, no metadata: slices keep their parents' buffers otherwise.
+    """Copy to one chunk without offset or metadata, because slices keep their parents' buffers.
 
-    Dictionary columns are decoded: the order of a dictionary depends on how the file was written.
+    Dictionary columns are decoded, because the order of a dictionary depends on how the file was written.
     """
     table = table.replace_schema_metadata(None)
     for i, field in enumerate(table.schema):

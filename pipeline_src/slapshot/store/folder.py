@@ -1,8 +1,8 @@
-"""Version folders: written aside, renamed when complete, so that a folder that exists is whole.
+"""Version folders, written under another name and renamed when complete: an existing one is complete.
 
 Layout under the store's root: `<stage>/<id>/` holds the payload and version.json;
-`<stage>/.partial-<id>/` is work in progress. `.slapshot-store` says that the folder is a store, and that
-versions may be removed from it.
+`<stage>/.partial-<id>/` is work in progress. The file `.slapshot-store` marks the folder as a store, from
+which versions may be removed.
 """
 
 import fcntl
@@ -44,25 +44,25 @@ class Store:
     root: Path
 
     def folder(self, stage: str, version_id: str) -> Path:
-        """Where that version is, or would be."""
+        """Folder of a version, whether or not it exists."""
         return self.root / stage / version_id
 
     def partial(self, stage: str, version_id: str) -> Path:
-        """The folder in which the version is made."""
+        """Folder of a version while it is being made."""
         return self.root / stage / f"{PARTIAL}{version_id}"
 
     def lock(self, stage: str, version_id: str) -> Path:
-        """The file that a process holds a lock on while it makes the version."""
+        """File that a process locks while it makes the version."""
         return self.root / stage / f".lock-{version_id}"
 
     def locked(self, stage: str, version_id: str) -> AbstractContextManager[None]:
-        """Hold the version's lock, after waiting for a process that makes the version."""
+        """Hold the version's lock, after waiting for any process that is making the version."""
         path = self.lock(stage, version_id)
         path.parent.mkdir(parents=True, exist_ok=True)
         return held(path, f"makes {stage}/{version_id}")
 
     def is_being_made(self, stage: str, version_id: str) -> bool:
-        """True while a process makes the version."""
+        """True while a process is making the version."""
         path = self.lock(stage, version_id)
         if not path.is_file():
             return False
@@ -74,26 +74,26 @@ class Store:
         return False
 
     def find(self, stage: str, version_id: str) -> dict[str, Any] | None:
-        """The version.json of a version; None if there is none, or not what was written."""
+        """The version.json of a version; None if it is missing or damaged."""
         try:
             return read_version_file(self.folder(stage, version_id))
         except InputError:
             return None
 
     def is_whole(self, stage: str, version_id: str) -> bool:
-        """True if the version is there with all its files.
+        """True if the version exists with all its files.
 
-        By construction folders are whole or absent; this sees what somebody removed by hand, and a
-        damaged version.json. `damaged_files` sees every flipped bit, and reads all.
+        By construction folders are complete or absent; this detects files that somebody removed by hand, and
+        a damaged version.json. `damaged_files` detects every flipped bit, but has to read all files.
         """
         version = self.find(stage, version_id)
         folder = self.folder(stage, version_id)
         return version is not None and all((folder / name).is_file() for name in version["content"])
 
     def inputs(self, recipe: Recipe) -> dict[str, Path]:
-        """Role -> folder of the versions that a recipe reads, each held against its digests.
+        """Role -> folder of the versions that a recipe reads, each checked against its digests.
 
-        All their files are read for that, at about 1 GB/s: a stage must not build on a flipped bit.
+        This reads all their files, at about 1 GB/s: a stage must not build on a flipped bit.
 
         Raises:
             InputError: one of them has not been made, or is damaged.
@@ -113,7 +113,7 @@ class Store:
         return folders
 
     def folders(self) -> Iterator[Path]:
-        """Folders of all finished versions, whole or damaged; never what a link leads to."""
+        """Folders of all finished versions, complete or damaged; symbolic links are not followed."""
         for path in sorted(self.root.glob(f"*/*/{VERSION_FILE}")):
             folder = path.parent
             linked = folder.is_symlink() or folder.parent.is_symlink()
@@ -121,10 +121,10 @@ class Store:
                 yield folder
 
     def check_mark(self) -> None:
-        """Whether anything may be removed here: only from a folder that bears the store's mark.
+        """Check that versions may be removed here: the folder must be marked as a store.
 
         Raises:
-            InputError: it is none.
+            InputError: it is not.
         """
         if self.root.is_dir() and not (self.root / STORE_MARK).is_file():
             raise InputError(
@@ -134,7 +134,7 @@ class Store:
             )
 
     def versions(self) -> Iterator[tuple[Path, dict[str, Any]]]:
-        """Every version whose version.json is what was written: its folder and that."""
+        """Folder and version.json of every version whose version.json is undamaged."""
         for folder in self.folders():
             version = self.find(folder.parent.name, folder.name)
             if version is not None:
@@ -143,7 +143,7 @@ class Store:
     def remove(self, stage: str, version_id: str) -> None:
         """Remove a version, or what an interrupted run left of it.
 
-        Whenever this is interrupted, what is left is not taken for a whole version and can be removed.
+        If this is interrupted, the remainder is never taken for a complete version, and can be removed later.
         """
         folder = self.folder(stage, version_id)
         if folder.is_dir() and not folder.is_symlink():
@@ -155,14 +155,14 @@ class Store:
 
     @contextmanager
     def new_version(self, recipe: Recipe, resume: bool = False, label: str = "") -> Iterator[Path]:
-        """A folder to write the payload to; when the block ends without error it becomes the version.
+        """A folder to write the payload to; it becomes the version when the block ends without error.
 
-        Hold the version's lock meanwhile: two processes must not write to one folder.
+        The caller must hold the version's lock: two processes must not write to one folder.
 
         Args:
-            recipe: what the version is made from.
-            resume: keep what an interrupted run left there, and what this one leaves if it fails.
-            label: what the version is, in words.
+            recipe: of the version.
+            resume: keep files of an interrupted run, and those of this run if it fails.
+            label: of the version, for people.
         """
         final = self.folder(recipe.stage, recipe.id)
         partial = self.partial(recipe.stage, recipe.id)
@@ -181,17 +181,17 @@ class Store:
             write_version_file(partial, recipe, inputs, time.time() - started, label)
             _sync(partial)
         except BaseException as error:
-            # Bad input leaves nothing to go on from; a crash, a full disk or Ctrl-C does, if the stage can.
+            # A stage that can resume continues after a crash, a full disk or Ctrl-C, but not after bad input.
             if not resume or isinstance(error, InputError):
                 shutil.rmtree(partial, ignore_errors=True)
             raise
-        if final.exists():  # but not whole: somebody removed files from it
+        if final.exists():  # incomplete: somebody removed files from it
             shutil.rmtree(final)
         partial.rename(final)
 
 
 def _remove(path: Path) -> None:
-    """Remove a file or a folder if it is there; of a link, the link alone."""
+    """Remove a file or a folder if it exists; a symbolic link is removed without its target."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -199,7 +199,7 @@ def _remove(path: Path) -> None:
 
 
 def _sync(folder: Path) -> None:
-    """Push a folder's files to disk before its name says that they are whole."""
+    """Flush a folder's files to disk, before renaming the folder declares them complete."""
     for path in folder.rglob("*"):
         if path.is_file():
             with path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""QualityWarning, comparing and removing versions."""
+"""Finding, comparing and removing versions."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -14,10 +14,10 @@ _ID = re.compile(f"[0-9a-f]{{{ID_LENGTH}}}")
 
 
 def find_version(store: Store, beginning: str) -> dict[str, Any]:
-    """version.json of the only version whose id (or stage/id) begins so.
+    """version.json of the only version whose id (or stage/id) begins with `beginning`.
 
     Raises:
-        InputError: there is none, or more than one.
+        InputError: there is no such version, or more than one.
     """
     wanted = beginning.rpartition("/")[2]
     found = [version for _, version in store.versions() if version["id"].startswith(wanted)]
@@ -40,9 +40,9 @@ def flatten(value: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def collect_garbage(store: Store, keep: Mapping[str, set[str]], really: bool) -> list[tuple[Path, int]]:
-    """Versions and leftovers of interrupted runs that `keep` (stage -> ids) does not name.
+    """Find versions and leftovers of interrupted runs that `keep` (stage -> ids) does not name.
 
-    What a process is making right now stays, and so does whatever is not of the store's own making.
+    Versions that a process is making and files that the store did not create are kept.
 
     Returns:
         Folder and size in bytes of each; they are removed only if `really`.
@@ -64,7 +64,7 @@ def collect_garbage(store: Store, keep: Mapping[str, set[str]], really: bool) ->
 
 
 def _own_folders(store: Store) -> Iterator[tuple[Path, str]]:
-    """Folders that the store has made, and the ids of their versions; never what a link leads to."""
+    """Folders that the store created, and the ids of their versions; symbolic links are not followed."""
     for folder in sorted(store.root.glob("*/*")):
         if folder.is_symlink() or folder.parent.is_symlink() or not folder.is_dir():
             continue

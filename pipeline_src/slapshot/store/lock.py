@@ -1,4 +1,4 @@
-"""Locks between processes, which the system releases however a process ends."""
+"""Locks between processes, which the operating system releases however a process ends."""
 
 import fcntl
 import logging
@@ -13,11 +13,11 @@ log = logging.getLogger("slapshot")
 
 @contextmanager
 def held(path: Path, doing: str) -> Iterator[None]:
-    """Hold the lock on a file, after waiting for the process that holds it; the file goes with the lock.
+    """Hold the lock on a file, after waiting for the process that holds it; the file is removed afterwards.
 
     Args:
-        path: the file, in a folder that is there.
-        doing: what a holder does, for the line that says what is waited for.
+        path: of the file, in an existing folder.
+        doing: what the holder does, for the message while waiting.
     """
     file = _acquire(path, doing)
     try:
@@ -35,7 +35,7 @@ def _acquire(path: Path, doing: str) -> TextIO:
         except BlockingIOError:
             log.info("waiting for another process that %s", doing)
             fcntl.flock(file, fcntl.LOCK_EX)
-        # Whoever held it before has removed the file, and somebody may hold a new one of that name.
+        # The previous holder has removed the file, and another process may hold a new one of that name.
         if _is_at(file, path):
             return file
         file.close()

@@ -1,19 +1,19 @@
-"""What of a module can change a result: its syntax tree without the rest.
+"""Normalised source: the parts of a module's syntax tree that can change a result.
 
-What cannot stays out of the digest, so that no result is made again for its sake:
+The following parts cannot, and are left out of the digest, so that changing them recomputes nothing:
 
 - comments, layout and docstrings;
-- imports for type checkers alone;
-- the names of NEUTRAL, which check values, show progress, end stages and keep results, but compute none: a
-  module whose import of them is all that it knows of the code behind them does not depend on that code; any
-  other name of the same modules counts like that of any module;
-- what is said: statements of a module's logger, what `progress` says of the steps that it shows, the messages
-  of InputError and ProblemAtError, which end a stage, and what `Field` of pydantic describes. What a message
-  of a logger evaluates counts unless it plainly changes nothing: of a generator that a logger uses up nothing
-  is left for the result.
+- imports for type checkers only;
+- imports of the names in NEUTRAL, which check values, show progress, end stages and store results, but
+  compute none: importing them does not make a module depend on their code. Any other name of the same modules
+  counts like that of any module;
+- messages: calls of a module's logger, the text arguments of `progress`, the messages of InputError and
+  ProblemAtError, which end a stage, and descriptions in pydantic's `Field`. Expressions in a logger's message
+  count unless they evidently have no side effects: a logger that consumes a generator leaves nothing of it
+  for the result.
 
-Messages of other exceptions count: a stage may note why something failed. tests/store/test_essence.py holds
-the package to all that.
+Messages of other exceptions count: a stage may record why something failed.
+tests/store/test_normalised_source.py checks the package for all that.
 """
 
 import ast
@@ -25,7 +25,7 @@ from pathlib import Path
 
 from slapshot.errors import InputError
 
-# Name -> why no result depends on the code behind it.
+# Name -> why no result depends on its code.
 NEUTRAL = {
     "slapshot.command.Run": "holds a recipe's values and folders",
     "slapshot.command.stage_command": "hands them to a stage, and says what became of it",
@@ -50,7 +50,7 @@ NEUTRAL = {
 
 _PROGRESS, _FIELD = "slapshot.progress.progress", "pydantic.Field"
 _ENDING = ("slapshot.errors.InputError", "slapshot.validation.ProblemAtError")
-_IMPORTING = {"import_module", "find_spec"}  # a library whose files are read counts like one that is run
+_IMPORTING = {"import_module", "find_spec"}  # a library that is only located, to read its files, counts too
 _LEVELS = {"debug", "info", "warning", "error", "exception", "critical"}
 _PLAIN_CALLS = {"len", "round", "str", "repr"}
 _PLAIN_NODES = (
@@ -62,10 +62,10 @@ _PLAIN_NODES = (
 
 @dataclass(frozen=True)
 class Source:
-    """A module as far as results depend on it.
+    """The parts of a module that results depend on.
 
     Attributes:
-        digest: hex sha256 of what it says.
+        digest: hex sha256 of its normalised source.
         imports: absolute names that may be modules: `from a.b import c` gives both a.b and a.b.c.
     """
 
@@ -90,13 +90,13 @@ def _read_once(module: str, path: Path, _mtime: int) -> Source:
         line, problem = getattr(error, "lineno", None) or 1, getattr(error, "msg", error)
         raise InputError(f"{path}:{line}: not valid Python ({problem}); mend that line") from None
     essence = _Essence(module, path, tree)
-    # Unparsed source, because ast.dump differs between Python versions and this mostly does not.
+    # Unparsed source, because ast.dump differs between Python versions, and ast.unparse mostly does not.
     text = ast.unparse(essence.visit(tree))
     return Source(hashlib.sha256(text.encode()).hexdigest(), tuple(essence.imports))
 
 
 class _Essence(ast.NodeTransformer):
-    """Leaves out what the docstring of this file names, and notes what is imported.
+    """Removes what the module's docstring lists, and collects imports.
 
     Attributes:
         imports: names that may be modules.
@@ -115,7 +115,7 @@ class _Essence(ast.NodeTransformer):
                 bound[node.id] += 1
             elif isinstance(node, ast.arg):
                 bound[node.arg] += 1
-        # A name that something else is called, too, is not taken for what it is elsewhere.
+        # A name that is also bound to something else may not refer to the logger or the import.
         self._loggers = {name for node in tree.body for name in _loggers(node) if bound[name] == 1}
         self._progress = {name for name in imported[_PROGRESS] if not bound[name]}
         self._field = {name for name in imported[_FIELD] if not bound[name]}
@@ -195,7 +195,7 @@ def _loggers(node: ast.AST) -> set[str]:
     if not (isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)):
         return set()
     called = node.value.func
-    # To unparse every call would take long.
+    # A cheap check first, because unparsing every call would take long.
     if getattr(called, "attr", getattr(called, "id", None)) != "getLogger":
         return set()
     if ast.unparse(called) not in {"logging.getLogger", "getLogger"}:
@@ -204,7 +204,7 @@ def _loggers(node: ast.AST) -> set[str]:
 
 
 def _is_plain(*values: ast.AST) -> bool:
-    """True if evaluating them changes nothing: they look things up, calculate and format."""
+    """True if evaluating them has no side effects: they only look up, calculate and format."""
     return all(
         isinstance(node, _PLAIN_NODES)
         or (isinstance(node, ast.Call) and getattr(node.func, "id", None) in _PLAIN_CALLS)

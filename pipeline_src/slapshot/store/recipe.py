@@ -1,4 +1,4 @@
-"""A recipe says everything that decides a result; its digest is the version's id."""
+"""A recipe holds everything that determines a result; its digest is the version's id."""
 
 import hashlib
 import json
@@ -21,12 +21,12 @@ ID_LENGTH = 12
 
 @dataclass(frozen=True)
 class Recipe:
-    """What one version of one stage is made from.
+    """Everything that one version of one stage is made from.
 
     Attributes:
         stage: name of the stage.
         config: the configuration values that the stage uses, and no others.
-        code: digest of the stage's code closure.
+        code: digest of the stage's code and its dependencies.
         upstream: role -> (stage, id) of the versions it reads.
         libraries: library -> version, of those that the stage's code imports.
         files: name -> sha256 of files from outside the store.
@@ -54,7 +54,7 @@ class Recipe:
         )
 
     def settings(self, model: type[M]) -> M:
-        """What the stage is told, as the plan said it."""
+        """The stage's settings, as passed to `slapshot.dag.recipes.Plan.add`."""
         return model.model_validate_json(json.dumps(self.config))
 
     @property
@@ -64,7 +64,7 @@ class Recipe:
 
     @classmethod
     def from_json(cls, text: str) -> "Recipe":
-        """The recipe that `to_json` wrote."""
+        """Read a recipe written by `to_json`."""
         raw = json.loads(text)
         return cls(
             stage=raw["stage"],
@@ -83,7 +83,7 @@ def make_recipe(
     upstream: Mapping[str, "Recipe"],
     files: Mapping[str, Path] | None = None,
 ) -> Recipe:
-    """Recipe of a stage whose code starts at `modules`, as things stand now."""
+    """Recipe of a stage whose code starts at `modules`, with the current code, libraries and files."""
     modules = tuple(modules)
     return Recipe(
         stage=stage,
@@ -96,13 +96,13 @@ def make_recipe(
 
 
 def canonical_json(value: Any) -> str:
-    """One text for one value: sorted keys, no spaces, no NaN."""
+    """Canonical JSON of a value: sorted keys, no spaces, no NaN."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
 @cache
 def library_version(name: str) -> str:
-    """Installed version, without a build's local part (torch's +cpu)."""
+    """Installed version, without the local part of a build (such as torch's +cpu)."""
     return version(name).split("+")[0]
 
 

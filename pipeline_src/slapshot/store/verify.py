@@ -1,4 +1,4 @@
-"""Are the versions still what was written, and do they match the tracked pipeline.lock?
+"""Check that versions are undamaged, and that they match the tracked pipeline.lock.
 
 The lock maps label -> id and content digests for the default configuration, with summary statistics of
 every numeric column: on another platform digests may differ while the numbers agree.
@@ -19,9 +19,9 @@ from slapshot.store.version_file import REPAIR, damaged_files, digest_of_content
 
 Version = tuple[str, str]  # stage and id
 
-# Share of a column's spread by which its mean and spread may differ on another platform. Contacts are
-# chaotic (one rounding moves a rest point by millimetres) and training amplifies that: statistics over
-# thousands of hits agree within a few percent, single numbers do not.
+# Tolerance of a column's mean and standard deviation between platforms, as a share of the latter. Contacts
+# are chaotic (one rounding error moves a rest point by millimetres) and training amplifies that: statistics
+# over thousands of hits agree within a few percent, single numbers do not.
 TOLERANCE = 0.05
 _TABLES = {".parquet", ".csv"}
 
@@ -29,8 +29,8 @@ _TABLES = {".parquet", ".csv"}
 def problem_of(store: Store, version: Version) -> str | None:
     """What is wrong with a finished version, or None.
 
-    Its files are held against what was written, and what it was made from against what is there now:
-    a version upstream that was made again may say something else.
+    Its files are checked against their digests, and the content that it was made from against the current
+    content of the versions upstream: one that was made again may differ.
     """
     damaged = damaged_files(store.folder(*version))
     if damaged:
@@ -45,9 +45,9 @@ def problem_of(store: Store, version: Version) -> str | None:
 
 
 def find_problems(store: Store, versions: Iterable[Version]) -> dict[Version, str]:
-    """Version -> what is wrong with it, of those that are there and are not whole or not up to date.
+    """Version -> what is wrong with it, for existing versions that are damaged or out of date.
 
-    Versions of anybody whose version.json is damaged are among them: nobody can tell what they are.
+    Versions with a damaged version.json are always included, because it is unknown what they are.
     """
     versions = {*versions}
     there = {(folder.parent.name, folder.name) for folder in store.folders()}
@@ -60,15 +60,15 @@ def find_problems(store: Store, versions: Iterable[Version]) -> dict[Version, st
 def remove_damaged(
     store: Store, problems: Mapping[Version, str], recipes: Iterable[Recipe]
 ) -> dict[Version, str]:
-    """Remove versions and all that was made from them, whoever asks for it, with marks and leftovers.
+    """Remove versions and everything made from them, for any configuration, including leftovers of runs.
 
     Args:
-        store: where they are.
+        store: of the versions.
         problems: version -> what is wrong with it.
-        recipes: of a plan: what interrupted runs left of them is removed, too.
+        recipes: of a plan; leftovers of their interrupted runs are removed, too.
 
     Returns:
-        Version -> why it was removed. What a process is making right now stays: it has checked its inputs.
+        Version -> why it was removed. Versions being made are kept: the process has checked its inputs.
 
     Raises:
         InputError: the folder is no store, or one of them cannot be removed.
@@ -80,13 +80,13 @@ def remove_damaged(
         upstream[folder.parent.name, folder.name] = {(stage, version_id) for stage, version_id in above}
     why = dict(problems)
     waiting = list(problems)
-    for bad in waiting:  # which grows meanwhile
+    for bad in waiting:  # the list grows during the loop
         for version, above in upstream.items():
             if bad in above and version not in why:
                 why[version] = f"made from {'/'.join(bad)}"
                 waiting.append(version)
     removed = {}
-    # What was made from damage goes before it: an interrupted repair must find again what to remove.
+    # Versions made from a damaged one are removed before it: an interrupted repair must find them again.
     for version in reversed(waiting):
         there = store.folder(*version).exists() or store.partial(*version).exists()
         if there and not store.is_being_made(*version):
@@ -97,10 +97,10 @@ def remove_damaged(
 
 
 def make_lock(store: Store, recipes: dict[str, Recipe]) -> dict[str, Any]:
-    """What pipeline.lock holds: label -> id, content digests and column statistics.
+    """Content of pipeline.lock: label -> id, content digests and column statistics.
 
     Raises:
-        InputError: a version is damaged, or made from what is not there any more.
+        InputError: a version is damaged, or was made from content that has since changed.
     """
     lock = {}
     for label, recipe in recipes.items():
@@ -119,7 +119,7 @@ def make_lock(store: Store, recipes: dict[str, Recipe]) -> dict[str, Any]:
 
 
 def compare(store: Store, recipes: dict[str, Recipe], lock: dict[str, Any]) -> dict[str, str]:
-    """Label -> identical, equal within tolerance, or what differs or is damaged."""
+    """Label -> identical, equal within tolerance, or a description of the difference or damage."""
     verdicts = {}
     for label in sorted(set(recipes) | set(lock)):
         if label not in lock:
@@ -161,7 +161,7 @@ def _compare_one(store: Store, recipe: Recipe, locked: dict[str, Any]) -> str:
 
 
 def column_statistics(path: Path) -> dict[str, list[float]]:
-    """Numeric column -> [mean, standard deviation]; list columns count as their elements."""
+    """Numeric column -> [mean, standard deviation]; for list columns, over all elements."""
     table = read_frame(path) if path.suffix == ".parquet" else pd.read_csv(path)
     statistics = {}
     for name, column in table.items():

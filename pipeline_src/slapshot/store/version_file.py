@@ -1,18 +1,18 @@
-"""version.json: what a version was made from, and what its files were when they were written.
+"""version.json: what a version was made from, and digests of its files as they were written.
 
 | key | value |
 |---|---|
 | id | of the version: digest of the recipe, and name of the folder |
-| recipe | everything that decides the result |
-| content | file -> digest of what it says, which is the same however it is stored: what a lock compares |
-| bytes | file -> sha256 of its bytes: read at the disk's speed, and any flipped bit changes it |
+| recipe | everything that determines the result |
+| content | file -> digest of its content, however it is stored; compared with the lock |
+| bytes | file -> sha256 of its bytes: computed at the disk's speed, and sensitive to any flipped bit |
 | inputs | role -> digest of the content of the version upstream, as it was when this one was made |
-| label | what it is in words, for people: it decides nothing |
+| label | description for people, without influence on results |
 | seconds, made_at | how long it took, and when it was finished |
-| checksum | sha256 of all the rest, for the file is held against itself, too |
+| checksum | sha256 of all the rest, to check the file itself |
 
-Versions of earlier code have no `label`, or neither `bytes`, `inputs` nor `checksum`: these are held against
-`content`.
+Versions of earlier code have no `label`, or neither `bytes`, `inputs` nor `checksum`: these are checked
+against `content`.
 """
 
 import hashlib
@@ -46,10 +46,10 @@ def write_version_file(
 
     Args:
         folder: with the payload.
-        recipe: what it was made from.
-        inputs: role -> digest of the content of what it was made from.
-        seconds: that it took.
-        label: what it is, in words.
+        recipe: of the version.
+        inputs: role -> digest of the content of each version upstream.
+        seconds: that making it took.
+        label: of the version, for people.
     """
     paths = {p.relative_to(folder).as_posix(): p for p in sorted(folder.rglob("*")) if p.is_file()}
     version = {
@@ -70,18 +70,18 @@ def read_version_file(folder: Path) -> dict[str, Any]:
     """The version.json of a finished version.
 
     Raises:
-        InputError: it is missing, or not what was written.
+        InputError: it is missing or damaged.
     """
     path = folder / VERSION_FILE
     try:
-        if not path.is_file():  # a pipe would be waited for without end
+        if not path.is_file():  # reading a pipe would block forever
             raise FileNotFoundError
         text = path.read_text("utf-8")
         version = json.loads(text)
         as_written = _is_as_written(version, text, folder)
     except FileNotFoundError:
         raise InputError(f"{path} is missing; {REPAIR}") from None
-    except (OSError, ValueError, RecursionError):  # not UTF-8, no JSON, or a number that JSON cannot say
+    except (OSError, ValueError, RecursionError):  # not UTF-8, no JSON, or no valid number
         as_written = False
     if not as_written:
         raise InputError(f"{path} is not what was written there; {REPAIR}")
@@ -89,7 +89,7 @@ def read_version_file(folder: Path) -> dict[str, Any]:
 
 
 def damaged_files(folder: Path) -> list[str]:
-    """Files of a version that are missing or not what was written; version.json if that is."""
+    """Files of a version that are missing or damaged; version.json alone if that is."""
     try:
         version = read_version_file(folder)
     except InputError:
@@ -104,7 +104,7 @@ def damaged_files(folder: Path) -> list[str]:
 
 
 def digest_of_content(version: Mapping[str, Any]) -> str:
-    """One digest of all that a version's files say."""
+    """One digest of the content of all files of a version."""
     return _digest(version["content"])
 
 
@@ -119,7 +119,7 @@ def _is_as_written(version: Any, text: str, folder: Path) -> bool:
     if "checksum" not in version:
         return True
     rest = {key: value for key, value in version.items() if key != "checksum"}
-    # The text as well: 1E-5 for 1e-5 reads the same.
+    # The text is compared as well: 1E-5 in place of 1e-5 would parse to the same value.
     return version["checksum"] == _digest(rest) and text == canonical_json(version) + "\n"
 
 
