@@ -69,7 +69,7 @@ def _blocks(
 
 
 class _Writer:
-    """A Parquet file written in row groups, so that memory does not grow with their number."""
+    """A Parquet file written in row groups, so that memory is bounded."""
 
     def __init__(self, path: Path, size: int) -> None:
         self._path, self._size = path, size
