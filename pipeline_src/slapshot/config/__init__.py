@@ -1,9 +1,9 @@
-"""The configuration: config/default.yaml, files laid over it, and the models that say what may stand in them.
+"""The configuration: config/default.yaml, files that override it, and the models that validate them.
 
-What a key means and which values it takes stands in one model a block, and beside it what the stages are told
-that are made from that block: `scene`, `randomisation`, `trajectories`, `rollouts`, `methods`, `acting`,
-`lab`, `recordings`, `sources`, `refinement`, `retraining`, `regression`, `cases`, `calibration`, `results`.
-`domain` and `configuration` put the blocks together, `values` has what they share, `files` reads them.
+Each block has one model, which defines its keys and their allowed values, and next to it the settings of the
+stages that use the block: `scene`, `randomisation`, `trajectories`, `rollouts`, `methods`, `acting`, `lab`,
+`recordings`, `sources`, `refinement`, `retraining`, `regression`, `cases`, `calibration`, `results`.
+`domain` and `configuration` combine the blocks, `values` has the types that they share, `files` reads them.
 
-Nothing is imported here: a stage depends on the blocks that it imports, and on no others.
+Nothing is imported here, so that a stage depends only on the blocks that it imports.
 """

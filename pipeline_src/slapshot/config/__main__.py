@@ -26,9 +26,9 @@ def schema_text() -> str:
 
 
 def _plain(schema: Any) -> Any:
-    """Without what only repeats the keys: titles, and null for what may be left out.
+    """Remove redundant parts of a schema: titles, which repeat the keys, and null for optional keys.
 
-    What is named is named as patterns say, and nothing else.
+    Mappings with patterns for their keys accept no other keys.
     """
     if isinstance(schema, list):
         return [_plain(item) for item in schema]

@@ -27,16 +27,16 @@ _Draws = Annotated[int, Field(ge=2, le=10_000)]
 
 
 class Inverse(Model):
-    """A network from a target and a belief to a latent."""
+    """A network that maps a target and a belief to a latent."""
 
     hidden: Widths = Field(description="widths of hidden layers")
     steps: Steps = Field(description="of the optimiser")
     learning_rate: LearningRate = Field(description="of Adam")
-    draws: _Draws = Field(description="of phi")
+    draws: _Draws = Field(description="samples of phi")
 
 
 class InverseSettings(Model):
-    """What the stage `inverse` is told."""
+    """Settings of the stage `inverse`."""
 
     seed: Seed
     inverse: Inverse
@@ -44,12 +44,12 @@ class InverseSettings(Model):
 
 
 class Exploration(Model):
-    """Error against samples that a belief chooses."""
+    """Error against number of samples, for hits that are chosen by means of the belief."""
 
-    samples: Hits = Field(description="hits, at most")
-    repeats: Few = Field(description="random splits, of sampled latents")
+    samples: Hits = Field(description="largest number of hits to adapt to")
+    repeats: Few = Field(description="random splits of the sampled latents")
     candidates: Hits = Field(description="recorded hits to choose from")
-    asked: Hits = Field(description="latents whose outcomes are to be predicted well")
+    asked: Hits = Field(description="latents whose outcomes are to be predicted")
 
     @model_validator(mode="after")
     def _enough_candidates(self) -> "Exploration":
@@ -66,29 +66,29 @@ class PolicyTraining(Model):
     """Meta-training of a policy."""
 
     hidden: Widths = Field(description="widths of hidden layers")
-    hits: Annotated[int, Field(ge=2, le=10_000)] = Field(description="K, own hits of an update")
-    updates: Few = Field(description="in training")
-    step_size: PositiveRatio = Field(description="of an update, before training")
-    tasks: Hits = Field(description="conditions of an iteration of training")
-    epochs: Few = Field(description="steps of PPO's optimiser on an iteration's hits")
+    hits: Annotated[int, Field(ge=2, le=10_000)] = Field(description="K, hits of the policy per update")
+    updates: Few = Field(description="adaptation steps in training")
+    step_size: PositiveRatio = Field(description="of an adaptation step, before it is learned")
+    tasks: Hits = Field(description="conditions per iteration of training")
+    epochs: Few = Field(description="steps of PPO's optimiser on the hits of an iteration")
     learning_rate: LearningRate = Field(description="of Adam")
 
 
 class Policy(PolicyTraining):
-    """Policy adaptation (S4); as many hits in training as the rollouts have for it."""
+    """Policy adaptation (S4), trained with as many hits as the rollouts have for training."""
 
-    models: Models = Field(description="which rigs meet in turn")
-    updates_on_rigs: Few = Field(description="on every rig")
+    models: Models = Field(description="trained policies, which are assigned to the rigs in turn")
+    updates_on_rigs: Few = Field(description="adaptation steps on every rig")
 
 
 class StartError(Model):
-    """What is drawn anew for every hit."""
+    """Randomisation that is drawn for every hit."""
 
     start_error: Draw
 
 
 class PolicySettings(Model):
-    """What the stage `policy` is told."""
+    """Settings of the stage `policy`."""
 
     domain: str
     seed: Seed
@@ -98,23 +98,23 @@ class PolicySettings(Model):
 
 
 class HitsAtTargets(Model):
-    """Hits at targets by adapted models."""
+    """Hits at targets with adapted models."""
 
-    method: Name = Field(description="one of methods, with a belief")
-    compared: Several[Name] = Field(description="others of methods")
-    samples: Samples = Field(description="numbers of hits seen")
-    targets: Hits = Field(description="of each object")
-    candidates: Hits = Field(description="latents that the gradient may begin at")
-    draws: _Draws = Field(description="of phi, for an expected distance")
-    inverse: Inverse = Field(description="a network from a target and a belief to a latent")
+    method: Name = Field(description="one of `methods`, with a belief")
+    compared: Several[Name] = Field(description="other methods to compare with")
+    samples: Samples = Field(description="numbers of hits to adapt to")
+    targets: Hits = Field(description="for each object")
+    candidates: Hits = Field(description="latents among which gradient descent chooses its initial value")
+    draws: _Draws = Field(description="samples of phi, for the expected distance to the target")
+    inverse: Inverse = Field(description="a network that maps a target and a belief to a latent")
 
 
 class Acting(HitsAtTargets):
-    """What adapted models and policies do on stand-in rigs."""
+    """Goal-reaching and exploration with adapted models and policies on stand-in rigs."""
 
-    recording: Name = Field(description="name of one that stand-in rigs made")
-    exploration: Exploration = Field(description="error against samples that a belief chooses")
-    policy: Policy = Field(description="the method that the paper compares with")
+    recording: Name = Field(description="name of a recording of stand-in rigs")
+    exploration: Exploration = Field(description="error against number of samples, for hits chosen by belief")
+    policy: Policy = Field(description="policy adaptation, with which the paper compares")
 
     @model_validator(mode="after")
     def _others(self) -> "Acting":
@@ -124,7 +124,7 @@ class Acting(HitsAtTargets):
 
 
 class RobotSettings(RecordedTasksSettings):
-    """What every stage is told that hits a stand-in rig anew; its recording is that of the rig."""
+    """Settings of every stage that executes new hits on a stand-in rig; the recording is the rig's own."""
 
     domain: str
     seed: Seed
@@ -133,11 +133,11 @@ class RobotSettings(RecordedTasksSettings):
 
 
 class ActingSettings(HitsAtTargets, RobotSettings):
-    """What the stage `acting` is told."""
+    """Settings of the stage `acting`."""
 
 
 class PolicyActingSettings(RobotSettings):
-    """What the stage `policy_acting` is told; `number` is the policy's."""
+    """Settings of the stage `policy_acting`; `number` is that of the policy."""
 
     number: Annotated[int, Field(ge=0)]
     policy: Policy
@@ -145,7 +145,7 @@ class PolicyActingSettings(RobotSettings):
 
 
 class ExplorationSettings(Exploration, RecordedTasksSettings):
-    """What the stage `exploration` is told."""
+    """Settings of the stage `exploration`."""
 
     method: Name
     seed: Seed

@@ -1,4 +1,4 @@
-"""Calibration of p-values and intervals: how many recordings, and of what."""
+"""Calibration of p-values and intervals: the number and kind of recordings."""
 
 from typing import Annotated, Literal
 
@@ -7,43 +7,43 @@ from pydantic import Field
 from slapshot.config.values import Duration, Few, Name, Seed, Several, SomeOf
 from slapshot.validation import Model
 
-Episodes = Annotated[int, Field(ge=5, le=1_000)]  # one in five is held out
+Episodes = Annotated[int, Field(ge=5, le=1_000)]  # one in five is held out, hence at least five
 Recordings = Annotated[int, Field(ge=1, le=100_000)]
 
 
 class Session(Model):
-    """How long recordings are."""
+    """Length of recordings."""
 
-    episodes: Episodes = Field(description="of a recording")
+    episodes: Episodes = Field(description="of each recording")
     seconds: Duration = Field(description="length of an episode")
 
 
 class Blocks(Session):
-    """Recordings that are made in blocks."""
+    """Recordings that are generated in blocks."""
 
-    recordings: Recordings = Field(description="of each rig, or of each variant of an effect")
-    block: Few = Field(description="recordings of one version")
+    recordings: Recordings = Field(description="for each rig, or for each variant of an effect")
+    block: Few = Field(description="recordings per job")
 
 
 class Block(Session):
-    """Which recordings one version has: `count` of them, from number `first` on."""
+    """The recordings of one job: `count` of them, from number `first` on."""
 
     first: Annotated[int, Field(ge=0)]
     count: Few
 
 
 class NullRig(Model):
-    """A rig that conceals nothing."""
+    """A rig without hidden effects."""
 
-    rig: Name = Field(description="of the joint lab: pendulum, arm or kuka")
+    rig: Name = Field(description="rig of the joint lab: pendulum, arm or kuka")
     noise: SomeOf[Literal["white", "ou20", "ou100"]] = Field(
-        description="colour of the encoders' noise; recordings take turns"
+        description="colours of the encoders' noise; recordings take them in turn"
     )
-    seed: Seed = Field(description="of the first recording; each further one has the next")
+    seed: Seed = Field(description="of the first recording; it increases by 1 per recording")
 
 
 class Nulls(Blocks):
-    """Null recordings, on which p-values must be uniform."""
+    """Recordings without hidden effects, for which p-values must be uniform."""
 
     rigs: Annotated[dict[Name, NullRig], Field(min_length=1, max_length=100)] = Field(
         description="name in the table -> rig"
@@ -51,33 +51,33 @@ class Nulls(Blocks):
 
 
 class NullBlockSettings(NullRig, Block):
-    """What the stage `null_p_values` is told; `name` is the rig's in the table."""
+    """Settings of the stage `null_p_values`; `name` is that of the rig in the table."""
 
     name: Name
 
 
 class Coverage(Blocks):
-    """Recordings of every effect's own law, of which intervals must hold the true value."""
+    """Recordings simulated with each effect's own model, for which intervals must cover the true value."""
 
-    seed: Seed = Field(description="of each law's first recording; each further one has the next")
-    effects: Several[Name] = Field(description="that are calibrated; the whole catalogue if empty")
+    seed: Seed = Field(description="of each effect's first recording; it increases by 1 per recording")
+    effects: Several[Name] = Field(description="effects to calibrate; the whole catalogue if empty")
 
 
 class LawBlockSettings(Block):
-    """What the stage `law_intervals` is told."""
+    """Settings of the stage `law_intervals`."""
 
     effect: Name
     seed: Seed
 
 
 class TableSettings(Model):
-    """What the stages of tables are told: the blocks, in their order."""
+    """Settings of the stages that make tables: the blocks, in order."""
 
     blocks: list[str]
 
 
 class Calibration(Model):
-    """Whether p-values are uniform on nulls, and whether 90 % intervals hold 90 %."""
+    """Uniformity of p-values without hidden effects, and coverage of 90 % intervals."""
 
     nulls: Nulls = Field(description="recordings of `snakemake nulls`")
     coverage: Coverage = Field(description="recordings of `snakemake joint_coverage`")

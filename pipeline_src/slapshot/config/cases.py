@@ -1,4 +1,4 @@
-"""Block `cases`: concealed cases, on which the diagnosis is proven, and what its stages are told."""
+"""Block `cases`: blind validation of the diagnosis on rigs with hidden effects; settings of its stages."""
 
 from typing import Annotated, Any, Literal
 
@@ -12,35 +12,35 @@ from slapshot.validation import Model
 
 
 class Cases(Model):
-    """Concealed cases, on which the diagnosis is proven."""
+    """Cases with hidden effects, for the blind validation of the diagnosis."""
 
-    domain: Name = Field(description="whose scene the rigs have")
-    published: FilePath = Field(description="list of the cases of the full proof (CSV)")
-    small: FilePath = Field(description="list of those of the small one")
-    joints: FilePath = Field(description="list of those of the proof for joints")
+    domain: Name = Field(description="domain with the scene of the rigs")
+    published: FilePath = Field(description="list of the cases of the full validation (CSV)")
+    small: FilePath = Field(description="list of the cases of the small validation (CSV)")
+    joints: FilePath = Field(description="list of the cases of the validation for joints (CSV)")
     seed: Seed = Field(description="of the pool of commands")
     pool: Pool = Field(description="demonstrations that commands are drawn from")
-    like: Name = Field(description="recording of the domain whose rigs these are like")
-    lab: dict[str, Any] = Field(description="keys of its block `lab` that differ")
+    like: Name = Field(description="recording of the domain whose block `lab` is the base for the rigs")
+    lab: dict[str, Any] = Field(description="keys of that block `lab` to override")
 
 
 class NominalSettings(Model):
-    """What a diagnosis of hits is told beside the scene."""
+    """Settings of a diagnosis of hits, in addition to the scene."""
 
     friction: Annotated[list[float], Field(min_length=3, max_length=3)] = Field(
         description="nominal mu_x, mu_y, and torsional friction in m"
     )
-    effects: list[str] = Field(description="modules with effects of one's own")
+    effects: list[str] = Field(description="modules with user-defined effects")
 
 
 class DiagnosisSettings(NominalSettings, RecordedSettings):
-    """What the stages `diagnosis` and `findings` are told."""
+    """Settings of the stages `diagnosis` and `findings`."""
 
     seed: Seed
 
 
 class SignaturesSettings(Model):
-    """What the stage `signatures` is told."""
+    """Settings of the stage `signatures`."""
 
     effects: list[str]
     count: Count
@@ -49,13 +49,13 @@ class SignaturesSettings(Model):
 
 
 class VerdictSettings(NominalSettings):
-    """What the stage `verdict` is told."""
+    """Settings of the stage `verdict`."""
 
     seed: Seed
 
 
 class ProofSettings(Model):
-    """What a proof tells of how it was made."""
+    """Provenance of a blind validation."""
 
     list: Literal["small", "full"]
     pool: Pool
@@ -63,19 +63,19 @@ class ProofSettings(Model):
 
 
 class ScoreSettings(ProofSettings, NominalSettings):
-    """What the stage `score` is told; cases by name, with their condition."""
+    """Settings of the stage `score`; `cases` is name -> condition."""
 
     cases: dict[str, str]
     diagnosis_seed: Seed
 
 
 class JointVerdictSettings(Model):
-    """What the stage `joint_verdict` is told."""
+    """Settings of the stage `joint_verdict`."""
 
     seed: Seed
 
 
 class JointScoreSettings(Model):
-    """What the stage `joint_score` is told: cases by name, with their condition."""
+    """Settings of the stage `joint_score`; `cases` is name -> condition."""
 
     cases: dict[str, str]

@@ -13,7 +13,7 @@ from slapshot.config.regression import Regression
 from slapshot.config.values import Name
 from slapshot.validation import Model, ProblemAtError, validated_part, values_of
 
-# Folders that the default configuration publishes to, beside its figures.
+# Folders to which the default configuration publishes, in addition to its figures.
 _TAKEN = ("proof", "proof-joints", "small-proof", "fresh", "nulls", "joint-coverage")
 _TAKEN_BEGINNING = "circle-"
 
@@ -24,8 +24,8 @@ class Configuration(Model):
     name: Name = Field(description="default publishes to figures/, any other name to figures/<name>/")
     regression: Regression = Field(description="the paper's walkthrough")
     proof: Literal["published", "fresh"] = Field(description="cases of `snakemake proof`")
-    cases: Cases = Field(description="concealed cases, on which the diagnosis is proven")
-    calibration: Calibration = Field(description="of p-values and intervals of joints")
+    cases: Cases = Field(description="cases with hidden effects, for the blind validation of the diagnosis")
+    calibration: Calibration = Field(description="of p-values and intervals in the diagnosis of joints")
     domains: Annotated[dict[Name, Domain], Field(min_length=1, max_length=100)] = Field(
         description="name -> domain"
     )
@@ -47,7 +47,7 @@ class Configuration(Model):
             raise ProblemAtError(("cases", "domain"), f"no domain {cases.domain!r}; use one of: {known}")
         domain = self.domains[cases.domain]
         if not domain.stand_ins:
-            return self  # there is nothing to conceal anything on, and no cases are made
+            return self  # without recordings no cases can be made
         if cases.like not in domain.stand_ins:
             raise ProblemAtError(
                 ("cases", "like"),
@@ -59,10 +59,10 @@ class Configuration(Model):
 
     @property
     def lab_of_cases(self) -> Lab:
-        """Block `lab` of all cases: that of the recording that they are like, altered by `cases.lab`.
+        """Block `lab` of all cases: that of the recording `cases.like`, overridden by `cases.lab`.
 
         Raises:
-            ProblemAtError: they do not go together.
+            ProblemAtError: the combination is not valid.
         """
         lab = self.domains[self.cases.domain].stand_ins[self.cases.like].lab
         together = merge(values_of(lab), self.cases.lab)

@@ -1,4 +1,4 @@
-"""One domain: what moves, what is randomised, and what is made of it."""
+"""One domain: its scene, its randomisation, and everything that is computed from them."""
 
 from collections.abc import Iterable
 from typing import Annotated
@@ -30,37 +30,37 @@ from slapshot.yaml_file import Loc
 
 
 class Domain(Model):
-    """A domain: scene, simulation, methods, recordings, and what is published of them."""
+    """A domain: scene, simulation, methods, recordings, and published results."""
 
-    seed: Seed = Field(description="of all that is drawn")
+    seed: Seed = Field(description="of every random draw")
     figures: Several[Name] = Field(description="ids of the figures to make")
     claims: Several[Name] = Field(description="ids of the claims to check")
-    scene: Scene = Field(description="what every domain has; a domain of one's own may have more keys")
-    randomisation: Randomisation = Field(description="what conditions are drawn from")
+    scene: Scene = Field(description="keys of every domain; a user-defined domain may have more keys")
+    randomisation: Randomisation = Field(description="distributions that conditions are drawn from")
     demonstrations: Demonstrations = Field(description="scripted hits that the trajectory model learns from")
     trajectory_model: TrajectoryModel = Field(description="a variational autoencoder over motions")
     swings: Swings = Field(description="sampled latents, each executed once")
     rollouts: Rollouts = Field(description="simulated hits")
     training: Training = Field(description="meta-training of every method")
     methods: Methods = Field(
-        description="method -> its own settings; maml_8 is the method maml, told apart by what follows _"
+        description="method -> its own settings; a suffix after _ distinguishes variants, as in maml_8"
     )
-    evaluation: Evaluation = Field(description="error against samples on simulated test conditions")
+    evaluation: Evaluation = Field(description="error against number of samples on simulated test conditions")
     uncertainty: Uncertainty = Field(description="prediction intervals from sampled phi")
     latents: Latents = Field(description="hidden states of test conditions and recordings")
     viewer: Viewer = Field(description="Rerun recordings")
     retraining: MayMiss[Retraining] = Field(
-        default=None, description="a method trained again on what a diagnosis of a recording found"
+        default=None, description="retraining of a method with the findings of a diagnosis"
     )
     refinement: MayMiss[Refinement] = Field(
-        default=None, description="ranges of randomisation from beliefs about a recording"
+        default=None, description="refinement of the randomisation's ranges from beliefs about a recording"
     )
     acting: MayMiss[Acting] = Field(
         default=None,
-        description="hits at targets and hits to learn from, on the stand-in rigs of a recording",
+        description="goal-reaching and exploration on the stand-in rigs of a recording",
     )
     recordings: Annotated[dict[Name, Recording], Field(max_length=100)] = Field(
-        description="name -> recording of stand-in rigs or of one's own"
+        description="name -> recording of stand-in rigs or of the user's own rig"
     )
 
     @model_validator(mode="after")
@@ -86,7 +86,7 @@ class Domain(Model):
     @model_validator(mode="after")
     def _recordings_are_known(self) -> "Domain":
         if not self.recordings:
-            return self  # nothing is made of the blocks that build on one
+            return self  # blocks that need a recording are not used
         blocks = {"retraining": self.retraining, "refinement": self.refinement, "acting": self.acting}
         for key, block in blocks.items():
             if block is not None:
@@ -105,7 +105,7 @@ class Domain(Model):
         return self
 
     def _hit_anew(self, block: str, recording: str) -> int:
-        """How many rigs a recording has that can be hit anew."""
+        """Number of stand-in rigs of a recording, on which new hits can be executed."""
         rigs = self.recordings[recording].rigs
         if rigs is None:
             stand_ins = ", ".join(self.stand_ins) or "none there is"
@@ -118,7 +118,7 @@ class Domain(Model):
 
     @property
     def stand_ins(self) -> dict[str, StandInRecording]:
-        """Recordings that the lab makes."""
+        """Recordings that are simulated by the lab."""
         return {
             name: StandInRecording.from_parts(recording)
             for name, recording in self.recordings.items()
@@ -127,7 +127,7 @@ class Domain(Model):
 
     @property
     def noise_levels(self) -> NoiseLevels:
-        """Those to evaluate at, and the largest one of training."""
+        """Noise levels of the evaluation, and the largest one in training."""
         return NoiseLevels(
             noise_variances=self.evaluation.noise_variances,
             noise_variance_max=self.training.noise_variance_max,

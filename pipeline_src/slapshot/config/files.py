@@ -1,4 +1,4 @@
-"""Configurations as files: read, laid over each other and checked."""
+"""Reads configuration files, merges and validates them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ DEFAULT_CONFIG = Path("config/default.yaml")
 
 @dataclass(frozen=True)
 class Checked:
-    """A configuration that may be as it is, and the files that it comes from.
+    """A validated configuration and the files that it comes from.
 
     Attributes:
-        settings: what it says.
-        layers: where each of its values stands.
+        settings: the configuration.
+        layers: the merged files, which locate each value.
     """
 
     settings: Configuration
@@ -27,7 +27,7 @@ class Checked:
 
 
 def load_config(path: Path | None = None) -> Configuration:
-    """Default configuration with the values of `path` laid over it.
+    """Read the default configuration, overridden by the values in `path`.
 
     Args:
         path: a YAML file with the keys that differ from the default; None for the default itself.
@@ -39,15 +39,15 @@ def load_config(path: Path | None = None) -> Configuration:
 
 
 def read_config(files: Sequence[Path], arguments: Mapping[str, Any] | None = None) -> Checked:
-    """Default configuration with files and arguments laid over it.
+    """Read the default configuration, overridden by files and arguments.
 
     Args:
-        files: YAML, with the keys that differ; the last one counts most.
-        arguments: of the command line, which count more than any file.
+        files: YAML files with the keys that differ; the last one has the highest precedence.
+        arguments: of the command line, which override all files.
 
     Raises:
-        InputError: a file is missing or not YAML, or a value is not allowed: where it stands, the key, what
-            is wrong with it and what would be right.
+        InputError: a file is missing or not YAML, or a value is not allowed; the message gives the value's
+            location, the key, the problem and the remedy.
     """
     if not DEFAULT_CONFIG.is_file():
         raise InputError(f"{DEFAULT_CONFIG}: no such file; run this in the top folder of the repository")

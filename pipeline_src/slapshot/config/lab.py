@@ -1,4 +1,4 @@
-"""Block `lab` of a recording: the stand-in rigs that are drawn, and how they are recorded."""
+"""Block `lab` of a recording: the stand-in rigs and how they are recorded."""
 
 from typing import Annotated, Literal
 
@@ -29,9 +29,9 @@ from slapshot.config.values import (
 )
 from slapshot.validation import Model, ProblemAtError
 
-_LEAST_FRAMES = 4  # of an object at rest: of fewer, none are sure to show where it rests
+_LEAST_FRAMES = 4  # of an object at rest; with fewer, the rest point may not be observed
 
-# In the order of slapshot.lab.concealed.registry, which a configuration is checked without.
+# In the order of slapshot.lab.concealed.registry, which is not imported to validate a configuration.
 ConcealedKind = Literal[
     "command_delay", "tracking_lag", "servo_gain", "joint_elasticity", "backlash", "crooked_arm",
     "compliant_blade", "restitution", "blade_friction", "blade_yaw", "curved_blade",
@@ -43,21 +43,21 @@ Keep = Literal["full", "no encoders", "tracks only", "rest points only"]
 
 
 class Repeats(Model):
-    """Commands that are executed several times, which shows what differs from hit to hit."""
+    """Commands that are executed several times, which shows the hit-to-hit variation."""
 
-    commands: Annotated[int, Field(ge=0, le=10_000)] = Field(description="that are executed several times")
+    commands: Annotated[int, Field(ge=0, le=10_000)] = Field(description="number of repeated commands")
     times: Annotated[int, Field(ge=0, le=10_000)] = Field(
-        description="that each of them is, with each object"
+        description="executions of each repeated command with each object"
     )
 
     @property
     def hits(self) -> int:
-        """How many hits of an object they take."""
+        """Number of repeated hits of each object."""
         return self.commands * self.times
 
 
 class RigObject(Model):
-    """What is hit."""
+    """An object to hit."""
 
     mass_kg: Range[Mass] = Field(description="kg")
     friction_x: Range[PositiveCoefficient] = Field(description="of object and board, along x")
@@ -66,59 +66,59 @@ class RigObject(Model):
 
 
 class Blade(Model):
-    """A blade that bends."""
+    """A flexible blade."""
 
-    segments: Annotated[int, Field(ge=2, le=100)] = Field(description="that hinges join")
-    stiffness_nm_rad: Range[Stiffness] = Field(description="N m/rad, of its hinges")
+    segments: Annotated[int, Field(ge=2, le=100)] = Field(description="rigid segments joined by hinges")
+    stiffness_nm_rad: Range[Stiffness] = Field(description="N m/rad, of all hinges in series")
     twist_stiffness_nm_rad: Range[Stiffness] | None = Field(
         description="N m/rad; null for a blade that does not twist"
     )
-    damping_ratio: Range[Ratio] = Field(description="of its hinges")
+    damping_ratio: Range[Ratio] = Field(description="of the blade's free vibration")
 
 
 class Board(Model):
-    """A board that is uneven."""
+    """An uneven board."""
 
     rms_slope: Range[Share] = Field(description="m/m")
     wavelength_m: Interval[Length] = Field(description="shortest and longest")
-    waves: Few = Field(description="how many, in all directions")
+    waves: Few = Field(description="number of waves, in all directions")
 
 
 class FrictionField(Model):
-    """Friction that differs from place to place."""
+    """Friction that varies over the board."""
 
     rms: Range[Coefficient] = Field(description="of the logarithm of friction")
     wavelength_m: Interval[Length] = Field(description="shortest and longest")
-    waves: Few = Field(description="how many, in all directions")
+    waves: Few = Field(description="number of waves, in all directions")
 
 
 class HitScatter(Model):
-    """What differs from hit to hit, as standard deviations."""
+    """Standard deviations of the hit-to-hit variation."""
 
-    start_error_sd_m: Scatter = Field(description="along x and along y")
-    speed_sd: Scatter = Field(description="of the logarithm of the pace")
+    start_error_sd_m: Scatter = Field(description="of the object's start, along x and along y")
+    speed_sd: Scatter = Field(description="of the logarithm of the factor on the speed of execution")
     joint_offset_sd_rad: Annotated[list[Scatter], Field(max_length=100)] = Field(description="of each joint")
     friction_sd: Scatter = Field(description="of the logarithm of friction")
 
     @property
     def nothing(self) -> bool:
-        """Whether all hits of one command are alike."""
+        """Whether all executions of a command are identical."""
         return not any((self.start_error_sd_m, self.speed_sd, self.friction_sd, *self.joint_offset_sd_rad))
 
 
 class Camera(Model):
     """The ceiling camera."""
 
-    rate_hz: Rate = Field(description="frames a second")
+    rate_hz: Rate = Field(description="frames per second")
     noise_sd_m: Scatter = Field(description="along x and along y")
     noise_time_s: Annotated[float, Field(ge=0, le=60)] = Field(
-        description="over which noise is alike; 0 for white noise"
+        description="correlation time of the noise; 0 for white noise"
     )
-    missing_share: Annotated[float, Field(ge=0, lt=1)] = Field(description="of frames that are lost")
-    mistrack_share: Share = Field(description="of frames that show something else")
-    mistrack_m: Interval[Distance] = Field(description="nearest and farthest that they are off")
-    after_rest_s: Duration = Field(description="that the camera goes on after rest")
-    view_m: Box | None = Field(description="lowest x, highest x, lowest y, highest y; null for all")
+    missing_share: Annotated[float, Field(ge=0, lt=1)] = Field(description="share of frames that are lost")
+    mistrack_share: Share = Field(description="share of frames in which something else is tracked")
+    mistrack_m: Interval[Distance] = Field(description="smallest and largest error of such a frame")
+    after_rest_s: Duration = Field(description="recording time after the object has come to rest")
+    view_m: Box | None = Field(description="lowest x, highest x, lowest y, highest y; null for no limit")
 
     @model_validator(mode="after")
     def _sees_rests(self) -> "Camera":
@@ -133,19 +133,19 @@ class Camera(Model):
 
 
 class Joints(Model):
-    """The recording of the arm."""
+    """Recording of the arm's joints."""
 
-    rate_hz: Rate = Field(description="of commands and readings in the recording")
+    rate_hz: Rate = Field(description="sampling rate of commands and encoder readings")
     noise_sd_rad: Scatter = Field(description="of the encoders")
 
 
 class ConcealedEffect(Model):
-    """Physics that the rig conceals, by its size or by what it does."""
+    """A hidden effect of the rig, with its size given directly or by its influence."""
 
     kind: ConcealedKind = Field(description="see slapshot.lab.concealed")
-    amplitude: MayMiss[Range[Ratio]] = Field(default=None, description="in the unit of the kind")
+    amplitude: MayMiss[Range[Ratio]] = Field(default=None, description="in the unit of the effect")
     displacement: MayMiss[Range[PositiveRatio]] = Field(
-        default=None, description="rms shift of rest points, or of tracks, over the hit-to-hit scatter"
+        default=None, description="rms shift of rest points, or of tracks, relative to the hit-to-hit scatter"
     )
 
     @model_validator(mode="after")
@@ -162,32 +162,32 @@ class ConcealedEffect(Model):
 class DiverseCommands(Model):
     """Scripted hits of the domain, without latents."""
 
-    diverse: ScriptedHits = Field(description="what they are drawn from")
+    diverse: ScriptedHits = Field(description="ranges that they are drawn from")
 
 
 class StandIns(Model):
     """Stand-in rigs, and how a session with them is recorded."""
 
-    hits: Annotated[int, Field(ge=1, le=100_000)] = Field(description="of each object")
+    hits: Annotated[int, Field(ge=1, le=100_000)] = Field(description="number of hits of each object")
     repeats: Repeats = Field(description="commands that are executed several times")
     objects: Annotated[dict[Name, RigObject], Field(min_length=1, max_length=100)] = Field(
         description="object_id -> object"
     )
-    scale_sd_kg: Scatter = Field(description="error of the scale that weighs the objects")
-    blade: Blade | None = Field(description="a blade that bends; null for the scene's rigid one")
+    scale_sd_kg: Scatter = Field(description="standard error of the scale that weighs the objects")
+    blade: Blade | None = Field(description="a flexible blade; null for the scene's rigid one")
     board: Board | None = Field(description="an uneven board; null for a flat one")
     friction_field: FrictionField | None = Field(
-        description="friction that differs from place to place; null for the same everywhere"
+        description="friction that varies over the board; null for uniform friction"
     )
-    scatter: HitScatter = Field(description="what differs from hit to hit, as standard deviations")
+    scatter: HitScatter = Field(description="standard deviations of the hit-to-hit variation")
     camera: Camera = Field(description="the ceiling camera")
-    joints: Joints = Field(description="the recording of the arm")
+    joints: Joints = Field(description="recording of the arm's joints")
     concealed: Annotated[list[ConcealedEffect], Field(max_length=100)] = Field(
-        description="physics that the rig conceals beside the blocks above; each kind at most once"
+        description="hidden effects in addition to the blocks above; each kind at most once"
     )
     commands: Literal["latents", "pool"] | DiverseCommands = Field(
-        description="latents of the trajectory model, commands that other sessions draw from as well, or "
-        "scripted hits of the domain without latents"
+        description="latents of the trajectory model, commands from a pool that sessions share, or scripted "
+        "hits of the domain without latents"
     )
     keep: Keep = Field(description="which tables the recording holds")
 
@@ -220,14 +220,14 @@ class Lab(StandIns):
 
 
 class SharedCommands(Model):
-    """Demonstrations that commands are drawn from, as they were made."""
+    """Number and duration of the demonstrations in the pool that commands are drawn from."""
 
     count: Count
     duration_s: Duration
 
 
 class LabSettings(Model):
-    """What the stage `lab` is told, and the stage `case`, whose commands come from a pool."""
+    """Settings of the stage `lab`, and of the stage `case`, whose commands come from a pool."""
 
     seed: Annotated[int, Field(ge=0)]
     rig: Annotated[int, Field(ge=0)]

@@ -1,4 +1,4 @@
-"""Configuration files laid over each other, and where each of their values stands."""
+"""Merges configuration files, and locates each of their values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,11 +7,11 @@ from typing import Any
 
 from slapshot.yaml_file import Document, Loc, read_document
 
-ARGUMENTS = Path("--config")  # stands in messages where a file stands for values that a file holds
+ARGUMENTS = Path("--config")  # named in messages instead of a file for values of the command line
 
 
 def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of `over` laid over `base`, mapping by mapping, as Snakemake does with --configfile."""
+    """Merge `over` into `base` recursively; values of `over` win, as with Snakemake's --configfile."""
     merged = dict(base)
     for key, value in over.items():
         old = merged.get(key)
@@ -23,12 +23,12 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Layers:
-    """Files, each laid over those before it, and what the command line lays over all of them.
+    """Configuration files, each of which overrides those before it, and overrides of the command line.
 
     Attributes:
-        values: of all together.
-        documents: of the files.
-        arguments: of the command line.
+        values: merged values.
+        documents: the parsed files.
+        arguments: overrides of the command line.
     """
 
     values: dict[str, Any]
@@ -37,7 +37,7 @@ class Layers:
 
     @classmethod
     def read(cls, files: Sequence[Path], arguments: Mapping[str, Any]) -> "Layers":
-        """Read files, the last of which counts most.
+        """Read files, the last of which has the highest precedence.
 
         Raises:
             InputError: one of them cannot be read or is not YAML.
@@ -49,7 +49,7 @@ class Layers:
         return cls(values, documents, arguments)
 
     def where(self, loc: Loc) -> str:
-        """File and line of a value, of the last layer that has it; of what holds it, where it is missing."""
+        """File and line of a value in the last layer that has it; if it is missing, of its parent."""
         for end in range(len(loc), 0, -1):
             if _has(self.arguments, loc[:end]):
                 return str(ARGUMENTS)
@@ -60,7 +60,7 @@ class Layers:
 
 
 def _shown(file: Path) -> Path:
-    """As a person in this folder calls it: Snakemake makes paths absolute."""
+    """Path relative to the working directory where possible, because Snakemake makes paths absolute."""
     try:
         return file.relative_to(Path.cwd())
     except ValueError:

@@ -1,4 +1,4 @@
-"""Blocks about adaptation: the methods, how they are trained, and what they are asked."""
+"""Blocks about adaptation: the methods, their training and their evaluation."""
 
 import difflib
 import re
@@ -25,7 +25,7 @@ from slapshot.config.values import (
 from slapshot.validation import LONGEST_NAME, Model, ProblemAtError, short, validated_part
 
 Draws = Annotated[int, Field(ge=4, le=100_000)]
-"""Of phi; its covariance is taken from them."""
+"""Number of samples of phi, from which a covariance is computed."""
 
 
 class KalmanSettings(Model):
@@ -34,7 +34,7 @@ class KalmanSettings(Model):
     latent: Annotated[int, Field(ge=1, le=1_000)] = Field(description="dimension of phi and z")
     hidden: Widths = Field(description="widths of hidden layers, the same in both networks")
     drift: Variance = Field(
-        description="epsilon of Q = epsilon I, gained per sample; the prior's variance is 1"
+        description="epsilon of the process noise Q = epsilon I per sample; the prior's variance is 1"
     )
 
 
@@ -48,16 +48,16 @@ class LstmSettings(Model):
 class MamlSettings(Model):
     """Gradient steps from learned weights."""
 
-    batch: Annotated[int, Field(ge=1, le=10_000)] = Field(description="samples an update")
+    batch: Annotated[int, Field(ge=1, le=10_000)] = Field(description="samples per update")
     steps: Annotated[int, Field(ge=1, le=10_000)] = Field(
-        description="most updates in training; an evaluation makes one for every complete batch"
+        description="largest number of updates in training; an evaluation makes one per complete batch"
     )
     step_size: PositiveRatio = Field(description="of the inner step, before it is learned")
     hidden: Widths = Field(description="widths of hidden layers")
 
 
 MethodSettings = KalmanSettings | LstmSettings | MamlSettings
-"""A method's own settings, without those of its training."""
+"""Settings of a method without those of its training."""
 
 
 class Kalman(KalmanSettings):
@@ -95,14 +95,14 @@ class Maml(MamlSettings):
 
 Method = Kalman | Lstm | Maml
 _MODELS: Mapping[str, type[Method]] = {"kalman": Kalman, "lstm": Lstm, "maml": Maml}
-# What follows the first underscore tells methods of one kind apart.
+# The suffix after the first underscore distinguishes methods of the same kind.
 _OF_KIND = {kind: rf"^{kind}(_[A-Za-z0-9]{{1,{LONGEST_NAME - len(kind) - 1}}})?$" for kind in _MODELS}
 BELIEVING = ("kalman",)
-"""Kinds of methods with a belief that phi can be drawn from."""
+"""Kinds of methods with a belief from which phi can be sampled."""
 
 
 def kind_of(method: str) -> str:
-    """Kind of a method, of its name."""
+    """Kind of the method with this name."""
     return method.partition("_")[0]
 
 
@@ -126,7 +126,7 @@ def _by_kind(methods: Any) -> Any:
 
 
 def _patterns(schema: dict[str, Any]) -> None:
-    """A method's kind, which its name begins with, decides on its settings."""
+    """Let the schema select a method's settings by its kind, with which its name begins."""
     cases = schema.pop("additionalProperties")["anyOf"]
     schema["patternProperties"] = dict(zip(_OF_KIND.values(), cases, strict=True))
     schema["additionalProperties"] = False
@@ -142,10 +142,10 @@ Methods = Annotated[
 class Training(Model):
     """Meta-training of every method."""
 
-    models: Models = Field(description="of an ensemble")
+    models: Models = Field(description="number of models of an ensemble")
     steps: Steps = Field(description="of the optimiser")
-    tasks: Annotated[int, Field(ge=1, le=100_000)] = Field(description="conditions of a step")
-    sequence: Annotated[int, Field(ge=1, le=10_000)] = Field(description="hits of a condition in a step")
+    tasks: Annotated[int, Field(ge=1, le=100_000)] = Field(description="conditions per step")
+    sequence: Annotated[int, Field(ge=1, le=10_000)] = Field(description="hits of each condition per step")
     noise_variance_max: Variance = Field(description="of the standardised outcome")
 
 
@@ -157,7 +157,7 @@ class EnsembleTraining(Training):
 
 
 class TrainSettings(Model):
-    """What the stage `train` is told."""
+    """Settings of the stage `train`."""
 
     method: Name
     settings: MethodSettings
@@ -165,23 +165,23 @@ class TrainSettings(Model):
 
 
 class Evaluation(Model):
-    """Error against samples on simulated test conditions."""
+    """Error against number of samples on simulated test conditions."""
 
-    samples: Hits = Field(description="hits to adapt to, at most")
+    samples: Hits = Field(description="largest number of hits to adapt to")
     queries: Hits = Field(description="hits to predict")
     repeats: Few = Field(description="random splits of a condition's hits")
     noise_variances: SomeOf[Variance] = Field(description="of the standardised outcome")
 
 
 class EvaluateSettings(Evaluation):
-    """What the stage `evaluate` is told."""
+    """Settings of the stage `evaluate`."""
 
     method: Name
     seed: Seed
 
 
 class EvaluateRecordingSettings(RecordedTasksSettings):
-    """What the stage `evaluate_recording` is told."""
+    """Settings of the stage `evaluate_recording`."""
 
     method: Name
     seed: Seed
@@ -190,36 +190,36 @@ class EvaluateRecordingSettings(RecordedTasksSettings):
 
 
 class Intervals(Model):
-    """Prediction intervals, and what they are calibrated and tried on."""
+    """Prediction intervals, their calibration and their evaluation."""
 
-    method: Name = Field(description="one of methods, with a belief to draw phi from")
-    draws: Draws = Field(description="of phi, for one interval")
-    levels: SomeOf[Annotated[float, Field(gt=0, lt=1)]] = Field(description="shares to be covered")
-    samples: Samples = Field(description="numbers of hits seen")
+    method: Name = Field(description="one of `methods`, with a belief from which phi is sampled")
+    draws: Draws = Field(description="samples of phi per interval")
+    levels: SomeOf[Annotated[float, Field(gt=0, lt=1)]] = Field(description="nominal coverages")
+    samples: Samples = Field(description="numbers of hits to adapt to")
     queries: Hits = Field(description="hits of a condition to predict")
 
 
 class Uncertainty(Intervals):
     """Prediction intervals from sampled phi, calibrated on the validation conditions."""
 
-    shown_noise_variance: Variance = Field(description="of simulated hits that are shown")
+    shown_noise_variance: Variance = Field(description="of the simulated hits in figures")
 
 
 class NoiseLevels(Model):
     """Noise of simulated outcomes, as variances of the standardised outcome."""
 
     noise_variances: SomeOf[Variance] = Field(description="levels to evaluate at")
-    noise_variance_max: Variance = Field(description="largest one of training")
+    noise_variance_max: Variance = Field(description="largest level in training")
 
 
 class CalibrateSettings(Intervals, NoiseLevels):
-    """What the stage `calibrate` is told."""
+    """Settings of the stage `calibrate`."""
 
     seed: Seed
 
 
 class PredictionsSettings(RecordedTasksSettings):
-    """What the stage `predictions` is told."""
+    """Settings of the stage `predictions`."""
 
     method: Name
     seed: Seed
@@ -229,20 +229,20 @@ class PredictionsSettings(RecordedTasksSettings):
 
 
 class HiddenStates(Model):
-    """How hidden states are looked at."""
+    """Evaluation of hidden states."""
 
-    samples: Samples = Field(description="numbers of hits seen")
+    samples: Samples = Field(description="numbers of hits to adapt to")
     repeats: Few = Field(description="random orders of a condition's hits")
 
 
 class Latents(HiddenStates):
     """Hidden states of test conditions and recordings."""
 
-    methods: SomeOf[Name] = Field(description="whose hidden states")
+    methods: SomeOf[Name] = Field(description="methods whose hidden states are evaluated")
 
 
 class BeliefsSettings(HiddenStates, NoiseLevels, RecordedTasksSettings):
-    """What the stage `beliefs` is told."""
+    """Settings of the stage `beliefs`."""
 
     method: Name
     seed: Seed

@@ -1,4 +1,4 @@
-"""Block `randomisation` of a domain: what is drawn for every condition, and for every hit."""
+"""Block `randomisation` of a domain: distributions of the parameters of conditions and of start errors."""
 
 from typing import Annotated, ClassVar
 
@@ -16,11 +16,11 @@ CONDITION_PARAMETERS = (
     "friction_rolling",
 )
 
-_SAFE_SPREADS = 5  # a normal draw is taken to stay within so many standard deviations
+_SAFE_SPREADS = 5  # normal draws are assumed to stay within this number of standard deviations
 
 
 class Draw(Model):
-    """What a parameter is drawn from: uniform or normal, and perhaps times another parameter."""
+    """Distribution of a parameter: uniform or normal, optionally as a multiple of another parameter."""
 
     uniform: MayMiss[Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(
         default=None, description="[low, high]"
@@ -38,13 +38,13 @@ class Draw(Model):
         return given[0], given[1]
 
     def within(self, low: float, high: float) -> "Draw":
-        """Drawn uniformly from another range; what scales it stays."""
+        """A uniform distribution over another range, scaled by the same parameter."""
         uniform = [low, high]
         return Draw(uniform=uniform) if self.times is None else Draw(uniform=uniform, times=self.times)
 
 
 class Draws(Model):
-    """What conditions and start errors are drawn from, without what only pictures show."""
+    """Distributions of conditions and start errors, without labels for figures."""
 
     mass: Draw
     friction_x: Draw
@@ -54,17 +54,17 @@ class Draws(Model):
     start_error: Draw
 
     def of_parameter(self, name: str) -> Draw:
-        """What the parameter of that name is drawn from."""
+        """Distribution of the parameter `name`."""
         draw: Draw = getattr(self, name)
         return draw
 
 
 class Distribution(Draw):
-    """What a parameter is drawn from, and what it is called."""
+    """Distribution of a parameter with its label and unit."""
 
     nonnegative: ClassVar[bool] = True
-    label: Label = Field(description="for pictures")
-    unit: Label = Field(description="for pictures")
+    label: Label = Field(description="for figures")
+    unit: Label = Field(description="for figures")
 
     @model_validator(mode="after")
     def _one_shape(self) -> "Distribution":
@@ -89,33 +89,33 @@ class Distribution(Draw):
 
 
 class MassDistribution(Distribution):
-    """Of what weighs something."""
+    """Distribution of a mass, which is positive."""
 
     uniform: MayMiss[Interval[Mass]] = Field(default=None, description="[low, high]")
 
 
 class FrictionDistribution(Distribution):
-    """Of what may be 0, but not for all conditions: an object without friction never rests."""
+    """Distribution of a coefficient of friction; 0 is allowed, but not always, or no object comes to rest."""
 
     uniform: MayMiss[Interval[Coefficient]] = Field(default=None, description="[low, high]")
 
 
 class StartErrorDistribution(Distribution):
-    """Of what may be negative."""
+    """Distribution of a displacement, which may be negative."""
 
     nonnegative: ClassVar[bool] = False
     uniform: MayMiss[Interval[Coordinate]] = Field(default=None, description="[low, high]")
 
 
 class Randomisation(Draws):
-    """What conditions, and starts, are drawn from."""
+    """Distributions of conditions and start errors."""
 
     mass: MassDistribution = Field(description="kg")
     friction_x: FrictionDistribution = Field(description="of object and plane, along x")
     friction_y: FrictionDistribution = Field(description="along y")
     friction_torsional: FrictionDistribution = Field(description="m")
     friction_rolling: FrictionDistribution = Field(description="m")
-    start_error: StartErrorDistribution = Field(description="m, along x and along y, anew for every hit")
+    start_error: StartErrorDistribution = Field(description="m, along x and along y, drawn for every hit")
 
     @model_validator(mode="after")
     def _in_order(self) -> "Randomisation":

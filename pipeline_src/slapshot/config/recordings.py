@@ -1,4 +1,4 @@
-"""Block `recordings` of a domain: hits of stand-in rigs or of one's own."""
+"""Block `recordings` of a domain: hits of stand-in rigs or of the user's own rig."""
 
 from pydantic import Field, model_validator
 
@@ -8,12 +8,12 @@ from slapshot.validation import Model, ProblemAtError
 
 
 class Recording(Model):
-    """Hits of stand-in rigs, or of a rig of one's own."""
+    """Hits of stand-in rigs, or of the user's own rig."""
 
-    path: MayMiss[FilePath] = Field(default=None, description="folder of a recording of one's own")
+    path: MayMiss[FilePath] = Field(default=None, description="folder of the user's own recording")
     samples: Hits = Field(description="hits to adapt to")
     repeats: Few = Field(description="random splits of the hits")
-    rigs: MayMiss[Few] = Field(default=None, description="how many stand-in rigs are drawn")
+    rigs: MayMiss[Few] = Field(default=None, description="number of stand-in rigs")
     lab: MayMiss[Lab] = Field(default=None, description="settings of stand-in rigs")
 
     @model_validator(mode="after")
@@ -39,5 +39,5 @@ class Recording(Model):
 class StandInRecording(Recording):
     """Hits of stand-in rigs."""
 
-    rigs: Few = Field(description="how many stand-in rigs are drawn")
+    rigs: Few = Field(description="number of stand-in rigs")
     lab: Lab = Field(description="settings of stand-in rigs")

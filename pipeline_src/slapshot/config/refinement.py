@@ -1,4 +1,4 @@
-"""Block `refinement` of a domain: ranges of randomisation from beliefs about a recording."""
+"""Block `refinement` of a domain: refines the randomisation's ranges from beliefs about a recording."""
 
 from typing import Annotated
 
@@ -12,34 +12,35 @@ from slapshot.config.sources import RecordedTasksSettings
 from slapshot.config.values import Few, Hits, Name, Seed, Several, Variance
 from slapshot.validation import Model
 
-# What errors of the first few predictions tell is ignorance, and no noise.
+# At least five: errors of the first few predictions are dominated by ignorance of the parameters, not by
+# noise.
 _Samples = Annotated[int, Field(ge=5, le=10_000)]
 _Rig = Annotated[int, Field(ge=0, le=999)]
 
 
 class Believed(Model):
-    """What a range is made from."""
+    """Data from which a range is computed."""
 
-    samples: _Samples = Field(description="hits that a belief is about")
-    repeats: Few = Field(description="random choices of them")
+    samples: _Samples = Field(description="hits that a belief is inferred from")
+    repeats: Few = Field(description="random choices of these hits")
     nearest: Annotated[int, Field(ge=32, le=1_000_000)] = Field(
-        description="simulated conditions that a range is made from"
+        description="number of nearest simulated conditions, from which a range is computed"
     )
 
 
 class Refinement(Believed):
-    """Ranges of randomisation from beliefs about a recording."""
+    """Refinement of the randomisation's ranges from beliefs about a recording."""
 
     recording: Name = Field(description="name of one of the domain's recordings")
     method: Name = Field(description="name of one of the domain's methods")
     retrained: Several[_Rig] = Field(
-        description="rigs whose rollouts and models are made again; stand-ins alone, for they are hit anew"
+        description="stand-in rigs for which rollouts and models are recomputed and new hits are executed"
     )
     queries: Hits = Field(description="new hits to predict, of each object")
 
 
 class RefinementSettings(Believed, RecordedTasksSettings):
-    """What the stage `refinement` is told."""
+    """Settings of the stage `refinement`."""
 
     domain: Name
     method: Name
@@ -49,21 +50,21 @@ class RefinementSettings(Believed, RecordedTasksSettings):
 
 
 class RefinedRolloutsSettings(RolloutsSettings):
-    """What the stage `refined_rollouts` is told; `name` is the domain's in the configuration."""
+    """Settings of the stage `refined_rollouts`; `name` is the domain's name in the configuration."""
 
     name: Name
     rig: _Rig
 
 
 class RefinedTrainSettings(TrainSettings):
-    """What the stage `refined_train` is told; `name` is the domain's in the configuration."""
+    """Settings of the stage `refined_train`; `name` is the domain's name in the configuration."""
 
     name: Name
     rig: _Rig
 
 
 class RefinedErrorsSettings(RobotSettings):
-    """What the stage `refined_errors` is told."""
+    """Settings of the stage `refined_errors`."""
 
     samples: _Samples
     repeats: Few

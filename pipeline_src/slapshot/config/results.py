@@ -1,4 +1,4 @@
-"""What people look at: block `viewer` of a domain, and what figures, claims and the viewer are told."""
+"""Results: block `viewer` of a domain, and the settings of figures, claims and the viewer."""
 
 from typing import Annotated, Literal
 
@@ -15,25 +15,25 @@ from slapshot.validation import Model
 class Viewer(Model):
     """Rerun recordings."""
 
-    simulated: Annotated[int, Field(ge=0, le=1_000_000)] = Field(description="hits to show, at most")
-    recorded: Annotated[int, Field(ge=0, le=1_000_000)] = Field(description="hits to show, at most")
+    simulated: Annotated[int, Field(ge=0, le=1_000_000)] = Field(description="largest number of hits to show")
+    recorded: Annotated[int, Field(ge=0, le=1_000_000)] = Field(description="largest number of hits to show")
 
 
 class ViewerSettings(Viewer, RecordedSettings):
-    """What the stage `viewer` is told."""
+    """Settings of the stage `viewer`."""
 
     domain: Name
 
 
 class ClaimSettings(Model):
-    """What the stage `claim` is told: the claim's module, and the domain's name in the configuration."""
+    """Settings of the stage `claim`: the claim's module, and the domain's name in the configuration."""
 
     module: str
     domain: Name
 
 
 class AnyFigureSettings(Model):
-    """Which module draws a figure; what else there is, that module knows."""
+    """The module that draws a figure; that module validates all other settings."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -41,20 +41,20 @@ class AnyFigureSettings(Model):
 
 
 class FigureSettings(Model):
-    """What the stage `figure` is told: the figure's module, and the domain's name in the configuration."""
+    """Settings of the stage `figure`: the figure's module, and the domain's name in the configuration."""
 
     module: str
     domain: Name
 
 
 class PolicyFigureSettings(FigureSettings):
-    """Of a figure that compares policies with a method."""
+    """Settings of a figure that compares policies with a method."""
 
     method: Name
 
 
 class LatentsFigureSettings(FigureSettings):
-    """Of a figure of hidden states: the methods that it shows."""
+    """Settings of a figure of hidden states: the methods that it shows."""
 
     methods: list[Name]
 
@@ -68,20 +68,20 @@ class Sizes(Model):
 
 
 class MethodFigureSettings(FigureSettings):
-    """Of a figure of the method as it is built."""
+    """Settings of a figure of the method's architecture."""
 
     kalman: KalmanSettings
     sizes: Sizes
 
 
 class SetupFigureSettings(FigureSettings):
-    """Of a figure of the scene."""
+    """Settings of a figure of the scene."""
 
     scene: Scene
 
 
 class RandomisationFigureSettings(FigureSettings):
-    """Of a table of what is drawn."""
+    """Settings of a table of the randomisation."""
 
     figure: Literal["T1", "T2"]
     randomisation: Randomisation

@@ -1,4 +1,4 @@
-"""Block `retraining` of a domain: a method trained again on what a diagnosis of a recording found."""
+"""Block `retraining` of a domain: retraining of a method with the findings of a diagnosis."""
 
 from typing import Annotated, Literal
 
@@ -13,17 +13,17 @@ _Margin = Annotated[float, Field(gt=0, le=10)]
 
 
 class Retraining(Model):
-    """A method trained again on what a diagnosis of a recording found."""
+    """Retraining of a method with the findings of a diagnosis of a recording."""
 
     recording: Name = Field(description="name of one of the domain's recordings")
     method: Name = Field(description="name of one of the domain's methods")
-    margin: _Margin = Field(description="share by which ranges go beyond fitted values")
-    samples: Hits = Field(description="hits to adapt to, at most")
+    margin: _Margin = Field(description="share by which ranges extend beyond fitted values")
+    samples: Hits = Field(description="largest number of hits to adapt to")
     repeats: Few = Field(description="random splits")
 
 
 class ArmRolloutsSettings(DrawnRollouts):
-    """What the stage `arm_rollouts` is told."""
+    """Settings of the stage `arm_rollouts`."""
 
     arm: Literal["refitted", "augmented"]
     margin: _Margin
@@ -31,11 +31,11 @@ class ArmRolloutsSettings(DrawnRollouts):
 
 
 class HeldOutSettings(RecordedSettings):
-    """What the stage `held_out` is told."""
+    """Settings of the stage `held_out`."""
 
 
 class ArmsSettings(RecordedSettings):
-    """What the stage `arms` is told."""
+    """Settings of the stage `arms`."""
 
     domain: Name
     seed: Seed

@@ -10,11 +10,11 @@ from slapshot.config.trajectories import Splits
 from slapshot.config.values import Count, Mass, MayMiss, PositiveCoefficient, Seed, Title
 from slapshot.validation import Model, ProblemAtError
 
-_MOST_HITS = 1_000_000_000  # of a domain; 600 hours of one core
+_MOST_HITS = 1_000_000_000  # of a domain; they take 600 hours on one core
 
 
 class NamedCondition(Model):
-    """Parameters of a condition; what is left out is the mean of what is drawn."""
+    """Parameters of a condition; a missing one takes the mean of its distribution."""
 
     mass: MayMiss[Mass] = Field(default=None, description="kg")
     friction_x: MayMiss[PositiveCoefficient] = Field(default=None, description="along x")
@@ -24,7 +24,7 @@ class NamedCondition(Model):
 
     @property
     def given(self) -> dict[str, float]:
-        """Parameter -> value, of those that are not left out."""
+        """Parameter -> value of the parameters that are given."""
         return self.model_dump(exclude_unset=True)
 
 
@@ -33,18 +33,20 @@ class Rollouts(Splits):
 
     train: Count = Field(description="conditions for training")
     validation: Count = Field(description="conditions for calibration")
-    test: Count = Field(description="conditions for evaluation, beside the named ones")
+    test: Count = Field(description="conditions for evaluation, in addition to the named ones")
     hits: Annotated[int, Field(ge=1, le=100_000)] = Field(description="of each condition")
-    # Some must keep it: figures show tracks.
-    track_share: Annotated[float, Field(gt=0, le=1)] = Field(description="of hits that keep their track")
-    track_period_s: Annotated[float, Field(ge=CONTROL_PERIOD, le=10)] = Field(description="between its rows")
+    # Greater than 0, because figures show tracks.
+    track_share: Annotated[float, Field(gt=0, le=1)] = Field(description="share of hits with a stored track")
+    track_period_s: Annotated[float, Field(ge=CONTROL_PERIOD, le=10)] = Field(
+        description="sampling period of tracks"
+    )
     named_conditions: Annotated[dict[Title, NamedCondition], Field(max_length=100)] = Field(
-        description="test conditions that figures name"
+        description="test conditions that figures refer to by name"
     )
 
     @property
     def conditions(self) -> int:
-        """How many there are of all splits together."""
+        """Number of conditions of all splits together."""
         return self.train + self.validation + self.test + len(self.named_conditions)
 
     @model_validator(mode="after")
@@ -56,13 +58,13 @@ class Rollouts(Splits):
 
 
 class DrawnRollouts(Rollouts):
-    """Rollouts with all that decides which conditions and hits they are of."""
+    """Rollouts with everything that determines their conditions and hits."""
 
     seed: Seed
     randomisation: Draws
 
 
 class RolloutsSettings(DrawnRollouts):
-    """What the stage `rollouts` is told."""
+    """Settings of the stage `rollouts`."""
 
     domain: str

@@ -1,4 +1,4 @@
-"""Block `scene` of a domain: what moves."""
+"""Block `scene` of a domain: robot, object and surroundings."""
 
 import math
 from typing import Annotated, Any, ClassVar, Literal
@@ -9,7 +9,7 @@ from slapshot.config.values import MayMiss, Point
 from slapshot.own_code import MODULE
 from slapshot.validation import Model, ProblemAtError
 
-CONTROL_PERIOD = 0.001  # s; commands are sent at whole steps of integration
+CONTROL_PERIOD = 0.001  # s; a multiple of the integration step
 
 
 def _divides_control_period(timestep: float) -> float:
@@ -23,21 +23,21 @@ def _divides_control_period(timestep: float) -> float:
     return timestep
 
 
-# Contacts have a time constant of 5 ms, which a step must resolve: above 1 ms rest points move by
-# centimetres. Below 10 microseconds they no longer change, and a hit of 2 s takes more than 200,000 steps.
+# The step must resolve the time constant of contacts, 5 ms: above 1 ms rest points move by centimetres. Below
+# 10 microseconds they no longer change, and a hit of 2 s takes more than 200,000 steps.
 Timestep = Annotated[
     float,
-    Field(ge=1e-5, le=CONTROL_PERIOD, description="step of integration in s; divides 1 ms"),
+    Field(ge=1e-5, le=CONTROL_PERIOD, description="integration step in s; divides 1 ms"),
     AfterValidator(_divides_control_period),
 ]
-# What a camera sees: a laboratory is no larger.
+# Bounds are larger than any laboratory or field of view.
 Coordinate = Annotated[float, Field(ge=-100, le=100, description="m")]
-Extent = Annotated[float, Field(ge=0.01, le=100, description="m, of a surface")]
+Extent = Annotated[float, Field(ge=0.01, le=100, description="m, extent of a surface")]
 
 PuckName = Literal["inline", "ice"]
 
-# From axis 1 to the middle of the blade of an arm that lies flat: links of 0.4 and 0.39 m, 0.078 m to the
-# flange, 0.5 m of stick. The arm's own foot takes 0.15 m.
+# Distances from axis 1. The farthest is that of the blade's centre with a horizontal, stretched arm: links of
+# 0.4 and 0.39 m, 0.078 m to the flange, 0.5 m of stick. The nearest is the radius of the arm's base, 0.15 m.
 NEAREST, FARTHEST = 0.15, 1.37  # m
 
 
@@ -58,19 +58,19 @@ class SceneSettings(Model):
     domain: str = Field(
         pattern=MODULE,
         max_length=200,
-        description="folder of slapshot.domains, or dotted name of a module of one's own",
+        description="folder of slapshot.domains, or dotted name of a user's own module",
     )
 
 
 class HockeySettings(SceneSettings):
-    """A puck before an arm with a stick, in hockey or in a domain of one's own that builds on it."""
+    """A puck in front of an arm with a stick, for hockey or a user's own domain that builds on it."""
 
-    puck: PuckName = Field(description="which puck one buys")
+    puck: PuckName = Field(description="type of commercial puck")
     timestep_s: Timestep
     start_m: Annotated[tuple[Coordinate, Coordinate], AfterValidator(_within_reach)] = Field(
-        description="x, y in m where the puck is meant to lie"
+        description="x, y in m of the puck's nominal start"
     )
-    board_m: tuple[Extent, Extent] = Field(description="x, y in m of the whiteboard that one sees")
+    board_m: tuple[Extent, Extent] = Field(description="extent in m along x and y of the visible whiteboard")
 
 
 class HockeyScene(HockeySettings):
@@ -81,20 +81,20 @@ class HockeyScene(HockeySettings):
 
 
 class FetchslideScene(SceneSettings):
-    """The environment of gymnasium-robotics as it is."""
+    """The unchanged environment of gymnasium-robotics."""
 
-    joints: ClassVar[None] = None  # of scripted commands alone; no stand-in rig has been made of it
+    joints: ClassVar[None] = None  # commands are not joint positions, and there are no stand-in rigs of it
     domain: Literal["fetchslide"] = Field(description="built in")
 
 
 class OwnScene(SceneSettings):
-    """A domain of one's own, whose module knows what else there is."""
+    """A user's own domain, whose module validates all other keys."""
 
     model_config = ConfigDict(extra="allow")
 
-    joints: ClassVar[None] = None  # only its module knows
+    joints: ClassVar[None] = None  # known to its module only
     timestep_s: MayMiss[Timestep] = Field(default=None, description="s; divides 1 ms")
-    start_m: MayMiss[Point] = Field(default=None, description="x and y, where the object is meant to lie")
+    start_m: MayMiss[Point] = Field(default=None, description="x, y in m of the object's nominal start")
 
     @field_validator("domain")
     @classmethod

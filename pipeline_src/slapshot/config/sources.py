@@ -1,4 +1,4 @@
-"""What stages are told of recordings: where they come from, and which model their latents are of."""
+"""Settings of stages about recordings: their source, and the model that their latents belong to."""
 
 from typing import Annotated
 
@@ -9,19 +9,19 @@ from slapshot.validation import Model
 
 
 class Source(Model):
-    """Where a recording comes from: from stand-in rigs, or from a folder of one's own."""
+    """Source of a recording: stand-in rigs, or a user's own folder."""
 
-    rigs: MayMiss[Annotated[int, Field(ge=1)]] = Field(default=None, description="how many stand-in rigs")
-    path: MayMiss[FilePath] = Field(default=None, description="the folder")
+    rigs: MayMiss[Annotated[int, Field(ge=1)]] = Field(default=None, description="number of stand-in rigs")
+    path: MayMiss[FilePath] = Field(default=None, description="the user's own folder")
 
 
 class RecordedSettings(Model):
-    """What every stage is told that reads recordings."""
+    """Settings of every stage that reads recordings."""
 
     recordings: dict[str, Source]
 
 
 class RecordedTasksSettings(RecordedSettings):
-    """What every stage is told that puts recordings before a trained method."""
+    """Settings of every stage that applies a trained method to recordings."""
 
     trajectory_model_id: str

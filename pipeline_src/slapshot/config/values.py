@@ -1,7 +1,7 @@
-"""Kinds of values that blocks of the configuration share: numbers with their bounds, names, lists.
+"""Types of values that blocks of the configuration share: numbers with their bounds, names, lists.
 
-Every number has both bounds. The one away from zero is far beyond any use: it keeps a slip of the keyboard
-from filling a disk, and a wrong unit from being simulated.
+Every number has both bounds. The bound away from zero is far beyond any reasonable value: it catches typing
+errors that would fill a disk, and wrong units.
 """
 
 from typing import Annotated, TypeAlias, TypeVar
@@ -27,10 +27,10 @@ def _unique(values: list[T]) -> list[T]:
 
 
 def ascending(values: list[T]) -> list[T]:
-    """A pair as it is.
+    """Return a pair [low, high] unchanged.
 
     Raises:
-        ProblemAtError: its second number is below its first.
+        ProblemAtError: high is less than low.
     """
     low, high = values
     if low > high:  # type: ignore[operator]
@@ -49,7 +49,7 @@ def _box(values: list[float]) -> list[float]:
 
 
 MayMiss = Annotated[T | SkipJsonSchema[None], AfterValidator(_given)]
-"""A key that may be left out; null is no value for it."""
+"""An optional key; null is not a valid value."""
 
 # Whole numbers.
 Seed = Annotated[int, Field(ge=0, le=2**32 - 1)]
@@ -59,7 +59,7 @@ Models = Annotated[int, Field(ge=1, le=100)]
 Steps = Annotated[int, Field(ge=2, le=10_000_000)]
 Waypoints = Annotated[int, Field(ge=5, le=1_000)]
 Hits = Annotated[int, Field(ge=1, le=10_000)]
-"""Of a condition, or of an object of a recording."""
+"""Number of hits of a condition, or of an object of a recording."""
 SampleCount = Annotated[int, Field(ge=0, le=10_000)]
 
 # Numbers.
@@ -68,7 +68,7 @@ LearningRate = Annotated[float, Field(gt=0, le=1)]
 Variance = Annotated[float, Field(ge=0, le=100)]
 Mass = Annotated[float, Field(gt=0, le=1_000)]
 Coefficient = Annotated[float, Field(ge=0, le=10)]
-"""Of friction: without unit, or m."""
+"""Coefficient of friction: dimensionless, or in m."""
 PositiveCoefficient = Annotated[float, Field(gt=0, le=10)]
 Coordinate = Annotated[float, Field(ge=-100, le=100)]
 Length = Annotated[float, Field(gt=0, le=100)]
@@ -83,25 +83,25 @@ Stiffness = Annotated[float, Field(gt=0, le=1_000_000)]
 
 # Texts.
 Name = Annotated[str, Field(pattern=NAME)]
-"""Becomes part of file names and of command lines."""
+"""Used in file names and command lines."""
 Title = Annotated[str, Field(pattern=TITLE)]
-"""Is only read."""
+"""Text for readers only."""
 Text = Annotated[str, Field(max_length=200)]
 Label = Annotated[str, Field(max_length=200, pattern=LABEL)]
-"""Stands in pictures."""
+"""Text in figures."""
 FilePath = Annotated[str, Field(min_length=1, max_length=500)]
 
 # Lists and ranges.
 Several = Annotated[
     list[T], Field(max_length=1_000, json_schema_extra={"uniqueItems": True}), AfterValidator(_unique)
 ]
-"""Values of which none stands twice; perhaps none."""
+"""Distinct values; may be empty."""
 SomeOf = Annotated[Several[T], Field(min_length=1)]
-"""Values of which none stands twice; at least one."""
+"""Distinct values, at least one."""
 Widths = Annotated[tuple[Annotated[int, Field(ge=1, le=16_384)], ...], Field(min_length=1, max_length=16)]
-"""Of hidden layers."""
+"""Widths of hidden layers."""
 Samples = SomeOf[SampleCount]
-"""Numbers of hits seen."""
+"""Numbers of hits to adapt to."""
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 """x and y, m."""
 Box = Annotated[list[Coordinate], Field(min_length=4, max_length=4), AfterValidator(_box)]
@@ -109,4 +109,4 @@ Box = Annotated[list[Coordinate], Field(min_length=4, max_length=4), AfterValida
 Interval = Annotated[list[T], Field(min_length=2, max_length=2), AfterValidator(ascending)]
 """[low, high]."""
 Range: TypeAlias = T | Annotated[list[T], Field(min_length=2, max_length=2), AfterValidator(ascending)]
-"""A number, or [low, high] that it is drawn from."""
+"""A number, or the range [low, high] from which it is drawn."""

@@ -1,1 +1,1 @@
-"""Domains: a folder each, with a robot, its scene and demonstrations (see scenes/domain.py)."""
+"""Domains: one folder each, with a robot, its scene and demonstrations (see scenes/domain.py)."""

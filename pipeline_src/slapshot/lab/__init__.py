@@ -1,11 +1,12 @@
-"""The lab: a stand-in for a real rig, with concealed physics, that writes recordings like one.
+"""The lab: a simulated stand-in for a real rig, with hidden physics, that writes recordings.
 
-`rig` says what is concealed; `path` and `blade` are its swing and contact, `ground` and `slide` what an
-object does on the board, `camera` looks on. `commands` plans the session, `hit` executes it, `tables` are
-what is recorded of it. `concealed` holds further physics, a kind each, for a diagnosis to name.
+`rig` holds the true parameters; `executed_trajectory` and `blade` model the swing and the contact, `surface`
+and `slide` the motion of the object on the board, `camera` the observations. `commands` plans the session,
+`hit` executes it, and `tables` writes its recording. `concealed` holds further hidden effects, one module
+each, which a diagnosis has to identify.
 
-`joints` is a lab of its own, for arms and pendulums whose commands and joint angles are recorded.
+`joints` is a separate lab for arms and pendulums, whose recordings hold commands and joint angles.
 
-All is written apart from the physics of the rollouts and of the effects, so that a diagnosis cannot win by
-knowing it.
+The lab shares no physics code with the rollouts or with the effects of the diagnosis, so that a diagnosis
+cannot succeed merely by using the same model.
 """

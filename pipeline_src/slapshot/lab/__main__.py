@@ -1,4 +1,4 @@
-"""Stage `lab`: a recording of a stand-in rig, and apart from it the sealed truth about that rig."""
+"""Stage `lab`: a recording of a stand-in rig and, in a separate folder, its sealed ground truth."""
 
 import hashlib
 import json
@@ -51,7 +51,7 @@ def produce(run: Run) -> None:
     elif isinstance(settings.commands, DiverseCommands):
         source = Diverse(scene, load_domain(told.scene.domain), settings.commands.diverse)
     else:
-        # Here, because it takes longer to import than a rig without a trajectory model needs.
+        # Imported here: the import takes longer than all the work for a rig without a trajectory model.
         from slapshot.trajectories.vae import TrajectoryVae
 
         model = TrajectoryVae.load(run.inputs["trajectory_model"])
@@ -70,12 +70,12 @@ def record(
     """Draw a rig and a session, execute it, write recording/ and truth/truth.json in folder `out`.
 
     Args:
-        scene: of the rig as everybody believes it to be.
-        source: of commands.
+        scene: nominal model of the rig.
+        source: draws the commands.
         settings: block `lab` of the configuration.
-        seed: of everything that is drawn.
-        out: exists already.
-        cores: to use; what is written does not depend on it.
+        seed: seeds every random draw.
+        out: an existing folder.
+        cores: number of cores; the output does not depend on it.
 
     Raises:
         InputError: the settings contradict each other or the scene.
@@ -89,7 +89,7 @@ def record(
         )
     session = draw_session(settings, list(rig.objects), source, SafetyCheck(scene), session_rng)
     count = len(session.command)
-    # Streams of their own, so that another camera leaves what happens as it is.
+    # Separate random streams per hit, so that changing the camera does not change the hits.
     streams = [rng.spawn(4) for rng in hits_rng.spawn(count)]
     strokes = [_stroke(rig, session, i, streams[i][0]) for i in range(count)]
     truths: list[dict[str, Any]] = []
@@ -116,7 +116,8 @@ def record(
     (out / "truth" / "truth.json").write_bytes(sealed)
     joints = settings.joints
     commands = [commanded(command.motion, joints.rate_hz) for command in session.commands]
-    # What only shows the slide says nothing of commands; rest points alone need them, in one way.
+    # Recordings with tracks only hold no commands. Those with rest points only need the commands in one form:
+    # as latents, or else as joint trajectories.
     trajectory_model = None if keep == "tracks only" else source.trajectory_model
     with_commands = keep in ("full", "no encoders") or (
         keep == "rest points only" and trajectory_model is None
@@ -141,20 +142,20 @@ def record(
 
 
 def _stroke(rig: Rig, session: Session, i: int, rng: np.random.Generator) -> HitSpec:
-    """Hit `i` of the session, with what chance does to it."""
+    """Specification of hit `i` of the session, with its noise drawn."""
     command = session.commands[session.command[i]]
     place = i / max(1, len(session.command) - 1)
     return HitSpec(command.motion, session.object_ids[i], draw_hit_noise(rig.scatter, rng), place)
 
 
 def _with_quirks(stroke: HitSpec, rig: Rig, rng: np.random.Generator) -> HitSpec:
-    """With a random number for every concealed kind, whatever the others are."""
+    """Add a random number for each hidden effect; it does not depend on which other effects there are."""
     quirk = {c.effect.name: float(stream_for(rng, c.effect.name).normal()) for c in rig.concealed}
     return replace(stroke, chance=replace(stroke.chance, quirk=quirk))
 
 
 def _weigh(scene: Scene, rig: Rig, scale_sd: float, rng: np.random.Generator) -> dict[str, ObjectInfo]:
-    """Objects as measured: all have the shape of the scene's own, their mass is off by the scale's error."""
+    """Objects as measured: the shape is that of the scene's object, the mass has the scale's error."""
     size = (2 * scene.info.object_radius, scene.info.object_height)
     return {
         name: ObjectInfo(
@@ -170,7 +171,7 @@ def _weigh(scene: Scene, rig: Rig, scale_sd: float, rng: np.random.Generator) ->
 def _sealed(
     rig: Rig, concealed: list[dict[str, Any]], session: Session, strokes: list[HitSpec], hits: list[Hit]
 ) -> bytes:
-    """truth.json: the rig, and of every hit what chance did and what really happened (SI units)."""
+    """Contents of truth.json: the rig and, for every hit, its noise and its true outcome (SI units)."""
     of_hits = [
         {"hit": i} | _chance_dict(stroke.chance) | _hit_dict(hit)
         for i, (stroke, hit) in enumerate(zip(strokes, hits, strict=True))

@@ -1,14 +1,14 @@
-"""A striker that bends: the scene's rigid blade cut into segments with springs in between.
+"""A flexible striker: the scene's rigid blade divided into segments joined by springs.
 
-The blade is a box that hangs from a stick. Its thinnest direction faces the object, its longest lies
-across, and along the third, its height, it is cut into N segments. The first sits on the stick, each
-further one hangs on the one above by a hinge along the blade's length, so that the free end yields
-backwards when it hits, and if wanted by one along its height, so that a hit beside the middle turns it.
-N - 1 equal springs of stiffness (N - 1) k in series yield to a moment like one of stiffness k.
+The blade is a box that hangs from a stick. Its thinnest direction faces the object, its longest lies across
+the direction of the hit, and along the third, its height, it is divided into N segments. The first is fixed
+to the stick. Each further one hangs on the segment above by a hinge along the blade's length, so that the
+free end bends backwards on impact, and optionally by a hinge along its height, so that an off-centre hit
+twists it. N - 1 equal springs of stiffness (N - 1) k in series have a stiffness of k together.
 
-The segment at the free end is the largest. It must face the whole height of the object: where a segment
-overlaps an object by less than contact lets them sink into each other (3 mm), MuJoCo takes the overlap
-for the depth and pushes the object down instead of forward.
+The segment at the free end is the largest. It must face the whole height of the object: where the vertical
+overlap of a segment and the object is less than the contact's penetration (3 mm), MuJoCo takes the overlap
+for the penetration depth and pushes the object down instead of forward.
 """
 
 import math
@@ -25,29 +25,30 @@ from slapshot.scenes.scene import Scene
 Edit = Callable[[mujoco.MjSpec, Scene], None]
 
 FEWEST_SEGMENTS = 2
-FREE_END = 0.6  # of the height belongs to the last segment, the others being equal
-RESOLVED = 0.5  # rad: a step takes no more of a vibration; finer ones move rest points by 1 %
-FINEST = 1e-5  # s
+FREE_END = 0.6  # share of the height that the last segment takes; the others are equal
+RESOLVED = 0.5  # rad: largest phase of a vibration per time step; smaller steps move rest points by 1 %
+FINEST = 1e-5  # s; a blade that needs a shorter time step is refused
 _PAIR_FIELDS = ("condim", "friction", "solref", "solreffriction", "solimp", "margin", "gap")
 
 
 def compile_rig(
     scene: Scene, blade: BladeTruth | None, timestep: float, edits: Sequence[Edit] = ()
 ) -> mujoco.MjModel:
-    """The scene's model with the blade made flexible and edited, or as it is where neither is asked for.
+    """Compile the scene's model with a flexible blade and with edits, where they are given.
 
-    Names stay, with hinges `<geom>_bend_1` ... and `<geom>_twist_1` ... added; addresses do not.
+    Existing names are kept, and hinges `<geom>_bend_1` ... and `<geom>_twist_1` ... are added; addresses
+    change.
 
     Args:
         scene: has one contact pair of object and striker; the striker's geom is a box.
-        blade: how it bends.
-        timestep: s, of integration, or longest one: a part of it that resolves the fastest vibration of
-            a flexible blade is taken.
-        edits: what else changes the scene, after the blade was cut; springs that come with them are damped
-            so much that any step does.
+        blade: its flexibility.
+        timestep: s, upper bound of the integration step: with a flexible blade it is divided until it
+            resolves the blade's fastest vibration.
+        edits: further changes of the scene, applied after the blade is divided; the springs that they add
+            are damped so strongly that any step is stable.
 
     Raises:
-        InputError: the striker is no box, there are too few segments, or they are too stiff.
+        InputError: the striker is not a box, there are too few segments, or they are too stiff.
     """
     if blade is None and not edits:
         return scene.compile(timestep)
@@ -69,13 +70,13 @@ def compile_rig(
 
 
 def striker_pairs(model: mujoco.MjModel, scene: Scene) -> list[int]:
-    """Contact pairs of object and striker, or of its segments."""
+    """Ids of the contact pairs of the object with the striker or with its segments."""
     board = model.pair(scene.info.object_pair).id
     return [i for i in range(model.npair) if i != board]
 
 
 def _make_flexible(spec: mujoco.MjSpec, scene: Scene, blade: BladeTruth) -> None:
-    """Cut the striker and give every segment the striker's contact."""
+    """Divide the striker into segments, each with the contact parameters of the striker."""
     pair = _named(spec.pairs, scene.info.striker_pair)
     first, second = spec.geom(pair.geomname1), spec.geom(pair.geomname2)
     geom = second if first.parent.name == scene.info.object_body else first
@@ -85,13 +86,13 @@ def _make_flexible(spec: mujoco.MjSpec, scene: Scene, blade: BladeTruth) -> None
         copy = spec.add_pair(name=f"{pair.name}_{segment}")
         for field in _PAIR_FIELDS:
             setattr(copy, field, getattr(pair, field))
-        # The order of the two decides which way the contact's frame points.
+        # The order of the two geoms determines the direction of the contact frame.
         copy.geomname1 = segment if geom is first else pair.geomname1
         copy.geomname2 = segment if geom is second else pair.geomname2
 
 
 def _fastest(model: mujoco.MjModel) -> float:
-    """Angular frequency in rad/s of the fastest vibration of the sprung joints, the others held."""
+    """Highest natural frequency in rad/s of the joints with springs, with all other joints fixed."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     inertia = np.zeros((model.nv, model.nv))
@@ -103,11 +104,11 @@ def _fastest(model: mujoco.MjModel) -> float:
 
 
 def _cut(geom: mujoco.MjsGeom, blade: BladeTruth) -> list[str]:
-    """Shorten the geom to the first segment and hang the others on it; return their geoms' names."""
+    """Shorten the geom to the first segment and attach the others; return the names of their geoms."""
     body = geom.parent
     size, mass, centre = np.array(geom.size), geom.mass, np.array(geom.pos)
     thin, up, across = np.argsort(size)
-    # The free end is the one away from where the striker's body hangs.
+    # The free end is the one that points away from where the striker's body is attached.
     down = np.zeros(3)
     down[up] = -1.0 if body.pos[up] < 0 else 1.0
     height = 2 * size[up]
@@ -147,7 +148,7 @@ def _cut(geom: mujoco.MjsGeom, blade: BladeTruth) -> list[str]:
 def _add_hinge(
     body: mujoco.MjsBody, name: str, axis: int, stiffness: float, inertia: float, blade: BladeTruth
 ) -> None:
-    """A sprung and damped hinge; `stiffness` and `inertia` are those of the blade as a whole."""
+    """Add a hinge with spring and damper; `stiffness` and `inertia` are those of the whole blade."""
     hinges = blade.segments - 1
     body.add_joint(
         name=name,

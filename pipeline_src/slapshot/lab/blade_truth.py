@@ -1,17 +1,17 @@
-"""A flexible striker, in numbers."""
+"""Parameters of a flexible striker."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class BladeTruth:
-    """A flexible striker.
+    """Parameters of a flexible striker.
 
     Attributes:
-        segments: rigid pieces across its height, the first of which sits on the stick.
-        stiffness: N m/rad, of all hinges in series, bending backwards about the blade's long axis.
-        twist_stiffness: N m/rad, of all hinges in series, about the stick's axis; None for none.
-        damping_ratio: of the blade swinging freely on all its hinges as one.
+        segments: number of rigid segments along its height, the first of which is fixed to the stick.
+        stiffness: N m/rad, of all hinges in series, for bending about the blade's long axis.
+        twist_stiffness: N m/rad, of all hinges in series, about the stick's axis; None for no twist.
+        damping_ratio: of the free vibration of the blade on all hinges together.
     """
 
     segments: int

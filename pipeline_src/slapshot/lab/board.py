@@ -1,13 +1,13 @@
-"""A smooth random field over the board, for its height and for its friction.
+"""Smooth random fields over the board, for its height and for its friction.
 
     f(x, y) = sum_i a_i cos(kx_i x + ky_i y + phi_i)
 
 with random wave vectors k_i, amplitudes a_i and phases phi_i. A field is an array (waves, 4) with rows
 (kx, ky, a, phi), in rad/m, rad/m, the unit of f, rad; no rows make a field that is 0 everywhere.
 
-As a height h in m it pushes an object of mass m along the board with -m g grad h (slopes are small: of
-order 1 %, so that cosines and the vertical motion are left out); as a logarithm of friction it
-multiplies the friction at (x, y) by exp(f).
+A height field h in m exerts a force -m g grad h along the board on an object of mass m (slopes are of the
+order of 1 %, so that cosines and the vertical motion are neglected). A field of log friction multiplies the
+friction at (x, y) by exp(f).
 """
 
 import math
@@ -43,22 +43,22 @@ def gradient(field: Array, x: float, y: float) -> tuple[float, float]:
 
 
 def rms_value(field: Array) -> float:
-    """Root of the mean of f^2 over a plane without end, sqrt(sum a^2 / 2)."""
+    """Root mean square of f over the infinite plane, sqrt(sum a^2 / 2)."""
     return float(np.sqrt(np.sum(field[:, 2] ** 2) / 2))
 
 
 def rms_slope(field: Array) -> float:
-    """Root of the mean of |grad f|^2 over a plane without end, sqrt(sum a^2 |k|^2 / 2), per m."""
+    """Root mean square of |grad f| over the infinite plane, sqrt(sum a^2 |k|^2 / 2), per m."""
     return float(np.sqrt(np.sum((field[:, 2] * _wave_numbers(field)) ** 2) / 2))
 
 
 def draw_height(rms: float, wavelengths: tuple[float, float], waves: int, rng: np.random.Generator) -> Array:
-    """(waves, 4) height field in m whose rms slope is `rms`; every wave has a like share in the slope.
+    """Draw a (waves, 4) height field in m with rms slope `rms`; all waves contribute alike to the slope.
 
     Args:
         rms: slope, m/m.
         wavelengths: shortest and longest, m; drawn uniformly in between.
-        waves: how many.
+        waves: number of waves.
         rng: source of randomness.
     """
     field = _draw_waves(wavelengths, waves, rng)
@@ -70,7 +70,7 @@ def draw_height(rms: float, wavelengths: tuple[float, float], waves: int, rng: n
 def draw_log_friction(
     rms: float, wavelengths: tuple[float, float], waves: int, rng: np.random.Generator
 ) -> Array:
-    """(waves, 4) field of log friction whose rms is `rms`; arguments as in draw_height."""
+    """Draw a (waves, 4) field of log friction with rms `rms`; arguments as in draw_height."""
     field = _draw_waves(wavelengths, waves, rng)
     field[:, 2] *= rms / rms_value(field)
     return field
@@ -81,7 +81,7 @@ def _wave_numbers(field: Array) -> Array:
 
 
 def _draw_waves(wavelengths: tuple[float, float], waves: int, rng: np.random.Generator) -> Array:
-    """Waves in all directions with amplitudes from a unit Gaussian."""
+    """Waves in uniformly random directions with standard normal amplitudes."""
     number = 2 * np.pi / rng.uniform(*wavelengths, size=waves)
     direction, phase = rng.uniform(0, 2 * np.pi, size=(2, waves))
     amplitude = rng.normal(size=waves)

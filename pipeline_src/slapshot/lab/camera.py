@@ -1,4 +1,4 @@
-"""The ceiling camera: what it makes of a hit, frame by frame, and where it says that the object rests."""
+"""The ceiling camera: tracked positions of the object, frame by frame, and its observed rest point."""
 
 from dataclasses import dataclass
 
@@ -9,10 +9,10 @@ from slapshot.arrays import Array
 from slapshot.lab.rig import Camera
 from slapshot.scenes.scene import Scene
 
-# Of the time that the camera looks at an object at rest, the last part is used: a person who cuts the
-# recording does not know when exactly the object stopped.
+# Share of the time at rest, counted from its end, from which the rest point is computed: whoever cuts the
+# recording does not know exactly when the object stopped.
 REST_SHARE = 0.8
-FEWEST_FRAMES = 3  # a median of fewer is not safe from a mistrack
+FEWEST_FRAMES = 3  # the median of fewer is not robust against a mistrack
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,7 @@ class Sighting:
 
     Attributes:
         frames: (n, 3) t (s), x, y (m); lost frames are missing rows.
-        rest: (2,) x, y (m) where the object was seen to rest, None if it was not seen.
+        rest: (2,) x, y (m) of the observed rest point, None if the object was not seen at rest.
     """
 
     frames: Array
@@ -29,14 +29,14 @@ class Sighting:
 
 
 def observe(track: Array, camera: Camera, rng: np.random.Generator, seen_as: Array | None = None) -> Sighting:
-    """Look at a hit until `camera.after_rest` seconds after the object has come to rest.
+    """Record a hit until `camera.after_rest` seconds after the object has come to rest.
 
     Args:
-        track: (n, 3 or more) t (s), x, y (m) of the object, often enough to interpolate; at rest from the
-            last row on.
+        track: (n, 3 or more) t (s), x, y (m) of the object, sampled densely enough to interpolate; at rest
+            from the last row on.
         camera: its properties.
-        rng: source of randomness; the clocks of arm and camera are not in step.
-        seen_as: (n, 3) the track as the camera reports it, where that has faults.
+        rng: source of randomness; the clocks of arm and camera are not synchronised.
+        seen_as: (n, 3) the track with the camera's systematic errors; None if it has none.
     """
     reported = track if seen_as is None else seen_as
     end = track[-1, 0] + camera.after_rest
@@ -55,10 +55,10 @@ def observe(track: Array, camera: Camera, rng: np.random.Generator, seen_as: Arr
 
 
 def foot_of(scene: Scene, camera: Camera) -> Array:
-    """(2,) m, the point of the board that the camera is meant to look at.
+    """(2,) m, the nominal point of the board below the camera.
 
-    It is below that of the scene's cameras that looks down most steeply; without one it is the middle of
-    the camera's view, and without a view where the object is put.
+    This is the point below the camera of the scene that points down most steeply; without a camera it is
+    the middle of the field of view, and without a field of view the object's start.
     """
     model = scene.compile()
     data = mujoco.MjData(model)
@@ -77,7 +77,7 @@ def foot_of(scene: Scene, camera: Camera) -> Array:
 
 
 def _noise(count: int, camera: Camera, rng: np.random.Generator) -> Array:
-    """(count, 2) m: a first-order autoregressive process, e_k = a e_(k-1) + sqrt(1 - a^2) white."""
+    """(count, 2) m, a first-order autoregressive process: e_k = a e_(k-1) + sqrt(1 - a^2) white noise."""
     white = rng.normal(0, camera.noise_sd, (count, 2))
     if camera.noise_time == 0:
         return white
@@ -89,7 +89,7 @@ def _noise(count: int, camera: Camera, rng: np.random.Generator) -> Array:
 
 
 def _mistracks(count: int, camera: Camera, rng: np.random.Generator) -> Array:
-    """(count, 2) m, 0 in most frames."""
+    """(count, 2) m, errors of mistracked frames; 0 in most frames."""
     wrong = rng.uniform(size=count) < camera.mistrack_share
     distance = rng.uniform(*camera.mistrack, size=count) * wrong
     direction = rng.uniform(0, 2 * np.pi, size=count)

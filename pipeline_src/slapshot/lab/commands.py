@@ -1,4 +1,4 @@
-"""What a session executes: safe commands, some of them several times, all in random order."""
+"""Commands of a session: safe ones, some of them repeated, all in random order."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ _TRIES_PER_COMMAND = 20
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """One way to hit.
+    """One command.
 
     Attributes:
         motion: of the arm.
-        latent: (latent,) that it was decoded from; None where there is none.
-        task: what it was meant to do, by name; None where it was sampled.
+        latent: (latent,) that the motion was decoded from; None if it was not decoded from one.
+        task: parameters of the scripted hit by name; None if the motion was not scripted.
     """
 
     motion: Motion
@@ -37,14 +37,14 @@ class Command:
 
 
 class Source(Protocol):
-    """Where commands come from."""
+    """Source of commands."""
 
     @property
     def trajectory_model(self) -> str | None:
-        """Version of the model that decodes latents; None where a recording shall hold none."""
+        """Version of the model that decodes latents; None if the recording is to hold no latents."""
 
     def draw(self, count: int, check: SafetyCheck, rng: np.random.Generator) -> list[Command]:
-        """Draw commands that the check lets pass.
+        """Draw commands that pass the safety check.
 
         Raises:
             InputError: too few are safe.
@@ -57,8 +57,8 @@ class Latents:
 
     Attributes:
         motion: decodes a latent (latent,).
-        size: of a latent.
-        trajectory_model: version of the model behind `motion`; None leaves the latents out.
+        size: dimension of a latent.
+        trajectory_model: version of the model behind `motion`; None to record no latents.
     """
 
     motion: Callable[[Array], Motion]
@@ -66,7 +66,7 @@ class Latents:
     trajectory_model: str | None
 
     def draw(self, count: int, check: SafetyCheck, rng: np.random.Generator) -> list[Command]:
-        """Latents one after the other, until enough are safe."""
+        """Sample latents one by one until enough are safe."""
         found: list[Command] = []
         for _ in range(_TRIES_PER_COMMAND * count):
             if len(found) == count:
@@ -85,11 +85,11 @@ class Latents:
 
 @dataclass(frozen=True)
 class Diverse:
-    """Scripted commands of the domain, in all directions and strengths that its arm is up to.
+    """Scripted commands of the domain, in all directions and speeds that its arm can execute.
 
     Attributes:
         scene: of the rig.
-        domain: scripts hits.
+        domain: generates the scripted hits.
         settings: as for demonstrations: ranges of tasks, duration_s and waypoints.
     """
 
@@ -99,7 +99,7 @@ class Diverse:
     trajectory_model: str | None = None
 
     def draw(self, count: int, check: SafetyCheck, rng: np.random.Generator) -> list[Command]:
-        """Tasks one after the other, until enough are within reach and safe."""
+        """Draw tasks one by one until enough are within reach and safe."""
         found: list[Command] = []
         for _ in range(_TRIES_PER_COMMAND):
             tasks = [self.domain.draw_task(self.settings, rng) for _ in range(count)]
@@ -121,10 +121,10 @@ class Diverse:
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """Commands from a pool that other sessions draw from as well.
+    """Commands from a pool that several sessions share.
 
     Attributes:
-        motions: all of them, known to be safe.
+        motions: all motions of the pool, known to be safe.
     """
 
     motions: Sequence[Motion]
@@ -132,12 +132,12 @@ class Pool:
 
     @classmethod
     def load(cls, file: Path, count: int, duration: float, joints: int) -> "Pool":
-        """The first `count` demonstrations of a file (Parquet), which last `duration` s each."""
+        """Read the first `count` demonstrations of a Parquet file, each of which lasts `duration` s."""
         waypoints = np.stack(read_table(file)["waypoints"].to_numpy()[:count]).astype(float)
         return cls([Motion.through(w.reshape(-1, joints), duration) for w in waypoints])
 
     def draw(self, count: int, check: SafetyCheck, rng: np.random.Generator) -> list[Command]:
-        """Some of the pool, none of them twice."""
+        """Draw from the pool without replacement."""
         if count > len(self.motions):
             raise InputError(
                 f"lab.commands: a session of {count} commands is more than the {len(self.motions)} of its "
@@ -152,9 +152,9 @@ class Session:
     """Hits in the order of execution.
 
     Attributes:
-        commands: that are executed.
-        command: (hits,) which of `commands` each hit executes.
-        object_ids: of each hit.
+        commands: the distinct commands of the session.
+        command: (hits,) index into `commands` of each hit.
+        object_ids: object of each hit.
     """
 
     commands: Sequence[Command]
@@ -169,16 +169,16 @@ def draw_session(
     check: SafetyCheck,
     rng: np.random.Generator,
 ) -> Session:
-    """Draw commands and an order.
+    """Draw the commands of a session and their order.
 
-    Every object gets `hits` hits. Among them are the repeats: the same `commands` for every object,
-    each `times` times. The others are commands that are executed once.
+    Every object gets `hits` hits. They include the repeats: the same `commands` for every object, each
+    executed `times` times. All other commands are executed once.
 
     Args:
         settings: hits of each object, and repeats.
-        object_ids: what is hit.
-        source: of commands.
-        check: refuses motions that are not safe.
+        object_ids: the objects to hit.
+        source: draws the commands.
+        check: rejects unsafe motions.
         rng: source of randomness.
 
     Raises:

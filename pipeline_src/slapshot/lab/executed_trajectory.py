@@ -1,4 +1,4 @@
-"""What the arm is led along: a motion at another pace, drifting off, late, and through a filter."""
+"""The executed trajectory: the commanded motion with another speed, joint offsets, a delay and filters."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,21 +8,22 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.trajectories.motion import Motion
 
-# (ticks, joints) one a control period in s -> the same, as it gets through to the servos.
+# (ticks, joints) commands sampled once per control period, and that period in s -> the commands as they
+# reach the servos, of the same shape.
 Filter = Callable[[Array, float], Array]
 
 
 @dataclass(frozen=True, eq=False)
 class ExecutedPath:
-    """The commanded motion at another pace, late by `delay`, drifting off by the joint offset.
+    """The commanded motion with another speed, a delay, and a joint offset that grows along the motion.
 
     Attributes:
         motion: as commanded.
-        pace: factor on its speed.
+        pace: factor on the speed of execution.
         joint_offset: (joints,) rad, reached smoothly at the motion's end.
         delay: s.
-        filters: through which commands pass, one after the other.
-        settling: s that the filters go on moving after the motion's end.
+        filters: applied to the commands one after the other.
+        settling: s that the filters' output continues to change after the motion's end.
     """
 
     motion: Motion
@@ -34,17 +35,17 @@ class ExecutedPath:
 
     @property
     def duration(self) -> float:
-        """S until the arm is to stand still."""
+        """S until the arm should be at rest."""
         return self.motion.duration / self.pace + self.delay + self.settling
 
     def position(self, times: Array) -> Array:
-        """(times, joints) in rad, before the filters."""
+        """(times, joints) in rad, unfiltered."""
         t = self._late(times)
         share = np.minimum(t / self._moving, 1.0)[:, None]
         return self.motion.position(self.pace * t) + share**2 * (3 - 2 * share) * self.joint_offset
 
     def targets(self, ticks: int, period: float, servo_time: float) -> Array:
-        """(ticks, joints) in rad, what the servos are sent every `period` s: q + servo_time dq/dt."""
+        """(ticks, joints) in rad, servo targets sent every `period` s: q + servo_time dq/dt."""
         times = period * np.arange(float(ticks))
         t = self._late(times)
         share = np.minimum(t / self._moving, 1.0)[:, None]
@@ -53,7 +54,7 @@ class ExecutedPath:
         return self._filtered(self.position(times) + servo_time * velocity, period)
 
     def led(self, every: float, period: float) -> tuple[Array, Array]:
-        """Times (n,) in s, `every` s apart to the end, and joint positions (n, joints) then, filtered."""
+        """Times (n,) in s, `every` s apart up to the end, and filtered joint positions (n, joints)."""
         times = np.arange(0.0, self.duration + every, every)
         if not self.filters:
             return times, self.position(times)

@@ -1,8 +1,8 @@
 """Hits on the rig: the arm executes a motion, the blade strikes the object, the object slides to rest.
 
-Arm, blade and object are simulated in MuJoCo from rest until blade and object have parted for good, then
-`slide` takes over, which knows what the ground does under every part of the object. On an even board with
-like friction along x and y MuJoCo would bring it to the same place, within 2 mm, more slowly.
+Arm, blade and object are simulated in MuJoCo from rest until blade and object have separated for good. From
+there `slide` integrates the object's motion with the surface forces at every point of its support. On a flat
+board with isotropic friction MuJoCo gives the same rest point within 2 mm, but more slowly.
 """
 
 from collections.abc import Sequence
@@ -27,20 +27,21 @@ from slapshot.trajectories.motion import Motion
 
 TIMESTEP = 2e-4  # s
 SETTLE = 0.05  # s simulated after the motion's end
-LONGEST_CONTACT = 0.5  # s after the motion's end at which blade and object have parted at the latest
-FLAT = 1e-3  # m above the board: what hops no higher slides
-# m/s. An object still hops when it is launched, and friction slows it only where it lands. What the board
-# pushes up in all from then on is m (g t - w), w being the speed at which it rises: to let it lie flat at
-# once, which takes m g t, is right where w is 0, but for w = 5 cm/s wrong by mu w, 1 % of its speed.
+LONGEST_CONTACT = 0.5  # s after the motion's end by which blade and object have separated at the latest
+FLAT = 1e-3  # m above the board: an object that is no higher counts as sliding
+# m/s, largest vertical speed of an object that counts as sliding. An object may still hop when it is
+# launched, and friction slows it only where it lands. From a launch with vertical speed w, the board's normal
+# impulse over a time t is m (g t - w), whereas `slide` assumes m g t. This is exact for w = 0; for w = 5 cm/s
+# the speed is wrong by mu w, or 1 %.
 LEVEL = 0.01
 MOVING = 0.01  # m/s: slower objects have not been hit yet
-BATCH_SIZE = 64  # hits simulated at a time; what Python does in between is then shared among them
+BATCH_SIZE = 64  # hits simulated together, which share the overhead of Python
 _ROLLING = 1e-4  # placeholder: contacts of dimension 4 do not use it
 _PLANAR = [0, 1, 3]  # x, y, yaw among x, y, z, yaw
 
 
 class RigSimulator:
-    """The rig, on which hits can be executed; what one does depends neither on the others nor on cores."""
+    """Simulates hits on the rig; the result of a hit depends neither on the other hits nor on `cores`."""
 
     def __init__(self, scene: Scene, rig: Rig, timestep: float = TIMESTEP, cores: int = 1) -> None:
         info = scene.info
@@ -57,15 +58,15 @@ class RigSimulator:
         self._start = np.array(info.start)
 
     def hit(self, motion: Motion, object_id: str, chance: HitNoise) -> Hit:
-        """Execute one motion on an object that was put at the scene's start, but for the start error."""
+        """Execute one motion on an object placed at the scene's start plus the start error."""
         return self.hits([HitSpec(motion, object_id, chance)])[0]
 
     def hits(self, strokes: Sequence[HitSpec], arm: bool = True) -> list[Hit]:
-        """Execute strokes; without `arm`, joints end where the object is launched."""
+        """Execute hits; without `arm`, the joint trajectories end at the launch of the object."""
         return self.settle(strokes, self.launches(strokes, arm))
 
     def settle(self, strokes: Sequence[HitSpec], launches: Sequence[Launch]) -> list[Hit]:
-        """Let objects that were launched slide to rest."""
+        """Let launched objects slide to rest."""
         with ThreadPoolExecutor(self._cores) as pool:
             return list(pool.map(self._settle, strokes, launches))
 
@@ -93,7 +94,7 @@ class RigSimulator:
         )
 
     def launches(self, strokes: Sequence[HitSpec], arm: bool = True) -> list[Launch]:
-        """Simulate in MuJoCo; without `arm` only until the object is launched."""
+        """Simulate hits in MuJoCo up to the launch; with `arm`, up to the end of the motion."""
         found: list[Launch] = []
         for first in range(0, len(strokes), BATCH_SIZE):
             found += self._strike(strokes[first : first + BATCH_SIZE], arm)
@@ -112,7 +113,7 @@ class RigSimulator:
         return self._batch.bind("qvel")
 
     def _strike(self, strokes: Sequence[HitSpec], arm: bool) -> list[Launch]:
-        """Launches of at most BATCH_SIZE strokes."""
+        """Launches of at most BATCH_SIZE hits."""
         info, period = self._scene.info, self._scene.info.control_period
         paths = [self._path(stroke) for stroke in strokes]
         ends = np.array([round((path.duration + SETTLE) / period) for path in paths])
@@ -169,7 +170,7 @@ class RigSimulator:
         )
 
     def _friction(self, stroke: HitSpec) -> Array:
-        """(3,) along x, along y, and torsional in m."""
+        """(3,) coefficients of friction along x and along y, and torsional friction in m."""
         truth = self._rig.objects[stroke.object_id]
         factor = stroke.chance.friction * self._rig.friction_factor(stroke.place)
         return factor * np.array((truth.friction_x, truth.friction_y, truth.friction_torsional))
@@ -181,13 +182,13 @@ class RigSimulator:
         strikers: Sequence[StrikerPath],
         mass: Array,
     ) -> None:
-        """Everything at rest: arms where their paths begin, objects where they were put by mistake."""
+        """Set the initial state at rest: arms at the start of their paths, objects with start errors."""
         batch, model, rows = self._batch, self._model, np.arange(len(strokes))
         scale = mass / model.body_mass[self._body]
         batch.expand("body_mass")[rows, self._body] = model.body_mass[self._body] * scale
         inertia = model.body_inertia[self._body] * scale[:, None]
         batch.expand("body_inertia")[rows, self._body] = inertia
-        batch.set_const(ids=rows)  # gravity acts on masses summed there
+        batch.set_const(ids=rows)  # updates the subtree masses that gravity acts on
         if self._rig.bounces:
             solref = batch.expand("pair_solref")
             for i, striker in enumerate(strikers):
@@ -201,7 +202,7 @@ class RigSimulator:
         qpos[rows, self._object_q[3]] = [self._rig.yaw(stroke.chance.quirk) for stroke in strokes]
 
     def _states(self, rows: NDArray[np.int64]) -> Array:
-        """(rows, 6) x, y (m, in the world), yaw (rad), vx, vy (m/s), spin (rad/s) of objects."""
+        """(rows, 6) x, y (m, world frame), yaw (rad), vx, vy (m/s), spin (rad/s) of objects."""
         columns = rows[:, None]
         state = np.concatenate(
             [self._qpos[columns, self._object_q[_PLANAR]], self._qvel[columns, self._object_v[_PLANAR]]],
@@ -219,7 +220,7 @@ class RigSimulator:
     def _feel(
         self, rows: NDArray[np.int64], states: Array, now: float, mass: Array, friction: Array
     ) -> Array:
-        """Let objects feel the ground where they are; the hardest it can slow them, (strokes,) m/s^2."""
+        """Apply the local surface forces to objects; return their largest deceleration, (strokes,) m/s^2."""
         mean = np.sqrt(friction[rows, 0] * friction[rows, 1])
         forces, factors = np.empty((len(rows), 4)), np.empty((len(rows), 2))
         feel(self._ground, states, np.full(len(rows), now), mean, forces, factors)
@@ -227,14 +228,14 @@ class RigSimulator:
         applied = -mass * GRAVITY * forces[:, :2] + mass * forces[:, 2:]
         qfrc = self._batch.bind("qfrc_applied")
         qfrc[rows[:, None], self._object_v[:2]] = applied
-        if len(self._ground.centres):  # what acts on all of an object acts on its centre of mass
+        if len(self._ground.centres):  # body forces act on the centre of mass
             yaw, (out_x, out_y, _) = states[:, 2], self._ground.centres[0]
             ox = np.cos(yaw) * out_x - np.sin(yaw) * out_y
             oy = np.sin(yaw) * out_x + np.cos(yaw) * out_y
             qfrc[rows, self._object_v[3]] = ox * applied[:, 1] - oy * applied[:, 0]
         pair = self._batch.expand("pair_friction")
         along = friction[rows] * np.exp(factors[:, :1]) * factors[:, 1:]
-        # Tangent 1 of a horizontal contact is world y.
+        # Tangent 1 of a horizontal contact is the world's y axis.
         pair[rows, self._pair, :3] = along[:, [1, 0, 2]]
         pair[rows, self._pair, 3:] = _ROLLING
         hardest = np.zeros(len(friction))

@@ -1,4 +1,4 @@
-"""A hit in three stages: what is to be done, how the object is launched, and what became of it."""
+"""Data of a hit at three stages: its specification, the launch of the object, and the outcome."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,14 +12,14 @@ from slapshot.trajectories.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class HitNoise:
-    """What chance does to one hit.
+    """Random variation of one hit.
 
     Attributes:
         start_error: (2,) m.
         pace: factor on the speed of execution.
         joint_offset: (joints,) rad, reached smoothly at the motion's end.
         friction: factor on the object's friction.
-        quirk: concealed kind -> a standard normal number for it; 0 where there is none.
+        quirk: hidden effect -> a standard normal number that it uses; 0 where there is none.
     """
 
     start_error: Array
@@ -31,13 +31,13 @@ class HitNoise:
 
 @dataclass(frozen=True, eq=False)
 class HitSpec:
-    """What is to be done in one hit.
+    """Specification of one hit.
 
     Attributes:
         motion: as commanded.
-        object_id: what is hit.
-        chance: what chance does to it.
-        place: in the session; 0 for its first hit, 1 for its last.
+        object_id: the object to hit.
+        chance: random variation of the hit.
+        place: position within the session, from 0 for its first hit to 1 for its last.
     """
 
     motion: Motion
@@ -48,12 +48,12 @@ class HitSpec:
 
 @dataclass(frozen=True, eq=False)
 class Launch:
-    """A hit up to where the object slides freely; times from the start of the motion.
+    """A hit up to the moment from which the object slides freely; times from the start of the motion.
 
     Attributes:
         track: (n, 3) x, y (m), yaw (rad) of the object every control period, the last row at the launch.
-        joints: (m, joints) rad, as the encoders have them, every control period.
-        time: s.
+        joints: (m, joints) rad, joint positions without encoder noise, every control period.
+        time: s, of the launch.
         state: (6,) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s) at that time.
     """
 
@@ -65,15 +65,15 @@ class Launch:
 
 @dataclass(frozen=True, eq=False)
 class Hit:
-    """What really happened; times from the start of the motion.
+    """The true outcome of a hit; times from the start of the motion.
 
     Attributes:
         track: (n, 4) t (s), x, y (m), yaw (rad) of the object every control period until it rests.
         joints: (m, 1 + joints) t (s) and positions (rad) of the arm every control period.
         launch_time: s.
         launch: (6,) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s) at that time.
-        rest: (3,) x, y, yaw.
-        end: s, when the object comes to rest.
+        rest: (3,) x, y (m), yaw (rad).
+        end: s, time at which the object comes to rest.
     """
 
     track: Array
@@ -85,7 +85,7 @@ class Hit:
 
 
 def draw_hit_noise(scatter: Scatter, rng: np.random.Generator) -> HitNoise:
-    """Draw what differs from hit to hit."""
+    """Draw the random variation of one hit."""
     return HitNoise(
         start_error=rng.normal(0, scatter.start_error_sd, 2),
         pace=float(np.exp(rng.normal(0, scatter.speed_sd))),

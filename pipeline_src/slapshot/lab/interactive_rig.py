@@ -1,4 +1,4 @@
-"""A stand-in rig that answers new commands, as a robot would: what is known of it is what its camera sees."""
+"""A stand-in rig that executes new commands, as a robot would, and returns its camera's observations."""
 
 from collections.abc import Sequence
 
@@ -16,16 +16,16 @@ from slapshot.trajectories.motion import Motion
 
 
 class LiveRig:
-    """The rig of a recording, ready for more hits; those without `concealed` physics of further kinds."""
+    """The rig of a recording, for further hits; only for settings without hidden effects in `concealed`."""
 
     def __init__(self, scene: Scene, settings: StandIns, seed: list[int], cores: int = 1) -> None:
         """Draw the rig as the stage `lab` draws it.
 
         Args:
-            scene: as everybody believes the rig to be.
+            scene: nominal model of the rig.
             settings: block `lab` of the configuration.
             seed: of the recording: the domain's seed and the rig's number.
-            cores: to use.
+            cores: number of cores.
         """
         if settings.concealed:
             raise NotImplementedError("amplitudes of further kinds are rehearsed with a session's commands")
@@ -35,18 +35,18 @@ class LiveRig:
 
     @property
     def objects(self) -> list[str]:
-        """Ids of what can be hit."""
+        """Ids of the objects that can be hit."""
         return list(self._rig.objects)
 
     def execute(
         self, motions: Sequence[Motion], object_ids: Sequence[str], rng: np.random.Generator
     ) -> Array:
-        """(n, 2) m, where the camera sees objects rest; NaN where it does not.
+        """(n, 2) rest points in m as the camera observes them; NaN where the object was not seen at rest.
 
         Args:
             motions: to execute, known to be safe.
-            object_ids: what is hit by each.
-            rng: of what differs from hit to hit; spawns a stream a hit.
+            object_ids: object of each hit.
+            rng: source of the hit-to-hit variation; spawns one stream per hit.
         """
         streams = [stream.spawn(2) for stream in rng.spawn(len(motions))]
         chances = [draw_hit_noise(self._rig.scatter, stream[0]) for stream in streams]
@@ -59,7 +59,7 @@ class LiveRig:
         return np.array([np.full(2, np.nan) if rest is None else rest for rest in seen]).reshape(-1, 2)
 
     def without_chance(self, motions: Sequence[Motion], object_ids: Sequence[str]) -> Array:
-        """(n, 2) m, where objects would rest if nothing differed from hit to hit: for an oracle only."""
+        """(n, 2) true rest points in m without hit-to-hit variation; for an oracle only."""
         nothing = HitNoise(np.zeros(2), 1.0, np.zeros(self._joints), 1.0)
         strokes = [HitSpec(m, o, nothing) for m, o in zip(motions, object_ids, strict=True)]
         return np.array([hit.rest[:2] for hit in self._bench.hits(strokes, arm=False)]).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""Numbers in the settings: one, which is taken as it is, or [low, high], drawn uniformly in between."""
+"""Numbers in the settings: a fixed value, or a range [low, high] from which a value is drawn uniformly."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def draw_number(value: float | Sequence[float], rng: np.random.Generator) -> float:
-    """The number, or one from the range."""
+    """The fixed number, or one drawn uniformly from the range."""
     if isinstance(value, int | float):
         return float(value)
     return float(rng.uniform(*pair_of(value)))

@@ -1,4 +1,4 @@
-"""When has an object left the striker for good? Told from the way that the arm is led along."""
+"""Detects when an object has left the striker for good, from the executed trajectory of the arm."""
 
 import mujoco
 import numpy as np
@@ -9,12 +9,12 @@ from slapshot.lab.executed_trajectory import ExecutedPath
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 
-LOOK_AHEAD = 0.005  # s, between the future places of the blade that are looked at
-PARTED = 0.01  # m by which the blade will miss the object; it swings by less
+LOOK_AHEAD = 0.005  # s, between the future positions of the blade that are checked
+PARTED = 0.01  # m, clearance at which the object is released; the blade's vibration is smaller
 
 
 class StrikerPath:
-    """Where the striker will be, as far as the arm goes where it is led."""
+    """The path of the striker if the arm follows its executed trajectory exactly."""
 
     def __init__(
         self, scene: Scene, model: mujoco.MjModel, arm: NDArray[np.int64], path: ExecutedPath
@@ -32,10 +32,10 @@ class StrikerPath:
             self._normals[i] = normal / np.linalg.norm(normal)
 
     def misses(self, state: Array, now: float, hardest: float) -> bool:
-        """Whether it will miss an object with that state at `now`, however hard that is slowed.
+        """Whether the striker will not touch the object again, even at its largest deceleration.
 
-        With the deceleration `hardest` (m/s^2) and speed v the object has moved by
-        v t - hardest t^2 / 2 after t <= v / hardest.
+        The object has the state `state` at time `now` (s). With speed v and the deceleration `hardest`
+        (m/s^2) it moves by v t - hardest t^2 / 2 within t <= v / hardest.
         """
         speed = float(np.hypot(state[3], state[4]))
         coming = np.append(self._times[self._times > now], max(now, self._times[-1]))
@@ -47,11 +47,11 @@ class StrikerPath:
         return bool((ahead - half_thickness - radius).min() > PARTED)
 
     def time_at(self, place: Array) -> float:
-        """S at which it first comes up to an object at `place` (2,), or is nearest to that."""
+        """Time in s at which the striker first reaches an object at `place` (2,), or is nearest to it."""
         return float(self._times[self._first(place)])
 
     def speed_at(self, place: Array) -> float:
-        """Its speed in m/s then."""
+        """Speed of the striker in m/s at that time."""
         near = self._first(place)
         return float(np.linalg.norm(self._places[near] - self._places[near - 1]) / LOOK_AHEAD)
 
@@ -62,7 +62,7 @@ class StrikerPath:
 
 
 def nearest_pose(scene: Scene, motion: Motion) -> Array:
-    """(joints,) rad, where a commanded motion brings the striker nearest to where the object is put."""
+    """(joints,) rad, the pose of a commanded motion in which the striker reaches the object's start."""
     model = scene.compile()
     path = ExecutedPath(motion, 1.0, np.zeros(len(scene.info.joints)))
     striker = StrikerPath(scene, model, scene.layout.arm_q, path)

@@ -1,7 +1,6 @@
-"""What a rig conceals: everything that a recording does not say and a diagnosis must find out.
+"""Ground truth of a rig: everything that a recording does not contain and a diagnosis has to infer.
 
-A value in the settings is either a number, which is taken as it is, or [low, high], between which it is
-drawn uniformly.
+A value in the settings is either a fixed number or a range [low, high] from which it is drawn uniformly.
 """
 
 from collections.abc import Mapping
@@ -24,11 +23,11 @@ from slapshot.lab.surface import Ground
 
 @dataclass(frozen=True)
 class ObjectTruth:
-    """An object as it is.
+    """True parameters of an object.
 
     Attributes:
         mass: kg.
-        friction_x, friction_y: of object and board, along the world's axes.
+        friction_x, friction_y: coefficients between object and board along the world's axes.
         friction_torsional: m.
     """
 
@@ -40,11 +39,11 @@ class ObjectTruth:
 
 @dataclass(frozen=True)
 class Scatter:
-    """What differs from hit to hit.
+    """Standard deviations of the hit-to-hit variation.
 
     Attributes:
-        start_error_sd: m, along x and along y, of where the object lies before the hit.
-        speed_sd: of the logarithm of the pace at which a motion is executed.
+        start_error_sd: m, along x and along y, of the object's position before the hit.
+        speed_sd: of the logarithm of the factor on the speed of execution.
         joint_offset_sd: (joints,) rad, of the offset that each joint has at the motion's end.
         friction_sd: of the logarithm of the object's friction on the board.
     """
@@ -62,12 +61,12 @@ class Camera:
     Attributes:
         rate: frames a second.
         noise_sd: m, along x and along y.
-        noise_time: s, over which the noise of successive frames is alike; 0 for white noise.
-        missing_share: of frames that are lost.
-        mistrack_share: of frames in which something else is taken for the object.
-        mistrack: nearest and farthest in m that such a frame is off.
-        after_rest: s that the camera goes on recording once the object rests.
-        view: lowest x, highest x, lowest y, highest y in m of what the camera sees; None for all.
+        noise_time: s, correlation time of the noise; 0 for white noise.
+        missing_share: share of frames that are lost.
+        mistrack_share: share of frames in which something else is taken for the object.
+        mistrack: smallest and largest error in m of such a frame.
+        after_rest: s that the camera continues to record once the object rests.
+        view: lowest x, highest x, lowest y, highest y in m of the field of view; None for no limit.
     """
 
     rate: float
@@ -82,16 +81,16 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """The truth about a rig.
+    """Ground truth of a rig.
 
     Attributes:
         objects: object_id -> object.
-        blade: None for the scene's own rigid one.
-        height: (waves, 4) of the board, see `board`; no rows for a flat one.
-        log_friction: (waves, 4), by which friction differs from place to place.
-        scatter: from hit to hit.
-        camera: that looks on.
-        concealed: what else differs from the scene.
+        blade: None for the scene's own rigid blade.
+        height: (waves, 4) height field of the board, see `board`; no rows for a flat board.
+        log_friction: (waves, 4) field of log friction over the board.
+        scatter: hit-to-hit variation.
+        camera: the ceiling camera.
+        concealed: further hidden effects.
     """
 
     objects: Mapping[str, ObjectTruth]
@@ -104,12 +103,12 @@ class Rig:
 
     @cached_property
     def acting(self) -> tuple[Concealed, ...]:
-        """What is concealed and does something."""
+        """Hidden effects with a nonzero amplitude."""
         return tuple(c for c in self.concealed if c.amplitude != 0)
 
     @property
     def striker(self) -> BladeTruth | None:
-        """How the striker bends; None where it does not."""
+        """Flexibility of the striker; None for a rigid one."""
         found = [c.effect.blade(c.amplitude, c.shape) for c in self.acting]
         return next((blade for blade in found if blade is not None), self.blade)
 
@@ -120,37 +119,37 @@ class Rig:
 
     @property
     def filters(self) -> list[Filter]:
-        """Through which commands pass."""
+        """Filters that are applied to the commands."""
         return [partial(c.effect.follow, c.amplitude, c.shape) for c in self.acting if c.effect.has("follow")]
 
     @property
     def ground(self) -> Ground:
-        """On which objects slide."""
+        """Forces and friction that act on sliding objects."""
         ground = Ground(height=self.height, log_friction=self.log_friction)
         for c in self.acting:
             ground = c.effect.ground(c.amplitude, c.shape, ground)
         return ground
 
     def delay(self, quirk: Mapping[str, float]) -> float:
-        """S by which commands come late in a hit; `quirk` is concealed kind -> a standard normal number."""
+        """Delay of the commands of a hit in s; `quirk`: hidden effect -> a standard normal number."""
         return sum(c.effect.delay(c.amplitude, c.shape, quirk.get(c.effect.name, 0.0)) for c in self.acting)
 
     @property
     def settling(self) -> float:
-        """S that the filters go on after commands have stopped."""
+        """S that the filters' output continues to change after the last command."""
         return sum(c.effect.settling(c.amplitude, c.shape) for c in self.acting)
 
     def yaw(self, quirk: Mapping[str, float]) -> float:
-        """Rad by which the object is turned before a hit."""
+        """Yaw of the object before a hit, in rad."""
         return sum(c.effect.yaw(c.amplitude, c.shape, quirk.get(c.effect.name, 0.0)) for c in self.acting)
 
     def friction_factor(self, place: float) -> float:
-        """On friction, at a place in the session from 0 to 1."""
+        """Factor on friction at a position within the session, from 0 to 1."""
         return float(np.exp(sum(c.effect.log_friction(c.amplitude, c.shape, place) for c in self.acting)))
 
     @property
     def bounces(self) -> bool:
-        """Whether the contact of striker and object is another than the scene's."""
+        """Whether the contact parameters of striker and object differ from the scene's."""
         return any(c.effect.has("bounce") for c in self.acting)
 
     def bounce(self, solref: Array, speed: float) -> Array:
@@ -160,7 +159,7 @@ class Rig:
         return solref
 
     def seen(self, track: Array, place: float) -> Array:
-        """A track (n, 3 or more) t, x, y as a perfect camera with this one's faults reports it."""
+        """A track (n, 3 or more) t, x, y with the camera's systematic errors and without noise."""
         seen = track[:, :3].copy()
         for c in self.acting:
             seen[:, 0] += c.effect.camera_delay(c.amplitude, c.shape, place)
@@ -169,9 +168,9 @@ class Rig:
 
 
 def draw_rig(settings: StandIns, rng: np.random.Generator) -> Rig:
-    """Draw what the settings (block `lab` of the configuration) leave open.
+    """Draw the values for which the settings (block `lab` of the configuration) give ranges.
 
-    Every part has its own stream of random numbers: to take away the blade leaves the board as it is.
+    Every part has its own random stream, so that removing the blade does not change the board.
     """
     streams = rng.spawn(4)
     objects = {

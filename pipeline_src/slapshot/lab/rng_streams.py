@@ -1,4 +1,4 @@
-"""Streams of random numbers that a name picks out, whatever else draws."""
+"""Random streams selected by name, independent of all other draws."""
 
 import zlib
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def stream_for(rng: np.random.Generator, name: str) -> np.random.Generator:
-    """A stream of its own for `name`; it depends on where `rng` comes from, not on what it has drawn."""
+    """A separate stream for `name`; it depends on the seed of `rng`, not on what `rng` has drawn."""
     parent = rng.bit_generator.seed_seq
     assert isinstance(parent, np.random.SeedSequence)
     key = (*parent.spawn_key, zlib.crc32(name.encode()))
@@ -14,5 +14,5 @@ def stream_for(rng: np.random.Generator, name: str) -> np.random.Generator:
 
 
 def recording_streams(seed: int | list[int]) -> list[np.random.Generator]:
-    """Streams of a recording: for its rig, session, scale, hits and concealed physics."""
+    """Streams of a recording: for its rig, session, scale, hits and hidden effects."""
     return np.random.default_rng(seed).spawn(5)

@@ -1,15 +1,16 @@
-"""The lab's slide: a disc with velocity and spin comes to rest with dry friction on the ground there is.
+"""The lab's slide: a disc with velocity and spin slides to rest under dry friction and surface forces.
 
-The disc stands on a ring of n points at its rim, each of which carries N = m g / n. At a point with slip
-velocity (vx, vy) and spin w friction has maximum dissipation in the ellipsoid (fx/mu_x)^2 + (fy/mu_y)^2 +
-(torque/mu_t)^2 <= (c N)^2, where c is what the ground makes of friction at that point:
+The disc is supported by a ring of n points at its rim, each of which carries N = m g / n. At a point with
+slip velocity (vx, vy) and spin w, friction maximises dissipation within the ellipsoid (fx/mu_x)^2 +
+(fy/mu_y)^2 + (torque/mu_t)^2 <= (c N)^2, where c is the surface's local factor on friction:
 
     fx = -c N mu_x^2 vx / s,  fy = -c N mu_y^2 vy / s,  torque = -c N mu_t^2 w / s,
     s = sqrt(mu_x^2 vx^2 + mu_y^2 vy^2 + mu_t^2 w^2)
 
-The board adds -m g grad h, and `ground` says what else acts. Where the centre of mass is o away from the
-middle, a point at r from the middle carries N (1 + 2 r.o / R^2), so that loads have no moment about it.
-Midpoint rule with a fixed step; per unit of mass throughout.
+The board's height field adds -m g grad h, and `surface` defines the other forces. Where the centre of mass is
+offset by o from the disc's centre, a point at r from the centre carries N (1 + 2 r.o / R^2), so that the
+loads have no moment about the centre of mass. Integrated by the midpoint rule with a fixed step; all forces
+are per unit of mass.
 """
 
 import math
@@ -24,16 +25,16 @@ from slapshot.lab.board import gradient
 from slapshot.lab.surface import EVEN, Ground, groove, log_place, push, rise, weight
 
 POINTS = 12
-# s. It moves rests by less than 0.05 mm of those at a tenth of it, on all grounds that the lab conceals; the
-# camera tells where an object rests to 0.8 mm.
+# s. On all surfaces of the lab, rest points differ by less than 0.05 mm from those at a tenth of this step;
+# the camera measures rest points to 0.8 mm.
 STEP = 2e-3
-LONGEST = 30.0  # s; nothing that comes to rest slides this long
-_NO_SLIP = 1e-12  # m/s: keeps s from 0 where a point does not slip
+LONGEST = 30.0  # s; an object that comes to rest at all does so earlier
+_NO_SLIP = 1e-12  # m/s: avoids a division by zero where a point does not slip
 
 
 @dataclass(frozen=True)
 class Slide:
-    """How a disc came to rest.
+    """The slide of a disc to rest.
 
     Attributes:
         rest: (3,) x, y (m), yaw (rad).
@@ -63,13 +64,13 @@ def slide(
         friction: mu_x, mu_y, and mu_t in m.
         radius: m; the moment of inertia is m radius^2 / 2.
         period: s, between rows of the track.
-        ground: what acts besides.
-        start: s, of this state since the hit's start.
-        step: s, of integration.
-        points: on the ring.
+        ground: surface forces and friction.
+        start: s from the hit's start to this state.
+        step: s, integration step.
+        points: number of points of the ring.
 
     Raises:
-        InputError: the disc does not come to rest, because more pushes it than friction holds.
+        InputError: the disc does not come to rest, because the other forces exceed friction.
     """
     track = np.empty((int(LONGEST / period) + 2, 3))
     x, y, yaw, duration, rows = _run(
@@ -93,7 +94,7 @@ def _acceleration(x, y, yaw, vx, vy, spin, time, ox, oy, inertia, mu_x, mu_y, mu
     ax, ay = ax + px, ay + py
     pressed = weight(ground, x, y)
     mean = math.sqrt(mu_x * mu_y)
-    # Asked once, for the loop is what the time goes into.
+    # Checked once, outside of the loop that takes most of the time.
     patchy = len(ground.log_friction) + len(ground.lanes) > 0
     fading, grooved = len(ground.fades) > 0, len(ground.grooves) > 0
     for i in range(points):
@@ -120,7 +121,7 @@ def _acceleration(x, y, yaw, vx, vy, spin, time, ox, oy, inertia, mu_x, mu_y, mu
 
 @njit(cache=True, nogil=True)
 def _holds(x, y, time, mu_x, mu_y, ground):  # type: ignore[no-untyped-def]
-    """Whether friction holds a disc that rests at (x, y)."""
+    """Whether static friction holds a disc at rest at (x, y)."""
     if mu_x <= 0 or mu_y <= 0:
         return False
     slope_x, slope_y = gradient(ground.height, x, y)
@@ -134,7 +135,8 @@ def _holds(x, y, time, mu_x, mu_y, ground):  # type: ignore[no-untyped-def]
 def _run(state, mu_x, mu_y, mu_t, radius, points, ground, start, step, period, track):  # type: ignore[no-untyped-def]
     """Fill `track`; return x, y, yaw at rest, the duration and the number of rows filled."""
     x, y, yaw, vx, vy, spin = state
-    # Of the centre of mass from here on; ox, oy lead there from the middle.
+    # From here on x, y, vx, vy are those of the centre of mass; (ox, oy) is its offset from the disc's
+    # centre.
     out_x, out_y, inertia = 0.0, 0.0, 1.0
     for i in range(len(ground.centres)):
         out_x, out_y, inertia = ground.centres[i]
@@ -148,14 +150,15 @@ def _run(state, mu_x, mu_y, mu_t, radius, points, ground, start, step, period, t
             x, y, yaw, vx, vy, spin, start + time, ox, oy, inertia,
             mu_x, mu_y, mu_t, radius, points, ground,
         )  # fmt: skip
-        # Twice the kinetic energy, and half its rate: at this rate it lasts for `left` seconds.
+        # Twice the kinetic energy per mass, and half its time derivative. Under constant deceleration the
+        # disc stops after `left` seconds.
         energy = vx**2 + vy**2 + inertia * radius**2 / 2 * spin**2
         rate = vx * ax + vy * ay + inertia * radius**2 / 2 * spin * aw
         left = 0.0 if energy < _NO_SLIP**2 else -energy / rate if rate < 0 else math.inf
-        # A further step would turn the friction round. On a slope the disc stays only where it is
-        # held: elsewhere it has merely stopped for an instant, between uphill and downhill.
+        # A further step would reverse the direction of friction. On a slope the disc stays only where static
+        # friction holds it: elsewhere it has merely stopped for an instant before it slides back down.
         if left <= step and _holds(x, y, start + time, mu_x, mu_y, ground):
-            # Over `left` the disc still moves, by half of what it would without slowing down.
+            # During `left` the disc moves by half of the distance that it would without deceleration.
             x, y, yaw = x + vx * left / 2, y + vy * left / 2, yaw + spin * left / 2
             ox, oy = _turned(out_x, out_y, yaw)
             return x - ox, y - oy, yaw, time + left, rows
@@ -170,7 +173,7 @@ def _run(state, mu_x, mu_y, mu_t, radius, points, ground, start, step, period, t
         time = taken * step
         while rows < len(track) and rows * period <= time:
             part = rows * period - (time - step)
-            share = part / step  # along the parabola that leads from here to the step's end
+            share = part / step  # interpolates along the parabola from here to the step's end
             ux, uy, uw = vx + share * (mx - vx), vy + share * (my - vy), spin + share * (mw - spin)
             ox, oy = _turned(out_x, out_y, yaw + part * uw)
             track[rows] = (x + part * ux - ox, y + part * uy - oy, yaw + part * uw)
@@ -183,6 +186,6 @@ def _run(state, mu_x, mu_y, mu_t, radius, points, ground, start, step, period, t
 
 @njit(cache=True, nogil=True)
 def _turned(out_x, out_y, yaw):  # type: ignore[no-untyped-def]
-    """From the middle to the centre of mass, along the world's axes."""
+    """Vector from the disc's centre to the centre of mass in the world frame."""
     cosine, sine = math.cos(yaw), math.sin(yaw)
     return cosine * out_x - sine * out_y, sine * out_x + cosine * out_y

@@ -1,7 +1,7 @@
-"""What acts on an object that slides, beside even and dry friction.
+"""Forces on a sliding object beyond homogeneous dry friction.
 
-A `Ground` holds an array for each piece of physics, with one row for every instance of it and no rows
-where there is none; pieces add up. All forces are per unit of mass.
+A `Ground` holds one array per effect, with one row per instance of that effect and no rows where there is
+none; all contributions add up. All forces are per unit of mass.
 
     board       gravity along a height field h and along slopes:  -g grad h,  -g (s + b (n.r - c) n)
     magnets     towards a point at d = q depth:  A q / (1 + q^2)^3 (1 - (q / 4)^2)^2 / 0.26 up to q = 4
@@ -10,9 +10,10 @@ where there is none; pieces add up. All forces are per unit of mass.
     drags       against the motion:  -A |v|^p
     curls       to the left of the motion:  A w_s tanh(w / w_s) |v|
 
-Friction at a point is multiplied by exp(waves and lanes of the place) (1 + rise(slip)) (1 + pull / g), where
-`pull` is what magnets add to the weight, and grooves add to it at every point -strength mu N A(angle) v / |v|
-with A(angle) = [[cos 2a, sin 2a], [sin 2a, -cos 2a]] and mu = sqrt(mu_x mu_y): Zmitrowicz's linear law.
+Friction at a point is multiplied by exp(log friction at the point) (1 + rise(slip)) (1 + pull / g). The log
+friction is the sum of waves and lanes, and `pull` is the normal acceleration that magnets add to g. Grooves
+add the friction force -strength mu N A(angle) v / |v| at every point, with A(angle) = [[cos 2a, sin 2a], [sin
+2a, -cos 2a]] and mu = sqrt(mu_x mu_y): Zmitrowicz's linear law.
 """
 
 import math
@@ -25,9 +26,9 @@ from slapshot.arrays import GRAVITY, Array
 from slapshot.lab.board import FLAT, gradient, value
 
 MAGNET_RANGE = 4.0  # in depths
-_MAGNET_PEAK = math.sqrt(0.2) / 1.2**3  # of q / (1 + q^2)^3
-_STILL = 1e-9  # m/s: slower there is no direction
-_CREEP = 1e-3  # m/s: MuJoCo lets an object at rest creep on a slope, which is no slip
+_MAGNET_PEAK = math.sqrt(0.2) / 1.2**3  # maximum of q / (1 + q^2)^3
+_STILL = 1e-9  # m/s: below this speed the direction of motion is undefined
+_CREEP = 1e-3  # m/s: MuJoCo lets an object at rest creep on a slope, which does not count as slip
 
 
 def _none(columns: int) -> Array:
@@ -35,21 +36,22 @@ def _none(columns: int) -> Array:
 
 
 class Ground(NamedTuple):
-    """Where and how the board, and what is near it, acts; a row an instance.
+    """Effects of the board and its surroundings on an object, one row per instance.
 
     Attributes:
         height: (n, 4) waves in m, see `board`.
         log_friction: (n, 4) waves, see `board`.
         slopes: (n, 6) rise along x and along y in m/m, bow b in 1/m, its direction n_x, n_y, and c in m.
-        lanes: (n, 8) x, y (m) of the middle, cosine and sine of its direction, half length, half width,
-            edge (m), log friction there.
+        lanes: (n, 8) x, y (m) of the centre, cosine and sine of the direction, half length, half width,
+            width of the edge (m), log friction within the lane.
         drags: (n, 2) A in m^(1-p) s^(p-2), p.
-        fades: (n, 3) rise at rest, speed at which it fades (m/s), exponent; 0 for a Lorentzian.
-        grooves: (n, 2) strength, angle of most friction (rad).
+        fades: (n, 3) relative rise of friction at zero slip, slip at which it decays (m/s), exponent; 0 for
+            a Lorentzian.
+        grooves: (n, 2) strength, angle of largest friction (rad).
         curls: (n, 2) A, saturation w_s in rad/s.
-        centres: (n, 3) place of the centre of mass in the object's frame (m), factor on the moment of
+        centres: (n, 3) position of the centre of mass in the object's frame (m), factor on the moment of
             inertia; at most one row.
-        magnets: (n, 5) x, y, depth (m), A (m/s^2), pull straight above over A.
+        magnets: (n, 5) x, y, depth (m), A (m/s^2), normal acceleration straight above the magnet over A.
         tethers: (n, 5) x, y, length (m), k (1/s^2), loss (s/m).
         fans: (n, 8) u_x, u_y, c (m), w (m; 0 for everywhere), A (m/s^2), depth, f (Hz), phase (rad).
     """
@@ -68,7 +70,7 @@ class Ground(NamedTuple):
     fans: Array = _none(8)
 
     def plus(self, **rows: Array) -> "Ground":
-        """With further rows of some pieces."""
+        """A copy with further rows for some effects."""
         return self._replace(
             **{
                 name: np.ascontiguousarray(np.concatenate([getattr(self, name), more]))
@@ -82,7 +84,7 @@ EVEN = Ground()
 
 @njit(cache=True)
 def push(ground, x, y, vx, vy, spin, time):  # type: ignore[no-untyped-def]
-    """(ax, ay) in m/s^2 of everything but the height field and friction; time in s from the hit's start."""
+    """(ax, ay) in m/s^2 of all but the height field and friction; `time` in s from the hit's start."""
     ax = ay = 0.0
     for i in range(len(ground.slopes)):
         rise_x, rise_y, bow, nx, ny, middle = ground.slopes[i]
@@ -93,7 +95,7 @@ def push(ground, x, y, vx, vy, spin, time):  # type: ignore[no-untyped-def]
         px, py, depth, strength, _ = ground.magnets[i]
         q = math.hypot(px - x, py - y) / depth
         if q < MAGNET_RANGE:
-            # Over q: the direction's length is q depth.
+            # Divided by q, because the vector to the magnet has the length q depth.
             pull = strength / _MAGNET_PEAK / (1 + q**2) ** 3 * (1 - (q / MAGNET_RANGE) ** 2) ** 2
             ax += pull * (px - x) / depth
             ay += pull * (py - y) / depth
@@ -130,7 +132,7 @@ def push(ground, x, y, vx, vy, spin, time):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def log_place(ground, x, y):  # type: ignore[no-untyped-def]
-    """Logarithm of the factor on friction at (x, y)."""
+    """Log friction at (x, y), relative to the object's own friction."""
     total = value(ground.log_friction, x, y)
     for i in range(len(ground.lanes)):
         px, py, cosine, sine, half_length, half_width, edge, depth = ground.lanes[i]
@@ -142,13 +144,13 @@ def log_place(ground, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _inside(q, half, edge):  # type: ignore[no-untyped-def]
-    """Near 1 for |q| < half, near 0 beyond, and smooth over `edge`."""
+    """Smooth window: near 1 for |q| < half, near 0 beyond, with edges of width `edge`."""
     return (math.tanh((q + half) / edge) - math.tanh((q - half) / edge)) / 2
 
 
 @njit(cache=True)
 def rise(ground, slip):  # type: ignore[no-untyped-def]
-    """Factor on friction at a slip of `slip` m/s."""
+    """Factor on friction at a slip speed of `slip` m/s."""
     factor = 1.0
     for i in range(len(ground.fades)):
         share, speed, power = ground.fades[i]
@@ -161,7 +163,7 @@ def rise(ground, slip):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def weight(ground, x, y):  # type: ignore[no-untyped-def]
-    """Factor on the weight of an object at (x, y)."""
+    """Factor on the normal force of an object at (x, y)."""
     factor = 1.0
     for i in range(len(ground.magnets)):
         px, py, depth, strength, share = ground.magnets[i]
@@ -174,7 +176,7 @@ def weight(ground, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def groove(ground, slip_x, slip_y):  # type: ignore[no-untyped-def]
-    """(fx, fy) over mu N that grooves add to the friction at a point with this slip in m/s."""
+    """(fx, fy) over mu N, friction of grooves at a point with slip velocity (slip_x, slip_y) in m/s."""
     fx = fy = 0.0
     slip = math.hypot(slip_x, slip_y)
     if slip > _STILL:
@@ -188,15 +190,15 @@ def groove(ground, slip_x, slip_y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def feel(ground, states, times, friction, forces, factors):  # type: ignore[no-untyped-def]
-    """What objects feel in the middle of their faces, where the whole arm is simulated with them.
+    """Surface forces and friction factors at the objects' centres, for the simulation of the whole arm.
 
     Args:
         ground: a Ground.
         states: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s).
         times: (n,) s from the hit's start.
         friction: (n,) mu.
-        forces: (n, 4) filled with the height field's slopes and with the other forces, m/s^2.
-        factors: (n, 2) filled with log friction of the place, and the other factors on friction.
+        forces: (n, 4) output: the slopes of the height field, and the other forces in m/s^2.
+        factors: (n, 2) output: the local log friction, and the product of the other factors on friction.
     """
     for i in range(len(states)):
         x, y, _, vx, vy, spin = states[i]

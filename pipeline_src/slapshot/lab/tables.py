@@ -1,4 +1,4 @@
-"""A session as the tables of a recording."""
+"""The tables of a recording, from the hits of a session."""
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ from slapshot.trajectories.motion import Motion
 
 
 def hits_table(scene: Scene, session: Session, sightings: list[Sighting], with_latents: bool) -> pd.DataFrame:
-    """One row a hit; hits are numbered in the order of execution."""
+    """One row per hit; hits are numbered in the order of execution."""
     number = np.arange(len(session.command))
     unseen = np.full(2, np.nan)
     rests = np.array([unseen if s.rest is None else s.rest for s in sightings])
@@ -35,14 +35,14 @@ def hits_table(scene: Scene, session: Session, sightings: list[Sighting], with_l
 
 
 def tracks_table(sightings: list[Sighting]) -> pd.DataFrame:
-    """One row a frame."""
+    """One row per frame."""
     tracks = pd.DataFrame(np.concatenate([s.frames for s in sightings]), columns=["t", "x", "y"])
     tracks.insert(0, "hit", np.repeat(np.arange(len(sightings)), [len(s.frames) for s in sightings]))
     return tracks
 
 
 def joint_table(rows: list[Array]) -> pd.DataFrame:
-    """Table of joint angles; an array (n, 1 + joints) of t (s) and angles (rad) a hit."""
+    """Table of joint angles, from one array (n, 1 + joints) of t (s) and angles (rad) per hit."""
     stacked = np.concatenate(rows)
     columns = ["t", *(f"q{j}" for j in range(stacked.shape[1] - 1))]
     table = pd.DataFrame(stacked, columns=columns)
@@ -51,13 +51,13 @@ def joint_table(rows: list[Array]) -> pd.DataFrame:
 
 
 def commanded(motion: Motion, rate: float) -> Array:
-    """(n, 1 + joints): t in s and the joint positions in rad that were asked for, `rate` a second."""
+    """(n, 1 + joints): t in s and commanded joint positions in rad, `rate` samples per second."""
     times = np.arange(round(motion.duration * rate) + 1) / rate
     return np.column_stack([times, motion.position(times)])
 
 
 def read_encoders(joints: Array, settings: Joints, rng: np.random.Generator) -> Array:
-    """(n, 1 + joints): t in s and joint positions in rad as read, from those as they were."""
+    """(n, 1 + joints): t in s and joint positions in rad with encoder noise, from the true `joints`."""
     times = np.arange(0.0, joints[-1, 0], 1 / settings.rate_hz)
     read = [np.interp(times, joints[:, 0], joints[:, j]) for j in range(1, joints.shape[1])]
     noise = rng.normal(0, settings.noise_sd_rad, (len(times), len(read)))

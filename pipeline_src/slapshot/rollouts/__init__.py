@@ -1,1 +1,1 @@
-"""Rollouts: hits under randomised conditions, fast, to a Parquet dataset."""
+"""Rollouts: fast simulation of hits under randomised conditions, written to a Parquet dataset."""

@@ -1,4 +1,4 @@
-"""Stage `rollouts`: conditions x hits to Parquet; goes on where an interrupted run stopped."""
+"""Stage `rollouts`: simulate conditions x hits, write them to Parquet; resumes an interrupted run."""
 
 import logging
 import shutil
@@ -70,7 +70,7 @@ def _simulate(
     period: float,
     parts: Path,
 ) -> None:
-    """Simulate one shard and write its two parts, the tracks last: they mark it as done."""
+    """Simulate one shard and write its two parts; the tracks come last and mark the shard as done."""
     hits, tracked = plan.hits_of(shard)
     outcomes = collector.collect(hits)
     table = hits_table(hits, outcomes, swings, shard.conditions)

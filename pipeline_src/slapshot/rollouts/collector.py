@@ -1,4 +1,4 @@
-"""Fast hits: cached swing, contact phase with the whole arm, hop and planar slide to rest."""
+"""Fast simulation of hits: cached swing, contact phase with the whole arm, hop, and planar slide to rest."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from slapshot.rollouts.slide import slide
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings
 
-# Hits simulated together: enough to keep threads busy, small enough that memory stays flat.
+# Hits simulated together: enough to keep all threads busy, few enough to bound memory.
 BATCH = 1024
 
 

@@ -1,6 +1,6 @@
-"""The contact phase: from just before the striker touches the object until it cannot touch it again.
+"""The contact phase: from just before the striker touches the object until it can no longer touch it.
 
-Only here is the whole arm simulated, for each hit under its own condition. The arm's state at the start
+Only in this phase is the whole arm simulated, for each hit under its own condition. The arm's initial state
 comes from the swing, which was simulated once without the object.
 """
 
@@ -21,29 +21,29 @@ from slapshot.trajectories.swings import Swings
 
 LEAD = 1  # ticks before the striker is within reach of the object
 REACH = 0.001  # m
-SETTLING = 0.1  # s, twenty times what contact with the plane takes
-LOOK_AHEAD_EVERY = 5  # ticks between the moments of the future that are looked at
-MISS_DISTANCE = 0.001  # m by which the striker must miss the object for good
-# A striker that leans over an object presses it on the plane, and its rest hangs on each instant of that: at
-# the scene's step rests are off by 23 mm in the median, at half of it by 7 mm. So faces whose normal has a z
-# below DOWN take steps shorter by FINER.
+SETTLING = 0.1  # s, twenty time constants of the contact with the plane
+LOOK_AHEAD_EVERY = 5  # ticks between the future times that are checked
+MISS_DISTANCE = 0.001  # m, clearance of striker and object at which the contact phase ends
+# A striker whose face is tilted downwards presses the object onto the plane, and the rest point is sensitive
+# to every instant of that: with the scene's step rest points are off by 23 mm in the median, with half of it
+# by 7 mm. Therefore the step is divided by FINER where the z component of the face's normal is below DOWN.
 DOWN = -0.025
 FINER = 2
-# Ticks. A blow is over by then. One object in eleven is still pushed along, for which a step a control period
-# does as well: the median and the 90 % quantile of errors stay the same to 0.1 and 0.2 mm.
+# Ticks, duration of an impact. One object in eleven is still being pushed afterwards, for which one step per
+# control period suffices: the median and the 90 % quantile of errors change by at most 0.1 and 0.2 mm.
 BLOW = 24
 
 
 @dataclass(frozen=True)
 class Launches:
-    """How the object slides away from the striker, or from where it came down if the striker lifted it.
+    """State of the object when it leaves the striker, or when it has landed if the striker lifted it.
 
     Attributes:
         times: (n,) s since the swing's start.
-        states: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s), x and y in the world.
+        states: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s); x and y in the world frame.
         begin: (n,) tick at which the contact phase began.
-        tracks: (n, ticks, 3) x, y, yaw one a control period since `begin`, up to the end of the contact
-            phase; a hit's further rows are NaN. From there the object flies straight to its launch.
+        tracks: (n, ticks, 3) x, y, yaw every control period from `begin` to the end of the contact phase; the
+            remaining rows of a hit are NaN. From there the object moves in a straight line to its launch.
     """
 
     times: Array
@@ -59,7 +59,8 @@ class ContactSimulator:
         self._scene, self._swings = scene, swings
         self._model = scene.compile()
         self._substeps = round(scene.info.control_period / self._model.opt.timestep)
-        # Joints beside the robot's and the object's are springs or play, which need the scene's step.
+        # Joints other than the robot's and the object's model compliance or backlash and need the scene's
+        # step.
         joints = len(scene.info.joints) + len(scene.info.object_joints)
         self._pushed_substeps = 1 if self._model.njnt == joints else self._substeps
         self._batch = Batch(self._model, nsim=size, nthread=threads)
@@ -100,20 +101,20 @@ class ContactSimulator:
 
     @cached_property
     def _settled(self) -> float:
-        """How high an object lies on the plane that it presses on, m."""
+        """Height in m of an object at rest, which penetrates the plane by its weight."""
         data = mujoco.MjData(self._model)
         mujoco.mj_step(self._model, data, round(SETTLING / self._model.opt.timestep))
         return float(data.qpos[self._scene.layout.object_q[2]])
 
     def _landed(self, hits: Hits) -> tuple[Array, Array]:
-        """(n, 6) states, relative to the start, once objects are down, and (n,) s until then."""
+        """(n, 6) states relative to the start once the objects have landed, and (n,) s until then."""
         ids, layout = np.arange(len(hits.swings)), self._scene.layout
         heights, rising = self._qpos[ids, layout.object_q[2]], self._qvel[ids, layout.object_v[2]]
         frictions = np.stack([hits.conditions[f"friction_{k}"] for k in ("x", "y", "torsional")], axis=1)
         return hop(self._pose(ids), heights, rising, frictions, self._scene.info.object_radius)
 
     def _place(self, hits: Hits) -> NDArray[np.int64]:
-        """Set masses, friction and state; return the tick at which each hit begins."""
+        """Set masses, friction and initial states; return the tick at which each hit begins."""
         layout, swings, count = self._scene.layout, self._swings, len(hits.swings)
         body = layout.object_body
         mass = hits.conditions["mass"]
@@ -153,7 +154,7 @@ class ContactSimulator:
         return np.concatenate([position, self._qvel[np.ix_(ids, layout.object_v[planar])]], axis=1)
 
     def _is_over(self, ids: NDArray[np.int64], tick: NDArray[np.int64], hits: Hits) -> NDArray[np.bool_]:
-        """Which objects are out of the striker's reach for the rest of its swing."""
+        """Which objects the striker cannot touch for the rest of its swing."""
         swings, info = self._swings, self._scene.info
         states = self._pose(ids)
         states[:, :2] += np.array(info.start)

@@ -1,7 +1,7 @@
-"""Writing the Parquet dataset: one table of hits a split, one of conditions, one of sampled tracks.
+"""Writes the Parquet dataset: one table of hits per split, one of conditions, one of sampled tracks.
 
-Every table's columns carry their unit in the field's metadata. `state`, `action` and `outcome` are what
-an adaptation method sees, whatever the domain; the other columns say how the outcome came about.
+Every column has its unit in the field's metadata. `state`, `action` and `outcome` are the inputs and targets
+of an adaptation method in every domain; the other columns explain how the outcome came about.
 """
 
 from pathlib import Path
@@ -24,7 +24,7 @@ def _field(name: str, kind: pa.DataType, unit: str) -> pa.Field:
 
 
 def hits_schema(latent: int) -> pa.Schema:
-    """Columns of a table of hits for actions of `latent` dimensions."""
+    """Schema of a table of hits for actions of `latent` dimensions."""
     single = pa.float32()
     return pa.schema(
         [
@@ -106,14 +106,14 @@ def _array(values, kind: pa.DataType) -> pa.Array:  # type: ignore[no-untyped-de
 
 
 def write_atomically(table: pa.Table, path: Path) -> None:
-    """A Parquet file that exists is complete."""
+    """Write a Parquet file such that it either is complete or does not exist."""
     aside = path.with_suffix(".tmp")
     write_table(table, aside)
     aside.rename(path)
 
 
 def concatenate(parts: list[Path], path: Path, schema: pa.Schema) -> None:
-    """Join Parquet files in order, in row groups of ROWS_PER_GROUP, a group in memory at a time."""
+    """Join Parquet files in order, in row groups of ROWS_PER_GROUP with one group in memory at a time."""
     with table_writer(path, schema) as writer:
         waiting: list[pa.Table] = []
         for part in parts:

@@ -1,4 +1,4 @@
-"""Hits to simulate, and what they did: what every domain's collector is asked and answers."""
+"""Hits to simulate and their outcomes: input and output of every domain's collector."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -16,7 +16,7 @@ class Hits:
     Attributes:
         swings: (n,) rows of the pool of swings.
         conditions: parameter -> (n,) values, see scenes.randomisation.
-        start_errors: (n, 2) m, from where the object was meant to lie.
+        start_errors: (n, 2) m, displacement of the object from its nominal start.
     """
 
     swings: NDArray[np.int64]
@@ -31,11 +31,11 @@ class Hits:
 
 @dataclass(frozen=True)
 class Outcomes:
-    """What n hits did.
+    """Outcomes of n hits.
 
     Attributes:
-        launch_times: (n,) s since the swing's start at which the object is free.
-        launches: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s) then.
+        launch_times: (n,) s from the swing's start to the launch, when the object is free of the striker.
+        launches: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s) at the launch.
         rests: (n, 3) x, y (m), yaw (rad) at rest.
         durations: (n,) s from the launch to rest.
     """
@@ -47,12 +47,12 @@ class Outcomes:
 
     @classmethod
     def joined(cls, parts: "list[Outcomes]") -> "Outcomes":
-        """Those of all parts, in order."""
+        """Concatenate the outcomes of all parts in order."""
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])))
 
 
 class HitCollector(Protocol):
-    """The part `collector` of a domain: its class Collector(scene, swings, threads) has these methods."""
+    """Interface of the part `collector` of a domain, its class Collector(scene, swings, threads)."""
 
     def collect(self, hits: Hits) -> Outcomes:
         """Simulate any number of hits; the outcome of a hit does not depend on the others."""

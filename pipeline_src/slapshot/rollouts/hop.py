@@ -1,12 +1,13 @@
-"""A hop in closed form: what a striker has lifted flies, lands, and slides on.
+"""A hop in closed form: an object that the striker has lifted flies, lands, and slides on.
 
-In the air nothing acts along the plane, so that x, y and yaw go on at their rates for (u + w) / g, where u is
-the speed at which the object rises from height h and w = sqrt(u^2 + 2 g h) that at which it comes down. The
-plane stops it with a normal impulse m w, while friction bears at every instant the same share of the normal
-force as in a slide: velocity and spin change as they would in w / g seconds of sliding.
+In flight no force acts along the plane, so that x, y and yaw change at constant rates for (u + w) / g, where
+u is the vertical speed at height h and w = sqrt(u^2 + 2 g h) the speed of landing. The plane stops the object
+with a normal impulse m w. Friction has at every instant the same ratio to the normal force as in a slide, so
+that velocity and spin change as they would in w / g seconds of sliding.
 
-MuJoCo's object bounces where it lands. Its friction bears the same share all the time, so that between two
-bounces of speed u its velocity is off by mu u to either side, and it comes to rest at the same place.
+In MuJoCo the object bounces when it lands, so that the normal force acts in impulses. Friction keeps the same
+ratio to it: between two bounces of vertical speed u the velocity deviates by at most mu u to either side, and
+the object comes to rest at the same place.
 """
 
 import numpy as np
@@ -18,7 +19,7 @@ from slapshot.rollouts.slide import AT_REST, SPEED_CHANGE, SPIN_CHANGE, friction
 
 @njit(cache=True)
 def _land(state, fall, friction, radius, inertia_per_mass):  # type: ignore[no-untyped-def]
-    """Change the velocities of a state; Heun's method over the normal impulse per weight, in s."""
+    """Change the velocities of a state in place, by Heun's method over the normal impulse per weight (s)."""
     _, _, yaw, vx, vy, spin = state
     mu_x, mu_y, mu_t = friction
     hardest = GRAVITY * max(mu_x, mu_y)
@@ -48,17 +49,17 @@ def _land_all(states, falls, frictions, radius, inertia_per_mass):  # type: igno
 
 
 def hop(states: Array, heights: Array, rising: Array, frictions: Array, radius: float) -> tuple[Array, Array]:
-    """Let n flat solid discs come down.
+    """Let n flat solid discs land.
 
     Args:
         states: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s).
-        heights: (n,) m above the plane; what is pressed into it counts as on it.
-        rising: (n,) m/s.
+        heights: (n,) m above the plane; an object that penetrates the plane counts as lying on it.
+        rising: (n,) vertical speeds in m/s.
         frictions: (n, 3) mu_x, mu_y, and torsional in m.
         radius: m.
 
     Returns:
-        (n, 6) states once they are down, and (n,) the time in s that it took.
+        (n, 6) states after landing, and (n,) the time in s that it took.
     """
     fall = np.sqrt(rising**2 + 2 * GRAVITY * np.maximum(heights, 0))
     times = (rising + fall) / GRAVITY

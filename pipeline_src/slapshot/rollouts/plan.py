@@ -1,4 +1,4 @@
-"""Which hits to simulate: conditions x hits per split, each condition with a seed of its own."""
+"""The hits to simulate: conditions x hits per split, each condition with its own seed."""
 
 from dataclasses import dataclass
 
@@ -40,7 +40,7 @@ class Shard:
 
 
 class RolloutPlan:
-    """All conditions and hits that a configuration asks for, as a function of its seed alone."""
+    """All conditions and hits of a configuration; they depend on its settings and its seed alone."""
 
     def __init__(self, settings: DrawnRollouts, swings: Swings) -> None:
         self._settings = settings
@@ -50,14 +50,14 @@ class RolloutPlan:
         self._tables = {split: self._conditions(split) for split in SPLITS}
 
     def conditions(self) -> pd.DataFrame:
-        """condition, split, name (of a named test condition, else empty), and its parameters."""
+        """Table with columns split, condition, name (empty unless a named test condition) and parameters."""
         return pd.concat(
             [table.assign(split=split, condition=range(len(table))) for split, table in self._tables.items()],
             ignore_index=True,
         )[["split", "condition", "name", *CONDITION_PARAMETERS]]
 
     def shards(self) -> list[Shard]:
-        """All units of work."""
+        """All shards."""
         size = max(1, HITS_PER_SHARD // self.hits)
         return [
             Shard(split, number, range(begin, min(begin + size, len(table))))
@@ -66,7 +66,7 @@ class RolloutPlan:
         ]
 
     def hits_of(self, shard: Shard) -> tuple[Hits, NDArray[np.bool_]]:
-        """The shard's hits, condition by condition, and which of them keep their track."""
+        """The shard's hits, ordered by condition, and a mask of those whose track is kept."""
         pool = self._swings.of_split(shard.split)
         parts = [self._draw(shard.split, condition, pool) for condition in shard.conditions]
         table = self._tables[shard.split].iloc[list(shard.conditions)]

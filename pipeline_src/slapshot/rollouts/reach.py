@@ -1,6 +1,7 @@
-"""When a striker can first touch an object that waits, and when it cannot any more.
+"""Bounds on the contact phase: when a striker can first touch an object at rest, and when it no longer can.
 
-The striker is the plane of its face, which has no edge: nothing touches before the plane does.
+The striker is approximated by the infinite plane of its face, so that contact cannot occur before the plane
+reaches the object.
 """
 
 import math
@@ -13,7 +14,7 @@ from slapshot.arrays import GRAVITY
 
 @njit(cache=True)
 def first_within(swings, first, window, striker, normal, middles, half_thickness, radius, height, reach):  # type: ignore[no-untyped-def]
-    """(n,) ticks at which the face is nearer than `reach` to an upright cylinder, or the window's last.
+    """(n,) first ticks at which the face is nearer than `reach` to an upright cylinder, or the window's last.
 
     Args:
         swings: (n,) of each hit.
@@ -36,7 +37,7 @@ def first_within(swings, first, window, striker, normal, middles, half_thickness
             nx, ny, nz = normal[swing, tick]
             px, py, pz = striker[swing, tick]
             ahead = nx * (middles[i, 0] - px) + ny * (middles[i, 1] - py) + nz * (middles[i, 2] - pz)
-            # How far the cylinder extends towards the face.
+            # Half extent of the cylinder along the face's normal.
             towards = radius * math.hypot(nx, ny) + height / 2 * abs(nz)
             if ahead - half_thickness - towards < reach:
                 break
@@ -47,23 +48,24 @@ def first_within(swings, first, window, striker, normal, middles, half_thickness
 
 @njit(cache=True)
 def has_parted(swings, ticks, period, striker, normal, states, falling, friction, distance, margin, every):  # type: ignore[no-untyped-def]
-    """(n,) whether the striker stays farther than `margin` from an object, for the rest of its swing.
+    """(n,) whether the striker stays farther than `margin` from an object for the rest of its swing.
 
-    The object is slowed as hard as friction can: for good, and at once by what its fall presses on the plane.
-    The striker goes on as it did without object; where it leans, its middle stands for it.
+    The object is assumed to be decelerated by the largest possible friction throughout, and at once by the
+    friction impulse of its landing. The striker is assumed to move as it did without an object; a tilted
+    striker is approximated by the position of its centre.
 
     Args:
         swings: (n,) of each hit.
-        ticks: (n,) now.
+        ticks: (n,) current ticks.
         period: s, of a tick.
         striker: (s, ticks, 3) m.
         normal: (s, ticks, 3) of the face.
         states: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s) of objects now.
-        falling: (n,) m/s downwards.
-        friction: (n,) the largest along any direction.
+        falling: (n,) m/s, downward speed.
+        friction: (n,) largest coefficient of friction in any direction.
         distance: m, from the middle of the striker to that of an object in contact.
         margin: m.
-        every: ticks between the moments of the future that are looked at.
+        every: ticks between the future times that are checked.
     """
     parted = np.ones(len(swings), np.bool_)
     end = striker.shape[1] - 1
@@ -75,7 +77,7 @@ def has_parted(swings, ticks, period, striker, normal, states, falling, friction
         left = max(speed - friction[i] * max(falling[i], 0.0), 0.0)
         tick = min(ticks[i], end)
         while parted[i]:
-            # The object may still move once the swing is over: look at where it comes to rest, too.
+            # The object may still move after the end of the swing, so that its rest point is checked, too.
             time = min((tick - ticks[i]) * period, left / hardest) if tick <= end else left / hardest
             moved = (left * time - hardest * time**2 / 2) / max(speed, 1e-9)
             at = min(tick, end)

@@ -1,4 +1,4 @@
-"""Reading the Parquet dataset; what reads it does not depend on the code that simulates."""
+"""Reads the Parquet dataset, without importing the code that simulates it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from slapshot.parquet import damage_named, open_table, read_frame, read_table
 
 @dataclass(frozen=True)
 class Sequences:
-    """Hits of a split by condition: c conditions, n hits each.
+    """Hits of a split grouped by condition: c conditions with n hits each.
 
     Attributes:
         state, action, outcome: (c, n, size) in the units of the dataset.
-        conditions: (c) rows of the table of conditions.
+        conditions: the c rows of the table of conditions.
     """
 
     state: NDArray[np.float32]
@@ -40,7 +40,7 @@ def read_sequences(folder: Path, split: str) -> Sequences:
 
 
 def iterate_tracks(folder: Path) -> Iterator[pd.DataFrame]:
-    """Sampled tracks, a row group at a time.
+    """Iterate over the sampled tracks, one row group at a time.
 
     Raises:
         InputError: the file is missing or damaged.

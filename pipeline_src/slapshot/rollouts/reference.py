@@ -1,6 +1,6 @@
-"""Slow and plain: the whole arm and the object stepped from the first command to rest.
+"""Reference simulation: steps the whole arm and the object from the first command to rest.
 
-The collector is held against this, and so is its speed.
+The accuracy and the speed of the collector are measured against it.
 """
 
 from collections.abc import Callable
@@ -15,19 +15,19 @@ from slapshot.rollouts.hits import Hits
 from slapshot.scenes.scene import Scene, set_condition
 from slapshot.trajectories.swings import Swings
 
-LOOP = "dm_control"  # how measures call the plain loop
+LOOP = "dm_control"  # name of the plain loop in tables of measurements
 REFERENCE_STEP = 0.00025  # s
-AT_REST = 2e-3  # m/s and, times the radius, rad/s
+AT_REST = 2e-3  # m/s, threshold of speed, and of spin times radius
 LONGEST = 10.0  # s
 
 
 def plain_rests(scene: Scene, swings: Swings, hits: Hits) -> Array:
-    """(n, 2) rest points in m by the loop that one would write first."""
+    """(n, 2) rest points in m, by a straightforward simulation loop; the reference for speed."""
     return dm_control_rests(scene, swings, hits)
 
 
 def exact_rests(scene: Scene, swings: Swings, hits: Hits) -> Array:
-    """(n, 2) rest points in m that errors are measured against."""
+    """(n, 2) rest points in m, the reference for errors."""
     return reference_rests(scene, swings, hits, REFERENCE_STEP)
 
 
@@ -70,7 +70,7 @@ def _run(
     swing = hits.swings[i]
     targets = swings.targets[swing]
     start = np.array(info.start)
-    # A swing begins at rest, where its servo target is its position.
+    # A swing begins at rest, where the servo targets are equal to the joint positions.
     data.qpos[layout.arm_q] = targets[0]
     data.qpos[layout.object_q[:2]] = hits.start_errors[i]
     for tick in range(round(LONGEST / info.control_period)):

@@ -1,15 +1,15 @@
 """The planar slide: a flat object with velocity and spin comes to rest under anisotropic dry friction.
 
-The object stands on three points of its rim, as MuJoCo's cylinder on a plane does, each carrying a third
-of the weight N. Friction at a point with slip velocity (vx, vy) and spin w is the one of maximum
-dissipation in the elliptic cone (fx/mu_x)^2 + (fy/mu_y)^2 + (m/mu_t)^2 <= N^2:
+The object is supported at three points of its rim, as MuJoCo's cylinder on a plane is, each carrying a third
+of the weight N. Friction at a point with slip velocity (vx, vy) and spin w maximises dissipation within the
+elliptic cone (fx/mu_x)^2 + (fy/mu_y)^2 + (m/mu_t)^2 <= N^2:
 
     f_j = -N mu_j^2 v_j / sqrt(mu_x^2 vx^2 + mu_y^2 vy^2 + mu_t^2 w^2)
 
-Rolling friction does not appear: an object that stays flat does not roll. This is the textbook law that
-MuJoCo's elliptic cones approximate: its soft contacts make a sliding object hop by micrometres, so that
-spin dies sooner and anisotropy bends paths less, which moves rest points by 1 to 3 % of the slide,
-of short ones by up to 6 %.
+There is no rolling friction, because an object that stays flat does not roll. This is the textbook law that
+MuJoCo's elliptic cones approximate. MuJoCo's soft contacts make a sliding object hop by micrometres, so that
+spin decays sooner and anisotropy bends paths less, which moves rest points by 1 to 3 % of the slide's length,
+and by up to 6 % for short slides.
 """
 
 import numpy as np
@@ -20,14 +20,14 @@ from slapshot.arrays import GRAVITY, Array
 POINTS = 3
 _COSINE, _SINE = np.cos(2 * np.pi / POINTS), np.sin(2 * np.pi / POINTS)  # from a point to the next
 MAX_STEP = 2e-3  # s
-SPEED_CHANGE = 0.05  # largest share of its speed that the object may lose in a step
-SPIN_CHANGE = 0.5  # largest share of its spin: at 2 it would swing from one sense to the other for ever
-AT_REST = 1e-3  # m/s: what is left from here is below a micrometre
+SPEED_CHANGE = 0.05  # largest share of its speed that the object may lose per step
+SPIN_CHANGE = 0.5  # largest share of its spin per step; at 2 the sign of the spin would alternate for ever
+AT_REST = 1e-3  # m/s: the remaining slide is shorter than a micrometre
 
 
 @njit(cache=True)
 def friction_acceleration(yaw, vx, vy, spin, mu_x, mu_y, mu_t, radius, inertia_per_mass):  # type: ignore[no-untyped-def]
-    """What friction does to velocities (m/s) and spin (rad/s): m/s^2, m/s^2, rad/s^2."""
+    """Acceleration by friction (m/s^2, m/s^2, rad/s^2) at velocities in m/s and spin in rad/s."""
     ax = ay = twist = 0.0
     rx, ry = radius * np.cos(yaw), radius * np.sin(yaw)
     for _ in range(POINTS):
@@ -44,7 +44,10 @@ def friction_acceleration(yaw, vx, vy, spin, mu_x, mu_y, mu_t, radius, inertia_p
 
 @njit(cache=True)
 def _slide_one(state, friction, radius, inertia_per_mass, period, track):  # type: ignore[no-untyped-def]
-    """Heun's method with a step that shrinks with the speed; fills `track` every `period` seconds."""
+    """Slide one object by Heun's method with a step that shrinks with its speed.
+
+    Fills `track` every `period` seconds.
+    """
     x, y, yaw, vx, vy, spin = state
     mu_x, mu_y, mu_t = friction
     hardest = GRAVITY * max(mu_x, mu_y)
@@ -54,7 +57,7 @@ def _slide_one(state, friction, radius, inertia_per_mass, period, track):  # typ
         speed = np.sqrt(vx**2 + vy**2 + (radius * spin) ** 2)
         if speed < AT_REST:
             break
-        # Spin that is slow beside the speed dies at the rate twist / pressing.
+        # A spin that is slow relative to the speed decays at the rate twist / pressing.
         pressing = np.sqrt((mu_x * vx) ** 2 + (mu_y * vy) ** 2 + (mu_t * spin) ** 2)
         step = min(MAX_STEP, SPEED_CHANGE * speed / hardest, SPIN_CHANGE * pressing / (twist + 1e-12))
         ax, ay, aw = friction_acceleration(yaw, vx, vy, spin, mu_x, mu_y, mu_t, radius, inertia_per_mass)

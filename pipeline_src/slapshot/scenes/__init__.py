@@ -1,1 +1,1 @@
-"""Scenes: what a MuJoCo model of a rig is to later stages, what is randomised in it, domains by name."""
+"""Scenes: the MuJoCo model of a rig for all later stages, domain randomisation, and the lookup of domains."""

@@ -1,4 +1,4 @@
-"""Stage `scene`: the domain's MJCF and the names that later stages need."""
+"""Stage `scene`: the domain's MJCF and the names of its elements that later stages need."""
 
 from slapshot.command import Run, stage_command
 from slapshot.config.scene import OwnScene

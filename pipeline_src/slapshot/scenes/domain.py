@@ -1,7 +1,7 @@
-"""What a domain must provide: a scene folder with this face is all that a new domain needs.
+"""The interface of a domain, and loading domains by name.
 
-The stages simulate an arm with joint servos that strikes an object on a plane. A domain whose robot is
-another one brings modules of its own in its folder, which take the place of those in `PARTS`.
+By default the stages simulate an arm with joint servos that strikes an object on a plane. A domain with
+another kind of robot has its own modules in its folder, which replace those in `PARTS`.
 """
 
 import ast
@@ -20,15 +20,16 @@ from slapshot.own_code import import_own
 from slapshot.store.code_dependencies import find_source
 from slapshot.validation import validated, values_of
 
-if TYPE_CHECKING:  # planning reads this module and must not need MuJoCo
+if TYPE_CHECKING:  # Snakemake's planning imports this module and must not need MuJoCo
     from slapshot.scenes.scene import Scene
 
-# Part -> the module that serves domains without one: its file in the domain's folder has the part's name.
+# Part -> default module, for domains without their own. A domain's own is the file of that name in its
+# folder.
 PARTS = {
     "safety": "slapshot.trajectories.safety",  # class SafetyCheck
     "execution": "slapshot.trajectories.execution",  # function execute
     "collector": "slapshot.rollouts.collector",  # class Collector
-    # Functions plain_rests and exact_rests, and the plain loop's name LOOP.
+    # Functions plain_rests and exact_rests, and LOOP, the name of the plain loop.
     "reference": "slapshot.rollouts.reference",
 }
 
@@ -36,15 +37,15 @@ PARTS = {
 class Domain(Protocol):
     """A module with these functions, for example slapshot.domains.hockey.
 
-    It may hold a class `SceneSettings` as well, the model of its block `scene`; without one, all further keys
-    of that block are attributes of what it is given.
+    It may also define a class `SceneSettings`, the model of its block `scene`. Without one, all further keys
+    of that block are attributes of the settings that `build_scene` receives.
     """
 
     def build_scene(self, settings: SceneSettings) -> "Scene":
-        """The scene that the `scene` block of a domain's configuration describes."""
+        """Build the scene from the block `scene` of the domain's configuration."""
 
     def draw_task(self, settings: ScriptedHits, rng: np.random.Generator) -> dict[str, float]:
-        """Parameters of one scripted demonstration, from the `demonstrations` block."""
+        """Draw the parameters of one scripted demonstration from the ranges of the block `demonstrations`."""
 
     def demonstrate(
         self, scene: "Scene", settings: ScriptedHits, tasks: list[dict[str, float]]
@@ -53,20 +54,20 @@ class Domain(Protocol):
 
 
 def domain_module(name: str) -> str:
-    """Dotted name of a domain's module: built in, or one's own when it has a dot in it."""
+    """Dotted name of a domain's module; a name with a dot refers to a user's own module."""
     return name if "." in name else f"slapshot.domains.{name}"
 
 
 def is_built_in(name: str) -> bool:
-    """Whether a domain is of this package; any other one is code of somebody else."""
+    """Whether a domain belongs to this package; any other is a user's own code."""
     return domain_module(name).startswith("slapshot.")
 
 
 def find_domain(name: str) -> Path:
-    """File of a domain's module, which is read and not imported.
+    """File of a domain's module, which is parsed but not imported.
 
     Raises:
-        ValueError: there is no such module, or it is no domain: `what; remedy`.
+        ValueError: there is no such module, or it is not a domain; the message reads `problem; remedy`.
     """
     module = domain_module(name)
     try:
@@ -90,14 +91,14 @@ def find_domain(name: str) -> Path:
 
 
 def _top_level_names(source: Path) -> set[str]:
-    """What a module defines or imports; * where it imports everything of another one.
+    """Names that a module defines or imports, including * for a star import.
 
     Raises:
-        ValueError: it is not valid Python.
+        ValueError: the module is not valid Python.
     """
     try:
         tree = ast.parse(source.read_text("utf-8"))
-    except (SyntaxError, ValueError) as error:  # ValueError: not a text
+    except (SyntaxError, ValueError) as error:  # ValueError: not a text file
         line, problem = getattr(error, "lineno", None) or 1, getattr(error, "msg", error)
         raise ValueError(f"{source}:{line}: not valid Python ({problem}); mend that line") from None
     names: set[str] = set()
@@ -112,14 +113,14 @@ def _top_level_names(source: Path) -> set[str]:
 
 
 def load_domain(name: str, where: str = "scene.domain") -> Domain:
-    """Import a domain; one of a user's own is announced first, because its code runs.
+    """Import a domain; a user's own domain is announced first, because its code is executed.
 
     Args:
-        name: of a folder of slapshot.domains, or dotted name of a module.
-        where: file and key that name it.
+        name: folder of slapshot.domains, or dotted name of a module.
+        where: file and key in which the name stands, for messages.
 
     Raises:
-        InputError: there is no such module, it cannot be imported, or it is no domain.
+        InputError: there is no such module, it cannot be imported, or it is not a domain.
     """
     try:
         source = find_source(domain_module(name))
@@ -143,21 +144,21 @@ def scene_settings(domain: Domain) -> type[SceneSettings]:
 
 
 def build_scene(settings: SceneSettings) -> "Scene":
-    """The scene of a block `scene`.
+    """Build the scene of a block `scene`.
 
     Raises:
-        InputError: its domain cannot be had, or refuses it.
+        InputError: its domain cannot be loaded, or rejects the settings.
     """
     domain = load_domain(settings.domain)
     return domain.build_scene(validated(scene_settings(domain), values_of(settings), "scene"))
 
 
 def part_module(name: str, part: str) -> str:
-    """Dotted name of the module that is a domain's part."""
+    """Dotted name of the module of a domain's part: its own or the default."""
     own = f"{domain_module(name)}.{part}"
     return own if find_source(own) is not None else PARTS[part]
 
 
 def load_part(name: str, part: str) -> ModuleType:
-    """Import one of PARTS for the domain called `name`."""
+    """Import one of PARTS for the domain `name`."""
     return import_module(part_module(name, part))

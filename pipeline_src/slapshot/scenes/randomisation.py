@@ -1,4 +1,4 @@
-"""Conditions: draws of the randomised parameters (paper, tables I and II), from the configuration."""
+"""Domain randomisation: draws of the randomised parameters (paper, tables I and II)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +9,12 @@ from slapshot.config.randomisation import CONDITION_PARAMETERS, Draw, Draws
 def draw_conditions(
     randomisation: Draws, count: int, rng: np.random.Generator
 ) -> dict[str, NDArray[np.float64]]:
-    """Parameter -> (count,) values.
+    """Draw conditions: parameter -> (count,) values.
 
     Args:
-        randomisation: what each parameter is drawn from; friction_y as a multiple of friction_x, say.
-        count: how many conditions.
+        randomisation: distribution of each parameter; a parameter may be drawn as a multiple of another one,
+            such as friction_y of friction_x.
+        count: number of conditions.
         rng: source of randomness.
     """
     values: dict[str, NDArray[np.float64]] = {}
@@ -26,15 +27,15 @@ def draw_conditions(
 
 
 def draw_start_errors(start_error: Draw, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(count, 2) displacements in m of the object from where it was meant to lie.
+    """Draw (count, 2) displacements in m of the object from its nominal start.
 
-    Drawn anew for every hit: where the object really lies is never quite where it was meant to lie.
+    They are drawn for every hit, because objects are never placed exactly.
     """
     return np.stack([_draw(start_error, count, rng), _draw(start_error, count, rng)], axis=1)
 
 
 def middle_condition(randomisation: Draws) -> dict[str, float]:
-    """The mean of every parameter: what a named condition leaves unsaid."""
+    """The mean of every parameter, which is the default in named conditions."""
     values: dict[str, float] = {}
     for name in CONDITION_PARAMETERS:
         draw = randomisation.of_parameter(name)

@@ -1,4 +1,4 @@
-"""A scene as the later stages see it: a compiled model and the names that matter, no domain."""
+"""A scene for the later stages: a MuJoCo model and the names of its elements, independent of the domain."""
 
 import json
 from collections.abc import Mapping
@@ -22,23 +22,25 @@ _ASSETS = "assets"  # folder of a saved scene
 class SceneInfo:
     """Names and sizes in a scene where a robot strikes an object that slides on a plane.
 
-    What a scene does not have is empty or 0: the joints of an object that moves freely, the pairs of a scene
-    whose contacts are those of its geoms, the servos of a robot that is not commanded by joint.
+    An attribute that does not apply is empty or 0: the joints of an object with a free joint, the contact
+    pairs of a scene whose contacts are defined by its geoms, the servos of a robot that is not commanded by
+    joint.
 
     Attributes:
         joints: the robot's joints.
-        commands: how many numbers a command has; commands of an arm with servos are those of `joints`.
+        commands: dimension of a command; for an arm with servos, one target for each of `joints`.
         object_body: body that is struck; its joints are object_joints: x, y, z (m) and yaw (rad).
         object_joints: names of those joints.
         object_radius: m, of the flat cylinder.
         object_height: m.
-        object_pair: contact pair of plane and object; its friction is (y, x, torsional, rolling x 2).
+        object_pair: contact pair of plane and object, with friction (y, x, torsional, rolling, rolling).
         striker_pair: contact pair of striker and object.
-        striker_site: site in the middle of the striker, x axis normal to its striking face.
+        striker_site: site at the centre of the striker, x axis normal to its striking face.
         striker_half_thickness: m, from the site to the face.
         clearance_geoms: geoms that must stay above the plane.
-        start: x and y in m of the object before a hit; where it differs from swing to swing, their middle.
-        servo_time: s; a servo is sent q + servo_time * dq/dt, which makes it track without lag.
+        start: nominal x and y in m of the object before a hit; the centre of all starts if swings differ in
+        it.
+        servo_time: s; servo targets are q + servo_time * dq/dt, so that joints track without lag.
         torque_limits: N m.
         speed_limits: rad/s.
         control_period: s, between commands.
@@ -66,14 +68,14 @@ class SceneInfo:
 
 @dataclass(frozen=True)
 class Scene:
-    """MJCF text, the names that matter in it, and the files that it names (meshes, included MJCF)."""
+    """MJCF text, the names of its elements, and the files that it refers to (meshes, included MJCF)."""
 
     xml: str
     info: SceneInfo
     assets: Mapping[str, bytes] = field(default_factory=dict, hash=False, repr=False)
 
     def compile(self, timestep: float | None = None) -> mujoco.MjModel:
-        """A new model; with another step of integration (s) if one is given."""
+        """Compile a new model, with the integration step `timestep` (s) if it is given."""
         model = mujoco.MjModel.from_xml_string(self.xml, dict(self.assets))
         if timestep is not None:
             model.opt.timestep = timestep
@@ -97,7 +99,7 @@ class Scene:
         )
 
     def save(self, folder: Path) -> None:
-        """Write scene.xml, scene.json and a folder of assets, if there are any."""
+        """Write scene.xml, scene.json and, if there are assets, their folder."""
         (folder / "scene.xml").write_text(self.xml)
         for name, content in self.assets.items():
             (folder / _ASSETS).mkdir(exist_ok=True)
@@ -115,7 +117,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a scene's robot and object are in MuJoCo's arrays, -1 what it lacks; joint ranges in rad."""
+    """Addresses of robot and object in MuJoCo's arrays, -1 for missing elements; joint ranges in rad."""
 
     arm_q: NDArray[np.int64]
     arm_v: NDArray[np.int64]
@@ -129,9 +131,9 @@ class Layout:
 
 
 def set_condition(model: mujoco.MjModel, layout: Layout, condition: Mapping[str, float]) -> None:
-    """Give one model the mass (kg) and friction of a condition.
+    """Set the mass (kg) and friction of a condition in a model.
 
-    mj_setConst must follow: gravity acts on masses that it sums up beforehand.
+    Calls mj_setConst, because gravity acts on the subtree masses that it precomputes.
     """
     body = layout.object_body
     scale = condition["mass"] / model.body_mass[body]
@@ -142,7 +144,7 @@ def set_condition(model: mujoco.MjModel, layout: Layout, condition: Mapping[str,
 
 
 def pair_friction(condition: Mapping[str, T]) -> list[T]:
-    """MuJoCo's five numbers, or arrays of them: tangent 1 of a horizontal contact is world y."""
+    """MuJoCo's five friction coefficients, or arrays of them; tangent 1 on a horizontal plane is world y."""
     rolling = condition["friction_rolling"]
     return [
         condition["friction_y"],

@@ -1,4 +1,4 @@
-"""The striker of a scene whose model is still to be changed: its contact, its shape, which way it hangs."""
+"""The striker in an editable model of a scene: its contact pair, its shape and its orientation."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from slapshot.arrays import Array
 from slapshot.errors import InputError
 from slapshot.scenes.scene import SceneInfo
 
-_LEAST_HANG = 0.1  # share of the way to the link that must lie across the face's normal
+_LEAST_HANG = 0.1  # smallest share of the vector to the link that must be perpendicular to the face's normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,9 +18,9 @@ class Striker:
 
     Attributes:
         geom: in the spec.
-        pos: (3,) m, its middle.
+        pos: (3,) m, its centre.
         quat: (4,) its orientation.
-        size: (3,) m, as MuJoCo wants it for its type.
+        size: (3,) m, in MuJoCo's convention for its type.
         height: m, half of its extent along `up`.
         site: (3,) m, the striker's site.
         normal: (3,) unit normal of the striking face.
@@ -38,10 +38,11 @@ class Striker:
 
     @classmethod
     def of(cls, spec: mujoco.MjSpec, info: SceneInfo) -> "Striker":
-        """Look at the model with all joints at 0.
+        """Find the striker in the model, with all joints at 0.
 
         Raises:
-            InputError: there is no striker, or it points straight ahead from its link: it has no upper edge.
+            InputError: there is no striker, or its face's normal points along its link, so that it has no
+                upper edge.
         """
         model = spec.compile()
         data = mujoco.MjData(model)
@@ -86,7 +87,7 @@ def striker_pair(spec: mujoco.MjSpec, info: SceneInfo) -> mujoco.MjsPair:
 
 
 def striker_geom(spec: mujoco.MjSpec, info: SceneInfo) -> mujoco.MjsGeom:
-    """The one of that pair that does not belong to the object."""
+    """The geom of that pair that does not belong to the object."""
     pair = striker_pair(spec, info)
     first, second = spec.geom(pair.geomname1), spec.geom(pair.geomname2)
     return second if first.parent.name == info.object_body else first

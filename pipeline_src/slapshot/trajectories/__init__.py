@@ -1,1 +1,1 @@
-"""Trajectories: scripted demonstrations, a VAE over them, and the swings that are safe to execute."""
+"""Trajectories: scripted demonstrations, a VAE trained on them, and swings that are safe to execute."""

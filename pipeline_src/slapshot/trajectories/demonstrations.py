@@ -1,4 +1,4 @@
-"""Stage `demonstrations`: scripted task trajectories that are within every limit (S5)."""
+"""Stage `demonstrations`: scripted trajectories that satisfy all safety limits (S5)."""
 
 import logging
 from collections import Counter
@@ -21,12 +21,12 @@ from slapshot.trajectories.motion import Motion
 
 log = logging.getLogger("slapshot")
 
-_BLOCK = 64  # tasks drawn at a time, so that the first n demonstrations do not depend on their count
+_BLOCK = 64  # tasks drawn at a time, so that the first n demonstrations do not depend on their number
 _ROWS_PER_GROUP = 8192
 
 
 def produce(run: Run) -> None:
-    """Write demonstrations.parquet: a row each safe demonstration, its task and its waypoints (rad)."""
+    """Write demonstrations.parquet: one row per safe demonstration, with its task and waypoints (rad)."""
     settings = run.settings(DemonstrationsSettings)
     scene = Scene.load(run.inputs["scene"])
     blocks = -(-settings.count // _BLOCK)
@@ -49,7 +49,7 @@ def produce(run: Run) -> None:
 def _blocks(
     scene: Scene, settings: DemonstrationsSettings, blocks: int
 ) -> Iterator[tuple[list[dict[str, Any]], list[str]]]:
-    """Safe demonstrations, and why the other tasks were refused, block by block."""
+    """Safe demonstrations, and the reasons for which other tasks were rejected, block by block."""
     domain = load_domain(settings.domain)
     check = load_part(settings.domain, "safety").SafetyCheck(scene)
     rng = np.random.default_rng(settings.seed)
@@ -69,7 +69,7 @@ def _blocks(
 
 
 class _Writer:
-    """A Parquet file written in row groups, so that memory does not grow with the demonstrations."""
+    """A Parquet file written in row groups, so that memory is bounded."""
 
     def __init__(self, path: Path, size: int) -> None:
         self._path, self._size = path, size

@@ -1,4 +1,4 @@
-"""Swings of an arm with joint servos, simulated without the object."""
+"""Simulates swings of an arm with joint servos, without the object."""
 
 import mujoco
 import numpy as np
@@ -14,9 +14,9 @@ from slapshot.trajectories.vae import TrajectoryVae
 
 WINDOW_BEFORE, WINDOW_AFTER = 0.20, 0.12  # s around the nominal contact in which a hit may begin
 SETTLE = 0.05  # s simulated after the motion's end
-# Share of a torque limit that an executed swing may use: contact forces come on top.
+# Share of the torque limits that a swing may use; contact forces come on top.
 TORQUE_SHARE = 0.8
-_FAR = 100.0  # m: where the object waits while the arm moves alone
+_FAR = 100.0  # m, position of the object while the arm moves alone
 
 
 def execute(
@@ -25,11 +25,11 @@ def execute(
     """Move the arm along each latent's motion, with the object out of the way.
 
     Returns:
-        The swings, and (n,) whether speeds and torques stayed within limits and the object was reached.
+        The swings, and (n,) whether speeds and torques stay within limits and the object is reached.
     """
     info, layout = scene.info, scene.layout
     mj_model = scene.compile()
-    # The object waits far away and contacts of the arm are none of its model: to look for them takes a third
+    # The object is far away and the model has no contacts of the arm; collision detection would take a third
     # of the time.
     mj_model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     substeps = round(info.control_period / mj_model.opt.timestep)
@@ -43,7 +43,7 @@ def execute(
     batch.reset()
     qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
     force = batch.bind("actuator_force")
-    # Of all joints but the object's: links may hang on springs behind the arm's own.
+    # All joints except the object's, because links may be attached by springs besides the arm's own joints.
     names = [mj_model.joint(j).name for j in range(mj_model.njnt)]
     names = [name for name in names if name not in info.object_joints]
     moving = [mj_model.joint(name).qposadr[0] for name in names]
@@ -80,20 +80,20 @@ def windowed(
     striker: Array,
     normal: Array,
 ) -> tuple[Swings, NDArray[np.bool_]]:
-    """Swings of all ticks, cut to the windows in which hits may begin.
+    """Cut swings to the windows in which hits may begin.
 
     Args:
-        scene: with the object where it is meant to lie.
+        scene: with the object at its nominal start.
         latents: (n, latent).
         splits: (n,).
         targets: (n, t, j) rad.
-        positions: (n, t, j) rad, of all ticks.
-        velocities: (n, t, j) rad/s, of all ticks.
+        positions: (n, t, j) rad, at all ticks.
+        velocities: (n, t, j) rad/s, at all ticks.
         striker: (n, t, 3) m.
         normal: (n, t, 3).
 
     Returns:
-        The swings, and (n,) whether the object is reached in time for a whole window.
+        The swings, and (n,) whether the object is reached early enough for a whole window.
     """
     info = scene.info
     starts = np.tile(np.array(info.start), (len(latents), 1))

@@ -1,4 +1,4 @@
-"""Stage `trajectory_model`: train the VAE on the demonstrations and say how well it did."""
+"""Stage `trajectory_model`: train the VAE on the demonstrations and measure its quality."""
 
 import logging
 import math
@@ -15,13 +15,13 @@ from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
 
 log = logging.getLogger("slapshot")
 
-_HELD_OUT = 10  # every tenth demonstration measures, the others train
+_HELD_OUT = 10  # every tenth demonstration is held out to measure the quality
 
 
 def produce(run: Run) -> None:
     """Write the model and quality.csv (measure, dimension, value)."""
     settings = run.settings(TrajectoryModelSettings)
-    torch.set_num_threads(1)  # layers this small only lose time between threads
+    torch.set_num_threads(1)  # for layers this small, threads cost more time than they save
     scene = Scene.load(run.inputs["scene"])
     column = read_table(run.inputs["demonstrations"] / "demonstrations.parquet")["waypoints"]
     size = column.type.list_size
@@ -56,13 +56,13 @@ def train(flat: torch.Tensor, sizes: VaeSizes, settings: TrajectoryModelSettings
         optimiser, settings.learning_rate, total_steps=steps, pct_start=0.1
     )
     for step in progress(range(steps), steps, "trajectory VAE"):
-        # The likelihood is sharpened slowly: at full sharpness from the start the latent folds.
+        # The decoder's variance is annealed: with the final variance from the start the latent space folds.
         share = min(1.0, step / (0.5 * steps))
         noise = settings.noise * math.exp((1 - share) * math.log(30.0))
         rows = torch.randint(len(flat), (batch,), generator=generator)
         reconstruction, divergence = model.loss(flat[rows], noise, generator)
         optimiser.zero_grad()
-        # Times noise^2 keeps the gradient's size as the likelihood sharpens.
+        # The factor noise^2 keeps the gradient's size as the variance decreases.
         ((reconstruction + divergence) * noise**2).backward()
         optimiser.step()
         schedule.step()
@@ -72,10 +72,10 @@ def train(flat: torch.Tensor, sizes: VaeSizes, settings: TrajectoryModelSettings
 
 @torch.no_grad()
 def measure(model: TrajectoryVae, flat: torch.Tensor) -> pd.DataFrame:
-    """Is the latent used, and is it near a unit Gaussian? On held-out demonstrations.
+    """Whether the latent is used and close to a unit Gaussian, on held-out demonstrations.
 
-    kl_nats: information a dimension carries (0: unused). mean, sd: of the encoder's samples over all
-    demonstrations (unit Gaussian: 0 and 1). reconstruction_rms: through the encoder's mean, in the unit of
+    kl_nats: information that a dimension carries (0: unused). mean, sd: of the encoder's samples over all
+    demonstrations (unit Gaussian: 0 and 1). reconstruction_rms: of the decoded encoder mean, in the unit of
     waypoints.
     """
     mean, log_variance = model.encode(flat)

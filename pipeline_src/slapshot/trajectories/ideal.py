@@ -1,8 +1,8 @@
-"""Swings of an arm that follows its commands exactly: kinematics in place of a simulation.
+"""Swings of an arm that tracks its commands exactly: kinematics instead of a simulation.
 
-An arm with servos is off its commands by 1.5 mrad and 0.03 rad/s (rms), which moves rest points by 8 to
-10 mm in the median; the start errors of the randomisation move them further. Such swings cost a twentieth of
-simulated ones: they are for methods that need new commands by the hundred thousand.
+An arm with servos has a tracking error of 1.5 mrad and 0.03 rad/s (rms), which moves rest points by 8 to 10
+mm in the median; the start errors of the randomisation move them further. Ideal swings take a twentieth of
+the time of simulated ones and are meant for methods that need hundreds of thousands of new commands.
 """
 
 import numpy as np
@@ -15,23 +15,23 @@ from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
 
-_EVERY = 5  # ticks between poses of the striker that are worked out; between them, straight lines
+_EVERY = 5  # ticks between computed poses of the striker; linear interpolation in between
 
 
 def ideal_swings(scene: Scene, model: TrajectoryVae, latents: Array) -> Swings:
-    """Swings of latents (n, latent), all of them in the split `train`; nothing is checked."""
+    """Swings of latents (n, latent), all in the split `train`; without safety checks."""
     info = scene.info
     ticks = round((model.sizes.duration + SETTLE) / info.control_period)
     times = np.arange(ticks, dtype=np.float64) * info.control_period
     motion = Motion.through(model.waypoints(latents).swapaxes(0, 1), model.sizes.duration)
     positions, velocities = (x.swapaxes(0, 1) for x in (motion.position(times), motion.velocity(times)))
-    targets = positions + info.servo_time * velocities  # as Motion.servo_targets has it
+    targets = positions + info.servo_time * velocities  # as in Motion.servo_targets
     splits = np.zeros(len(latents), np.int64)
     return windowed(scene, latents, splits, targets, positions, velocities, *_striker(scene, positions))[0]
 
 
 def _striker(scene: Scene, positions: Array) -> tuple[Array, Array]:
-    """(n, t, 3) position and normal of the striker, of joints (n, t, j) in rad."""
+    """Position in m and normal of the striker, (n, t, 3) each, for joint positions (n, t, j) in rad."""
     count, ticks, joints = positions.shape
     knots = np.unique([*range(0, ticks, _EVERY), ticks - 1])
     model, names = scene.compile(), list(scene.info.joints)

@@ -1,7 +1,8 @@
-"""Where bodies of an arm are, for many joint positions at once.
+"""Forward kinematics of an arm for many joint positions at once.
 
-MuJoCo works out one pose at a time, and to call it from Python costs several times what it computes. What it
-does for a body (mj_kinematics) is done here: from the parent's frame to the body's, then joint by joint.
+MuJoCo computes one pose at a time, and a call from Python takes several times as long as the computation.
+This module repeats what mj_kinematics does for each body: from the parent's frame to the body's, then joint
+by joint.
 """
 
 import math
@@ -17,18 +18,18 @@ _HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLI
 
 
 class Kinematics:
-    """Some bodies of a model and all that they hang on; joints not given stay at their references."""
+    """Kinematics of some bodies of a model and their ancestors; other joints stay at their references."""
 
     def __init__(self, model: mujoco.MjModel, bodies: list[int], joints: list[str]) -> None:
-        """Prepare.
+        """Copy the constants of the model.
 
         Args:
-            model: whose constants are taken over.
-            bodies: that matter.
-            joints: whose positions will be given, in that order.
+            model: the model.
+            bodies: ids of the bodies whose poses are needed.
+            joints: joints whose positions will be given, in that order.
 
         Raises:
-            InputError: a body hangs on a joint that is neither a hinge nor a slide.
+            InputError: a body or its ancestor has a joint that is neither a hinge nor a slide.
         """
         wanted = set(bodies)
         for body in sorted(bodies):
@@ -54,11 +55,11 @@ class Kinematics:
         self._zeros = np.array([model.qpos0[model.joint(name).qposadr[0]] for name in joints])
 
     def row(self, body: int) -> int:
-        """Where a body stands in what `poses` returns."""
+        """Index of a body in the arrays that `poses` returns."""
         return self._rows[body]
 
     def poses(self, positions: Array) -> tuple[Array, Array]:
-        """Places (n, bodies, 3) in m and rotations (n, bodies, 3, 3), of joints (n, j) in rad or m."""
+        """Positions (n, bodies, 3) in m and rotations (n, bodies, 3, 3) for joints (n, j) in rad or m."""
         moved = np.ascontiguousarray(positions - self._zeros, np.float64)
         places = np.empty((len(moved), len(self._rows), 3))
         turns = np.empty((len(moved), len(self._rows), 3, 3))
@@ -70,7 +71,7 @@ class Kinematics:
 
 
 def site_poses(model: mujoco.MjModel, site: int, joints: list[str], positions: Array) -> Array:
-    """(n, 6) place in m and x axis of a site, of joints (n, j) in rad or m; see Kinematics."""
+    """(n, 6) position in m and x axis of a site for joint positions (n, j) in rad or m; see Kinematics."""
     body = int(model.site_bodyid[site])
     kinematics = Kinematics(model, [body], joints)
     places, turns = kinematics.poses(positions)
@@ -88,7 +89,7 @@ def matrix(quaternion: Array) -> Array:
 
 @njit(cache=True)
 def _follow(moved, parents, offsets, turns, moves, axes, anchors, places, rotations):  # type: ignore[no-untyped-def]
-    # Nothing is allocated within the loops, which would take longer than what is computed.
+    # Arrays are allocated outside the loops, because allocation would take longer than the computation.
     start, about, turned = np.eye(3), np.empty((3, 3)), np.empty((3, 3))
     origin = np.zeros(3)
     for i in range(len(moved)):
@@ -115,7 +116,7 @@ def _follow(moved, parents, offsets, turns, moves, axes, anchors, places, rotati
 
 @njit(cache=True)
 def _add(place, rotation, v, factor):  # type: ignore[no-untyped-def]
-    """Add `factor` times the rotated v to a place."""
+    """Add `factor` times the rotated v to a position, in place."""
     for i in range(3):
         place[i] += factor * (rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2])
 
@@ -129,7 +130,7 @@ def _multiply(a, b, found):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _turn(axis, angle, found):  # type: ignore[no-untyped-def]
-    """Fill the rotation about a unit axis, by Rodrigues' formula."""
+    """Fill `found` with the rotation about a unit axis, by Rodrigues' formula."""
     x, y, z = axis
     c, s = math.cos(angle), math.sin(angle)
     u = 1 - c

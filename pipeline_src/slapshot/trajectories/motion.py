@@ -1,4 +1,4 @@
-"""From waypoints to joint motion: a clamped cubic spline, at rest at both ends."""
+"""Joint motion through waypoints: a clamped cubic spline, at rest at both ends."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -25,8 +25,8 @@ class Motion:
 
     @classmethod
     def through(cls, waypoints: Array, duration: float) -> "Motion":
-        """Through waypoints (waypoints, joints) in rad."""
-        from scipy.interpolate import CubicSpline  # takes long to import, which trajectory models do without
+        """Interpolate waypoints (waypoints, joints) in rad."""
+        from scipy.interpolate import CubicSpline  # slow to import, and not needed to train trajectory models
 
         times = np.linspace(0, duration, len(waypoints))
         return cls(CubicSpline(times, waypoints, bc_type="clamped"), duration)

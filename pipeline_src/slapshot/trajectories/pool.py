@@ -1,7 +1,7 @@
 """Stage `swings`: a finite pool of sampled latents, each decoded, checked and executed once.
 
-Conditions differ only once the object is touched, so the robot's motion up to there is simulated once
-per latent and reused by every hit. Training, validation and test draw from disjoint parts of the pool.
+The robot's motion up to contact does not depend on the condition, so it is simulated once per latent and
+reused by every hit. Training, validation and test draw from disjoint parts of the pool.
 """
 
 import json
@@ -29,7 +29,7 @@ UNSAFE = "unsafe when executed"
 
 
 class Execute(Protocol):
-    """The part `execution` of a domain: moves the robot along each latent's motion.
+    """Interface of the part `execution` of a domain: moves the robot along each latent's motion.
 
     Returns the swings, and (n,) whether each stayed within limits and reached the object.
     """
@@ -37,11 +37,11 @@ class Execute(Protocol):
     def __call__(
         self, scene: Scene, model: TrajectoryVae, latents: Array, splits: NDArray[np.int64], cores: int
     ) -> tuple[Swings, NDArray[np.bool_]]:
-        """Of `latents` (n, latent) that belong to `splits` (n,)."""
+        """Execute `latents` (n, latent), which belong to `splits` (n,)."""
 
 
 def produce(run: Run) -> None:
-    """Write the pool, latents.parquet for people, and refused.json (reason -> count)."""
+    """Write the pool, latents.parquet for reading by people, and refused.json (reason -> count)."""
     settings = run.settings(SwingsSettings)
     scene = Scene.load(run.inputs["scene"])
     model = TrajectoryVae.load(run.inputs["trajectory_model"])
@@ -83,7 +83,7 @@ def _draw_latents(
     rng: np.random.Generator,
     refused: dict[str, int],
 ) -> Array:
-    """(count, latent) that `check` finds nothing against; `refused` counts the reasons against others."""
+    """Sample (count, latent) safe latents; `refused` counts the reasons for which others were rejected."""
     latents: list[Array] = []
     tries = 0
     for _ in progress(range(count), count, f"{split} latents"):

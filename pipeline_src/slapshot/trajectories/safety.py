@@ -1,4 +1,4 @@
-"""Is a trajectory safe to execute? Checked before anything moves; what is unsafe is refused."""
+"""Safety check of trajectories before they are executed; unsafe ones are rejected."""
 
 from dataclasses import dataclass
 
@@ -10,22 +10,22 @@ from slapshot.scenes.scene import Scene
 from slapshot.trajectories.kinematics import Kinematics, matrix
 from slapshot.trajectories.motion import Motion
 
-JOINT_MARGIN = np.deg2rad(2.0)  # rad, to a joint's end stop
+JOINT_MARGIN = np.deg2rad(2.0)  # rad, distance to a joint's limits
 SPEED_SHARE = 0.95  # of a joint's speed limit
-MIN_CLEARANCE = 0.002  # m, of arm and stick over the board
-# rad/s^2: three times what the demonstrations need; a decoded kink exceeds it.
+MIN_CLEARANCE = 0.002  # m, of arm and stick above the board
+# rad/s^2, three times what the demonstrations need; a kink in a decoded trajectory exceeds it.
 MAX_ACCELERATION = 60.0
-_CHECKS = 81  # times at which a trajectory is looked at, every 10 ms of 0.8 s
+_CHECKS = 81  # times at which a trajectory is checked: every 10 ms for a duration of 0.8 s
 
 
 @dataclass(frozen=True)
 class SafetyReport:
-    """What the check found; `reason` is empty for a safe trajectory.
+    """Result of the check; `reason` is empty for a safe trajectory.
 
     Attributes:
-        reason: the first limit that is broken, in words.
-        speed_share: largest joint speed over its limit.
-        clearance: least height in m over the board.
+        reason: description of the first limit that is violated.
+        speed_share: largest ratio of a joint speed to its limit.
+        clearance: smallest height in m above the board.
         acceleration: largest joint acceleration in rad/s^2.
     """
 
@@ -36,7 +36,7 @@ class SafetyReport:
 
     @property
     def safe(self) -> bool:
-        """True if nothing is broken."""
+        """True if no limit is violated."""
         return not self.reason
 
 
@@ -51,7 +51,7 @@ class SafetyCheck:
         self._kinematics = Kinematics(model, bodies, list(scene.info.joints))
 
     def report(self, motion: Motion) -> SafetyReport:
-        """Joint ranges, speeds, smoothness and clearance over the whole motion."""
+        """Check joint ranges, speeds, accelerations and clearance over the whole motion."""
         layout, info = self._scene.layout, self._scene.info
         times = np.linspace(0, motion.duration, _CHECKS)
         positions = motion.position(times)
@@ -75,7 +75,7 @@ class SafetyCheck:
         return SafetyReport(reason, float(share.max()), clearance, float(acceleration.max()))
 
     def _clearance(self, positions: Array) -> float:
-        """Least height over z = 0 of the scene's clearance geoms."""
+        """Smallest height in m above z = 0 of the scene's clearance geoms."""
         model, lowest = self._model, np.inf
         places, turns = self._kinematics.poses(positions)
         for geom in self._geoms:
@@ -88,7 +88,7 @@ class SafetyCheck:
 
 
 def _extent_down(kind: int, size: Array, z_rows: Array) -> Array:
-    """(n,) m, how far a geom reaches below its centre; `z_rows` (n, 3): third rows of its rotations."""
+    """(n,) m, extent of a geom below its centre; `z_rows` (n, 3): third rows of its rotations."""
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
         return np.full(len(z_rows), size[0])
     if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:

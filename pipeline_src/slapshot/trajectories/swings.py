@@ -1,4 +1,4 @@
-"""Swings: sampled latents, each decoded, checked and executed once without anything to hit."""
+"""Swings: sampled latents, each decoded, checked and executed once without an object."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,25 +10,25 @@ from safetensors.numpy import load_file, save_file
 from slapshot.arrays import Array
 
 SPLITS = ("train", "validation", "test")
-POSE_PERIOD = 0.02  # s between the poses of the robot that are kept for pictures
+POSE_PERIOD = 0.02  # s between the robot's poses that are kept for visualisation
 
 
 @dataclass(frozen=True)
 class Swings:
     """Swings of the robot alone.
 
-    There are n swings, w ticks of the window, t ticks in all, j joints, and c numbers in a command.
+    Dimensions: n swings, w ticks in the window, t ticks in all, j joints, c numbers in a command.
 
     Attributes:
         latents: (n, latent) actions.
         splits: (n,) index into SPLITS.
-        starts: (n, 2) m, where the object is meant to lie.
-        targets: (n, t, c) commands, one a control period: of an arm with servos their targets in rad.
-        positions, velocities: (n, w, j) of the joints in rad and rad/s inside the window.
+        starts: (n, 2) m, nominal start of the object.
+        targets: (n, t, c) commands, one per control period; for an arm with servos, their targets in rad.
+        positions, velocities: (n, w, j) of the joints in rad and rad/s within the window.
         first: (n,) tick at which a swing's window begins.
         striker: (n, t, 3) position in m of the striker's site.
         normal: (n, t, 3) unit normal of its striking face.
-        poses: (n, p, j) joints in rad, at `pose_times`.
+        poses: (n, p, j) joint positions in rad at `pose_times`.
     """
 
     latents: Array
@@ -47,7 +47,7 @@ class Swings:
         return np.flatnonzero(self.splits == SPLITS.index(split))
 
     def of(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> "Swings":
-        """Some of the swings."""
+        """Select some of the swings."""
         return Swings(**{name: value[rows] for name, value in vars(self).items()})
 
     def pose_times(self, control_period: float) -> Array:
@@ -67,5 +67,5 @@ class Swings:
 
 
 def pose_stride(control_period: float) -> int:
-    """Ticks from one pose that is kept to the next."""
+    """Ticks between poses that are kept."""
     return max(1, round(POSE_PERIOD / control_period))

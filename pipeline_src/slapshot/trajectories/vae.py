@@ -18,13 +18,13 @@ from slapshot.trajectories.motion import Motion
 
 @dataclass(frozen=True)
 class VaeSizes:
-    """Shapes of the model.
+    """Dimensions of the model.
 
     Attributes:
-        waypoints: in a trajectory.
-        joints: of the arm.
-        latent: dimensions of the action.
-        hidden: widths of the hidden layers of both halves.
+        waypoints: number of waypoints of a trajectory.
+        joints: number of joints of the arm.
+        latent: dimension of the action.
+        hidden: widths of the hidden layers, the same in encoder and decoder.
         duration: s, of every trajectory.
     """
 
@@ -54,15 +54,15 @@ class TrajectoryVae(nn.Module):
         self.latent_sd: Tensor
 
     def set_normalisation(self, flat: Tensor) -> None:
-        """Take mean and spread of waypoints (count, waypoints * joints) from training data."""
+        """Set mean and scale from the training data's waypoints (count, waypoints * joints)."""
         self.mean.copy_(flat.mean(0))
         self.scale.copy_(flat.std(0).clamp_min(1e-3))
 
     @torch.no_grad()
     def standardise_latent(self, flat: Tensor) -> None:
-        """Shift and scale each latent dimension so that the demonstrations fill a unit Gaussian.
+        """Shift and scale each latent dimension so that the demonstrations have mean 0 and variance 1.
 
-        With a sharp decoder the KL term is too weak to do it exactly; reconstructions stay the same.
+        With a small decoder variance the KL term is too weak to ensure this. Reconstructions do not change.
         """
         mean, log_variance = self.encode(flat)
         shift, spread = mean.mean(0), (mean.var(0) + log_variance.exp().mean(0)).sqrt()
@@ -99,12 +99,12 @@ class TrajectoryVae(nn.Module):
         return (mean**2 + log_variance.exp() - 1 - log_variance) / 2
 
     def motion(self, latent: Array) -> Motion:
-        """The motion that a latent (latent,) stands for."""
+        """The motion decoded from a latent (latent,)."""
         return Motion.through(self.waypoints(latent[None])[0], self.sizes.duration)
 
     @torch.no_grad()
     def waypoints(self, latents: Array) -> Array:
-        """(count, waypoints, joints) in rad, of latents (count, latent)."""
+        """(count, waypoints, joints) in rad, decoded from latents (count, latent)."""
         flat = self.decode(torch.as_tensor(latents, dtype=torch.float32)).double().numpy()
         return flat.reshape(-1, self.sizes.waypoints, self.sizes.joints)
 

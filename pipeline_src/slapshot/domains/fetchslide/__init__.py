@@ -1,9 +1,9 @@
-"""FetchSlide: a Fetch robot's gripper pushes a puck away over a table (paper, section IV-B).
+"""FetchSlide: a Fetch robot's gripper pushes a puck over a table (paper, section IV-B).
 
-MJCF and meshes are those of the gymnasium-robotics package; the robot is commanded as there, by the velocity
-of its gripper, so this folder has its own parts: safety, execution and collector.
+MJCF and meshes are those of the gymnasium-robotics package. As there, the robot is commanded by the velocity
+of its gripper, so that this folder has its own parts: safety, execution and collector.
 
-What needs MuJoCo is imported when it is called: a check of `SceneSettings` alone must not need it.
+Modules that need MuJoCo are imported on first use, so that `SceneSettings` can be checked without MuJoCo.
 """
 
 from typing import TYPE_CHECKING

@@ -1,9 +1,9 @@
-"""Fast hits: cached swing, contact with the whole robot, the puck alone on the table until it rests.
+"""Fast simulation of hits: cached swing, contact with the whole robot, then the puck alone until it rests.
 
-None of this approximates the environment: what is left out is what cannot touch the puck any more. End points
-still differ, because the environment's contacts answer a shift of the puck by a nanometre with half a
-millimetre in the median and a centimetre at worst; the collector's differ from the environment's about as
-much.
+The collector makes no approximation: it only leaves out bodies that can no longer touch the puck. Rest points
+still differ from the environment's, because the environment's contacts are chaotic: shifting the puck by a
+nanometre moves its rest point by half a millimetre in the median and by a centimetre at worst. The
+collector's differ from the environment's about as much.
 """
 
 from functools import cached_property
@@ -26,15 +26,15 @@ Rows = NDArray[np.int64]
 
 BATCH = 256  # hits simulated together
 AT_REST = 2e-3  # m/s and rad/s
-PYRAMID = 2**0.5  # a pyramidal cone's friction along its edges, over that along its axes
-MARGIN = 0.005  # m by which the gripper must miss a puck for good; heavy pucks put it off its way by less
+PYRAMID = 2**0.5  # ratio of a pyramidal cone's friction along its edges to that along its axes
+MARGIN = 0.005  # m, clearance at which the contact phase ends; heavy pucks deflect the gripper by less
 LONGEST = 250  # control periods of a slide
-# m that a puck may sink before it counts as having left the table; its rest is where it did.
+# m that a puck may sink before it counts as having left the table; its rest point is where it left.
 FALLEN = 0.005
 
 
 class Collector:
-    """Simulates hits of one pool of swings; a condition's friction_x is linear friction, its mass unused."""
+    """Simulates hits with one pool of swings; friction_x is the linear friction, and mass is not used."""
 
     def __init__(self, scene: Scene, swings: Swings, threads: int, size: int = BATCH) -> None:
         self._swings, self._size = swings, size
@@ -57,7 +57,7 @@ class Collector:
         return Outcomes.joined(outcomes), tracks
 
     def _collect(self, hits: Hits) -> tuple[Outcomes, list[Array]]:
-        """At most `size` hits, with poses (periods, 3) x, y, yaw of each from its start to rest."""
+        """Simulate at most `size` hits; also returns poses (periods, 3) x, y, yaw of each, start to rest."""
         swings, count = self._swings, len(hits.swings)
         ids = np.arange(count)
         places = swings.starts[hits.swings] + hits.start_errors
@@ -95,7 +95,7 @@ class Collector:
     def _has_parted(
         self, swings: Rows, tick: int, poses: Array, velocities: Array, friction: Array
     ) -> NDArray[np.bool_]:
-        """Which pucks the gripper, going where it goes without them, does not come near any more."""
+        """Which pucks the gripper will not touch again if it follows its path without a puck."""
         states = np.concatenate([_planar(poses), velocities[:, :2], velocities[:, 5:]], axis=1)
         return has_parted(
             swings, np.full(len(swings), tick), CONTROL_PERIOD, self._swings.striker, self._swings.normal,
@@ -104,7 +104,7 @@ class Collector:
 
 
 class PucksAlone:
-    """The same puck, table and steps without the robot, for when it is out of reach."""
+    """Simulates the same puck and table with the same steps, without the robot, once it is out of reach."""
 
     def __init__(self, scene: Scene, size: int, threads: int) -> None:
         self._model = _without_robot(scene)
@@ -117,7 +117,7 @@ class PucksAlone:
         return [self._model.geom(name).id for name in (OBJECT, TABLE)]
 
     def slide(self, poses: Array, velocities: Array, friction: Array) -> tuple[Array, Rows]:
-        """Let pucks come to rest.
+        """Let pucks slide to rest.
 
         Args:
             poses: (n, 7).
@@ -125,8 +125,8 @@ class PucksAlone:
             friction: (n, 3) linear, torsional, rolling.
 
         Returns:
-            (n, periods + 1, 3) x, y, yaw after each control period, the first before any; (n,) the number of
-            periods until rest, or until the puck left the table.
+            (n, periods + 1, 3) x, y, yaw at the start and after each control period; (n,) the number of
+            periods until the puck is at rest or leaves the table.
         """
         count = len(poses)
         ids = np.arange(count)
@@ -173,7 +173,7 @@ def _planar(poses: Array) -> Array:
 
 
 def _sampled(poses: Array, period: float) -> Array:
-    """(rows, 4) t, x, y, yaw every `period` s, of poses a control period apart; the last is that at rest."""
+    """(rows, 4) t, x, y, yaw every `period` s, from poses at control periods; the last row is at rest."""
     times = np.arange(0.0, len(poses) * CONTROL_PERIOD, period)
     rows = np.minimum(np.round(times / CONTROL_PERIOD).astype(int), len(poses) - 1)
     return np.column_stack([times, poses[rows]])

@@ -1,4 +1,4 @@
-"""Scripted pushes: the gripper goes behind a random point of the table and pushes away from the robot.
+"""Scripted pushes: the gripper moves behind a random point of the table and pushes away from the robot.
 
 "[...] which move the arm to a random point on the table and push the object away from the robot with a random
 angle and velocity" (paper, section IV-B). A waypoint is a command: the gripper's velocity, in units of the
@@ -15,19 +15,20 @@ from slapshot.domains.fetchslide.model import CONTROL_PERIOD, FINGER_HALF_THICKN
 from slapshot.errors import InputError
 from slapshot.scenes.scene import Scene
 
-# m/s that the gripper does for a command of 1 along an axis: the environment asks for 0.05 m in 0.04 s, but
-# from where the gripper is by then, through a soft weld. Measured; see tests/scenes/test_fetchslide.py.
+# m/s, speed of the gripper for a command of 1 along an axis. The environment demands 0.05 m in 0.04 s, but
+# relative to the gripper's actual position and through a soft weld. Measured; see
+# tests/scenes/test_fetchslide.py.
 RESPONSE = 0.8
-LIFT = 0.008  # m, by which the fingers leave the table that they rest on at first
+LIFT = 0.008  # m, by which the fingers are lifted from the table, on which they rest initially
 # Shares of the motion: fingers lifted, gripper behind the puck, contact, gripper at rest.
 LIFTED_AT, BEHIND_AT, CONTACT_AT, STOPPED_AT = 0.2, 0.54, 0.79, 0.92
 
 
 def draw_task(settings: ScriptedHits, rng: np.random.Generator) -> dict[str, float]:
-    """Where the puck lies (m), a heading (rad), a speed of the gripper (m/s), and how far off centre (m).
+    """Draw the puck's position (m), a heading (rad), the gripper's speed (m/s) and a lateral offset (m).
 
     Raises:
-        InputError: it is not said where pucks lie.
+        InputError: the settings do not give the range of the puck's position.
     """
     if settings.place_m is None:
         raise InputError("key 'place_m' is missing; add it (where the puck lies, beside heading_rad)")
@@ -42,10 +43,10 @@ def draw_task(settings: ScriptedHits, rng: np.random.Generator) -> dict[str, flo
 
 
 def demonstrate(scene: Scene, settings: ScriptedHits, tasks: list[dict[str, float]]) -> list[Array | None]:
-    """Commands (waypoints, 3), one a control period; None where the gripper cannot go as fast as that.
+    """Commands (waypoints, 3), one per control period; None where the gripper cannot be that fast.
 
     Raises:
-        InputError: duration_s is not that of so many commands.
+        InputError: duration_s does not fit the number of commands.
     """
     count = settings.waypoints
     if round(settings.duration_s / CONTROL_PERIOD) != count - 1:
@@ -58,7 +59,7 @@ def demonstrate(scene: Scene, settings: ScriptedHits, tasks: list[dict[str, floa
 
 
 def commands_of(task: Mapping[str, float], count: int) -> Array:
-    """(count, 3) commands whose gripper path is two smooth moves, to behind the puck and through it."""
+    """(count, 3) commands for two smooth moves of the gripper: to behind the puck, and through it."""
     share = np.arange(count + 1) / count
     ahead = np.array([np.cos(task["heading"]), np.sin(task["heading"])])
     aside = np.array([-ahead[1], ahead[0]])
@@ -80,6 +81,6 @@ def commands_of(task: Mapping[str, float], count: int) -> Array:
 
 
 def smooth(u: Array) -> Array:
-    """From 0 to 1 with two continuous derivatives, constant outside."""
+    """Smooth step from 0 to 1 with two continuous derivatives, constant outside [0, 1]."""
     u = np.clip(u, 0, 1)
     return u**3 * (10 - 15 * u + 6 * u**2)

@@ -1,4 +1,4 @@
-"""Swings of the gripper, simulated with the puck out of the way; they say where the puck is to lie."""
+"""Simulates swings of the gripper with the puck out of the way; they determine the puck's nominal start."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,10 @@ from slapshot.trajectories.vae import TrajectoryVae
 
 LEAD = 3  # control periods from the cached state to the nominal contact
 LEAST_SPEED = 0.15  # m/s of the gripper at contact
-REACH = PUCK_RADIUS + FINGER_HALF_THICKNESS  # m, from grip to puck in the middle of contact
-# m that the gripper must be farther away until the cached state; REACH is short of the fingers' corners.
+REACH = PUCK_RADIUS + FINGER_HALF_THICKNESS  # m, from grip to puck for a central contact
+# m, additional distance of the gripper up to the cached state, because REACH neglects the fingers' corners.
 CLEAR = 0.012
-_FRICTION = np.array([0.1, 0.005, 0.0001])  # the environment's own; the puck that feels it is far away
+_FRICTION = np.array([0.1, 0.005, 0.0001])  # the environment's own; without effect, as the puck is far away
 
 
 def execute(
@@ -26,11 +26,11 @@ def execute(
 ) -> tuple[Swings, NDArray[np.bool_]]:
     """Command the gripper along each latent's motion.
 
-    The puck is to lie in front of the gripper at the moment in which it goes through the puck's place in
-    every demonstration.
+    The puck's nominal start is in front of the gripper at the time at which it reaches the puck in every
+    demonstration.
 
     Returns:
-        The swings, and (n,) whether the gripper goes fast enough there and has not been there before.
+        The swings, and (n,) whether the gripper is fast enough at contact and did not touch the puck before.
     """
     count = len(latents)
     times = command_times(model.sizes.duration, scene.info.control_period)

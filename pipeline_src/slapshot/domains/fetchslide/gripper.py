@@ -1,7 +1,7 @@
-"""Many FetchSlide robots stepped at once, commanded as the environment commands its one.
+"""Steps many FetchSlide robots at once, commanded as in the environment.
 
-What `MujocoFetchSlideEnv.step` does in a control period: the mocap body is put where the gripper is, moved by
-0.05 m times the command and turned towards (1, 0, 1, 0); twenty steps follow; the fingers are closed.
+In a control period, `MujocoFetchSlideEnv.step` resets the mocap body to the gripper's pose, moves it by 0.05
+m times the command, rotates it towards (1, 0, 1, 0), and simulates twenty steps; the fingers are closed.
 """
 
 from functools import cached_property
@@ -27,18 +27,18 @@ from slapshot.scenes.scene import Scene
 Rows = NDArray[np.int64]
 
 _TOWARDS = np.array([1.0, 0.0, 1.0, 0.0])  # added to the gripper's quaternion, as the environment does
-# The environment's own set-up (its initial_qpos and _env_setup, gripper_extra_height included).
+# The environment's own initial state (its initial_qpos and _env_setup, including gripper_extra_height).
 _BASE = {"robot0:slide0": 0.05, "robot0:slide1": 0.48, "robot0:slide2": 0.0}
 _FIRST_MOVE = np.array([-0.498, 0.005, -0.431 - 0.02])  # m
 _FIRST_PERIODS = 10
-PUCK_HOME = np.array([1.7, 1.1, 0.41])  # m, where the puck waits during the set-up
+PUCK_HOME = np.array([1.7, 1.1, 0.41])  # m, position of the puck during the set-up
 
 
 def prepare(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """Mend the weld's data as the environment does, and return the state that its reset restores.
+    """Set the data of the weld constraint as the environment does, and return the state after its reset.
 
     Returns:
-        qpos (nq,) and qvel (nv,), not at rest: the environment's episodes begin so.
+        qpos (nq,) and qvel (nv,); not at rest, as at the start of the environment's episodes.
     """
     data = mujoco.MjData(model)
     for name, value in _BASE.items():
@@ -55,7 +55,7 @@ def prepare(model: mujoco.MjModel) -> tuple[Array, Array]:
 
 
 class Grippers:
-    """Up to `size` robots, each with a puck on its table."""
+    """Simulates up to `size` robots, each with a puck on its table."""
 
     def __init__(self, scene: Scene, size: int, threads: int) -> None:
         self._model = scene.compile()
@@ -81,12 +81,12 @@ class Grippers:
         return self._model.joint(OBJECT_JOINT).dofadr[0] + np.arange(6)
 
     def reset(self, ids: Rows, places: Array, friction: Array) -> None:
-        """Robots as after the environment's reset, pucks at `places` (ids, 2) m.
+        """Reset robots as the environment does, with pucks at `places`.
 
         Args:
-            ids: of the robots.
-            places: of their pucks.
-            friction: (ids, 3) linear, torsional, rolling, of puck and table.
+            ids: ids of the robots.
+            places: (ids, 2) positions of their pucks in m.
+            friction: (ids, 3) linear, torsional and rolling friction of puck and table.
         """
         self._batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
         self._qpos[ids], self._qvel[ids] = self._qpos0, self._qvel0
@@ -96,12 +96,12 @@ class Grippers:
         self._batch.forward(ids=ids)
 
     def restore(self, ids: Rows, positions: Array, velocities: Array) -> None:
-        """Put the robots' joints (ids, joints) into a state that `joints` told before."""
+        """Restore a state of the robots' joints (ids, joints) that `joints` returned."""
         self._qpos[np.ix_(ids, self._arm_q)], self._qvel[np.ix_(ids, self._arm_v)] = positions, velocities
         self._batch.forward(ids=ids, stage=mujoco.mjtStage.mjSTAGE_POS)
 
     def command(self, ids: Rows, commands: Array) -> None:
-        """A control period with commands (ids, 3)."""
+        """Simulate a control period with commands (ids, 3)."""
         self._mocap_pos[ids, self._mocap] = self._xpos[ids, self._gripper] + STEP * commands
         self._mocap_quat[ids, self._mocap] = self._xquat[ids, self._gripper] + _TOWARDS
         self._batch.step(ids=ids, nstep=SUBSTEPS, stage=mujoco.mjtStage.mjSTAGE_NONE)
@@ -109,13 +109,13 @@ class Grippers:
         self._batch.forward(ids=ids, stage=mujoco.mjtStage.mjSTAGE_POS)
 
     def joints(self, ids: Rows) -> tuple[Array, Array]:
-        """Positions and velocities (ids, joints)."""
+        """Joint positions and velocities, (ids, joints) each."""
         return self._qpos[np.ix_(ids, self._arm_q)], self._qvel[np.ix_(ids, self._arm_v)]
 
     def grip(self, ids: Rows) -> Array:
-        """(ids, 3) m, the site between the fingers."""
+        """(ids, 3) m, position of the site between the fingers."""
         return self._site[ids, self._grip].copy()
 
     def pucks(self, ids: Rows) -> tuple[Array, Array]:
-        """Pose (ids, 7) and velocity (ids, 6) of the pucks, as MuJoCo has them for a free joint."""
+        """Pose (ids, 7) and velocity (ids, 6) of the pucks, in MuJoCo's convention for a free joint."""
         return self._qpos[np.ix_(ids, self._puck_q)], self._qvel[np.ix_(ids, self._puck_v)]

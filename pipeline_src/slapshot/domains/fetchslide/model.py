@@ -1,8 +1,8 @@
 """The environment's own MJCF, meshes and constants (gymnasium-robotics, FetchSlide-v4).
 
-World frame: right-handed, z up, the table's surface at z = 0.4 m. The puck moves freely and may tip; contacts
-are those of the geoms, with pyramidal cones and a step of 2 ms. Puck and table have three-dimensional
-contacts, so that of what table I of the paper randomises only linear friction acts between them.
+World frame: right-handed, z up, the table's surface at z = 0.4 m. The puck has a free joint and may tip.
+Contacts are defined by the geoms, with pyramidal cones and a step of 2 ms. Contacts of puck and table have
+dimension 3, so that of the parameters that table I of the paper randomises only linear friction acts.
 """
 
 import importlib.util
@@ -33,18 +33,18 @@ JOINTS = (
 
 SUBSTEPS = 20  # of 2 ms, from one command to the next
 CONTROL_PERIOD = 0.04  # s
-STEP = 0.05  # m: what a command of 1 asks for in a control period
+STEP = 0.05  # m, displacement that a command of 1 demands in a control period
 TABLE_HEIGHT = 0.4  # m
 TABLE_MIDDLE = (1.32441906, 0.75018422)  # m
 TABLE_HALF = (0.625, 0.45)  # m
 PUCK_RADIUS, PUCK_HEIGHT = 0.025, 0.04  # m
 FINGER_HALF_THICKNESS = 0.0135  # m, along x
-# Where the environment's reset leaves the gripper (site robot0:grip), in m.
+# Position of the gripper (site robot0:grip) after the environment's reset, in m.
 GRIP_START = (1.0130, 0.7492, 0.4155)
 
 
 def build_scene(settings: SceneSettings) -> Scene:
-    """FetchSlide as it is; the block `scene` has nothing but the domain's name to say.
+    """Build FetchSlide's scene; the block `scene` holds nothing but the domain's name.
 
     Raises:
         InputError: gymnasium-robotics is not installed, or is not the version whose scene this is.
@@ -86,7 +86,7 @@ def build_scene(settings: SceneSettings) -> Scene:
 
 
 def _asset_folder() -> Path:
-    # Found and not imported: importing registers environments and warns about others.
+    # The package is located but not imported, because an import registers environments and emits warnings.
     spec = importlib.util.find_spec("gymnasium_robotics")
     if spec is None or spec.origin is None:
         raise InputError(

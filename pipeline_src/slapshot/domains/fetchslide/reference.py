@@ -1,4 +1,4 @@
-"""FetchSlide's own step loop, patched where it no longer runs: what the collector is held against."""
+"""Reference simulation: FetchSlide's own step loop, patched where it fails with recent versions of MuJoCo."""
 
 from types import ModuleType
 from typing import Any
@@ -12,21 +12,21 @@ from slapshot.rollouts.hits import Hits
 from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings
 
-LOOP = "environment"  # how measures call it
+LOOP = "environment"  # name of this loop in tables of measurements
 AT_REST = 2e-3  # m/s and rad/s
 LONGEST = 250  # steps after the last command
 
 
 def plain_rests(scene: Scene, swings: Swings, hits: Hits) -> Array:
-    """(n, 2) m; the environment brings its own scene, which this one was taken from."""
+    """(n, 2) rest points in m; the environment uses its own scene, from which `scene` was built."""
     return environment_rests(swings, hits)
 
 
-exact_rests = plain_rests  # there is nothing that the environment would have to be compared with
+exact_rests = plain_rests  # the environment itself is the reference for errors
 
 
 def environment_rests(swings: Swings, hits: Hits, seed: int = 0) -> Array:
-    """(n, 2) m, where the environment's puck stops; commands of 0 follow those of a swing."""
+    """(n, 2) rest points in m of the environment's puck; after a swing's commands, zeros are sent."""
     environment = make_environment()
     model, data = environment.model, environment.data
     puck, moving = model.joint(OBJECT_JOINT).qposadr[0], model.joint(OBJECT_JOINT).dofadr[0]
@@ -59,7 +59,7 @@ def make_environment() -> Any:
 
 
 def _mend(helpers: ModuleType) -> None:
-    """The helpers compare MuJoCo's enumeration with an array, which later versions refuse."""
+    """Patch helpers that compare MuJoCo's enumeration with an array, which recent versions reject."""
 
     def places(model: mujoco.MjModel, name: str, velocity: bool) -> slice:
         joint = model.joint(name)

@@ -1,4 +1,4 @@
-"""Is a sequence of gripper velocities within the environment's limits, and where would it lead?"""
+"""Safety check of a sequence of gripper velocities, and of the path to which it leads."""
 
 import numpy as np
 
@@ -9,25 +9,25 @@ from slapshot.scenes.scene import Scene
 from slapshot.trajectories.motion import Motion
 from slapshot.trajectories.safety import SafetyReport
 
-MOST_COMMAND = 1.0  # the environment clips what is more
-# m over where the gripper begins, where its fingers rest on the table: what a decoded path may sink, and how
-# high the fingers may be to meet more than the rim of a puck that is 40 mm high.
+MOST_COMMAND = 1.0  # the environment clips larger commands
+# m above the gripper's start, where its fingers rest on the table: how far a decoded path may sink, and the
+# largest height at which the fingers meet more than the rim of a puck that is 40 mm high.
 LOWEST, HIGHEST = -0.002, 0.025
 MARGIN = 0.05  # m, to the table's edge
-# Largest change of a command from one period to the next: demonstrations stop within three, from 1.
+# Largest change of a command between periods; demonstrations stop from 1 within three periods.
 MOST_CHANGE = 0.8
 
 
 class SafetyCheck:
-    """Checks motions, whose positions are commands, by integrating them."""
+    """Checks motions by integration; the positions of these motions are commanded velocities."""
 
     def __init__(self, scene: Scene) -> None:
         self._period = scene.info.control_period
 
     def report(self, motion: Motion) -> SafetyReport:
-        """Size and smoothness of the commands, and the path of the gripper.
+        """Check the size and smoothness of the commands, and the path of the gripper.
 
-        `speed_share` is the largest command, `acceleration` the largest change a period over the period.
+        `speed_share` is the largest command, `acceleration` the largest change per period over the period.
         """
         commands = motion.position(command_times(motion.duration, self._period))
         path = np.array(GRIP_START) + np.cumsum(commands * CONTROL_PERIOD * RESPONSE, axis=0)
@@ -56,5 +56,5 @@ class SafetyCheck:
 
 
 def command_times(duration: float, period: float) -> Array:
-    """(waypoints,) s at which a motion's waypoints lie: one a control period, the last one at its end."""
+    """(waypoints,) s, times of a motion's waypoints: one per control period, the last one at its end."""
     return np.linspace(0.0, duration, round(duration / period) + 1)

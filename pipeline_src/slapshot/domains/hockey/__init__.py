@@ -1,6 +1,6 @@
 """Hockey: a KUKA LBR 4+ hits a puck on a whiteboard with a floorball stick (paper, section IV-C).
 
-What needs MuJoCo is imported when it is called: a check of `SceneSettings` alone must not need it.
+Modules that need MuJoCo are imported on first use, so that `SceneSettings` can be checked without MuJoCo.
 """
 
 from typing import TYPE_CHECKING

@@ -1,7 +1,7 @@
-"""Scripted hits in joint space: headings, strengths and contact points, by inverse kinematics.
+"""Scripted hits in joint space for given headings, speeds and contact points, by inverse kinematics.
 
 The wrist moves along the heading at constant height while axis 6 swings the stick like a pendulum, so
-that the blade is vertical, at its lowest and at full speed where it meets the puck.
+that the blade is vertical, at its lowest point and at full speed when it meets the puck.
 """
 
 import mujoco
@@ -14,18 +14,19 @@ from slapshot.config.trajectories import ScriptedHits
 from slapshot.domains.hockey.model import BLADE_HALF_SIZE, STICK_LENGTH, WRIST_TO_FLANGE
 from slapshot.scenes.scene import Scene
 
-# A pose over the puck with the elbow up, from which inverse kinematics stays on one branch.
+# Initial guess of inverse kinematics: a pose over the puck with the elbow up, which keeps it on one branch.
 SEED_POSE = (0.0, -0.34, 0.0, 1.51, 0.0, -1.31, 0.0)
-# Part of the blade's speed that the swinging stick gives, the wrist's travel giving the rest:
-# straight ahead, more would exceed axis 6's speed limit at 2 m/s, less those of axes 2 and 4.
+# Share of the blade's speed that comes from the swing of the stick; the rest comes from the motion of the
+# wrist. For a hit straight ahead at 2 m/s, more would exceed the speed limit of axis 6, less those of axes 2
+# and 4.
 PENDULUM_SHARE = 0.75
 BLADE_CLEARANCE = 0.010  # m, between blade and board at contact
-CONTACT_AT = 0.75  # of the duration, the rest being follow-through, short so that blade and puck part
+CONTACT_AT = 0.75  # share of the duration; the follow-through is short so that blade and puck separate
 IK_TOLERANCE = 1e-6
 
 
 def draw_task(settings: ScriptedHits, rng: np.random.Generator) -> dict[str, float]:
-    """A heading (rad), a blade speed at contact (m/s) and a contact point along the blade (m)."""
+    """Draw a heading (rad), a blade speed at contact (m/s) and a contact point along the blade (m)."""
     return {
         "heading": rng.uniform(-settings.heading_rad, settings.heading_rad),
         "speed": rng.uniform(settings.speed_m_s[0], settings.speed_m_s[1]),
@@ -41,10 +42,10 @@ def demonstrate(scene: Scene, settings: ScriptedHits, tasks: list[dict[str, floa
 
 
 def blade_travel(waypoints: int, duration: float) -> Array:
-    """(waypoints,) distance in m to the point of contact, for a blade speed of 1 m/s there.
+    """(waypoints,) distance in m past the point of contact, for a blade speed of 1 m/s at contact.
 
-    Speed follows a smooth step (10 u^3 - 15 u^4 + 6 u^5) up to contact and back to rest, so position
-    has a continuous third derivative.
+    The speed follows a smooth step (10 u^3 - 15 u^4 + 6 u^5) up to contact and back to rest, so that the
+    position has a continuous third derivative.
     """
     fine = np.linspace(0, 1, 100 * (waypoints - 1) + 1)
     rising = fine <= CONTACT_AT

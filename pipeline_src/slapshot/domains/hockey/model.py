@@ -21,10 +21,10 @@ TORQUE_LIMITS = (176.0, 176.0, 100.0, 100.0, 100.0, 38.0, 38.0)
 SPEED_LIMITS = (1.920, 1.920, 2.234, 2.234, 3.560, 3.211, 3.211)
 
 # Position servo: stiffness in N m/rad (ESTIMATED, about 40 rad/s of bandwidth with the armatures above)
-# and the time that couples damping to it, kv = SERVO_TIME * kp (critical damping at that bandwidth).
+# and the ratio of damping to stiffness, kv = SERVO_TIME * kp (critical damping at that bandwidth).
 SERVO_STIFFNESS = (8000.0, 8000.0, 5000.0, 5000.0, 1500.0, 800.0, 800.0)
 SERVO_TIME = 0.05
-CONTROL_PERIOD = 0.001  # s; the maker's fast research interface runs at 1 to 100 ms
+CONTROL_PERIOD = 0.001  # s; the manufacturer's fast research interface runs at 1 to 100 ms
 
 # Floorball stick: carbon shaft of 30 mm diameter, cut to STICK_LENGTH below the flange, with a plastic
 # blade. Blade 230 mm x 60 mm is a common senior blade; thickness and masses are ESTIMATED.
@@ -38,14 +38,14 @@ BLADE_MASS = 0.09
 
 @dataclass(frozen=True)
 class Puck:
-    """A puck's body: a flat cylinder.
+    """A puck: a flat cylinder.
 
     Attributes:
         radius: m.
         height: m.
-        mass: kg, of the object one buys (a condition draws its own).
-        rgba: colour in pictures.
-        source: where size and mass come from.
+        mass: kg, of the commercial puck (each condition draws its own mass).
+        rgba: colour in visualisations.
+        source: source of size and mass.
     """
 
     radius: float
@@ -74,11 +74,10 @@ PUCKS: dict[PuckName, Puck] = {
 
 
 def build_scene(settings: HockeySettings) -> Scene:
-    """The hockey scene for the `scene` block of a configuration.
+    """Build the hockey scene for the block `scene` of a configuration.
 
     Args:
-        settings: the contact plane has no edge.
-
+        settings: `board_m` is the visible board; the contact plane is infinite.
     """
     puck = PUCKS[settings.puck]
     info = SceneInfo(
@@ -103,10 +102,10 @@ def build_scene(settings: HockeySettings) -> Scene:
 
 
 def build_mjcf(puck: Puck, settings: HockeySettings) -> mjcf.RootElement:
-    """The whole scene as an MJCF tree that can still be changed.
+    """The whole scene as an editable MJCF tree.
 
-    Only two contacts exist, puck on board and puck against blade; everything else is checked
-    geometrically before a trajectory is executed (trajectories.safety).
+    There are only two contact pairs, puck and board, and puck and blade. All other collisions are excluded by
+    a geometric check before a trajectory is executed (trajectories.safety).
     """
     root = mjcf.from_path(str(ARM_XML))
     root.model = "hockey"
@@ -136,9 +135,9 @@ def _add_servos(root: mjcf.RootElement) -> None:
 
 
 def _add_stick(root: mjcf.RootElement) -> None:
-    """Stick along the flange's z axis; blade face normal is the blade site's x axis."""
+    """Add the stick along the flange's z axis; the blade's face normal is the x axis of the blade's site."""
     link7 = root.find("body", "link7")
-    # Turned half a turn about the flange, so that a hit straight ahead has axis 7 in mid-range.
+    # Rotated by 180 degrees about the flange's axis, so that a hit straight ahead has axis 7 in mid-range.
     stick = link7.add("body", name="stick", quat=(0, 0, 0, 1), gravcomp=1)
     stick.add(
         "geom",
@@ -178,10 +177,10 @@ def _add_board(root: mjcf.RootElement, settings: HockeySettings) -> None:
 
 
 def _add_puck(root: mjcf.RootElement, puck: Puck, start: Sequence[float]) -> None:
-    """The puck moves in x, y, z and yaw: it may hop, it does not tip.
+    """Add the puck, which moves in x, y, z and yaw: it may hop but cannot tip.
 
-    A free joint lets the one contact point that a box and a cylinder share wander along the puck's
-    height from step to step, which tips it by chance and makes rest points chaotic.
+    With a free joint the single contact point between box and cylinder moves along the puck's height from
+    step to step, which tips the puck at random and makes rest points chaotic.
     """
     body = root.worldbody.add("body", name="puck", pos=(start[0], start[1], puck.height / 2))
     for axis, direction in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
@@ -201,7 +200,7 @@ def _add_puck(root: mjcf.RootElement, puck: Puck, start: Sequence[float]) -> Non
 
 def _add_contacts(root: mjcf.RootElement) -> None:
     # Friction of a pair is (tangent 1, tangent 2, torsional, rolling, rolling); tangent 1 of a
-    # horizontal contact is world y. Values here are placeholders of a condition's own.
+    # horizontal contact is world y. The values here are placeholders, which each condition replaces.
     root.contact.add(
         "pair",
         name="puck_board",
@@ -223,7 +222,7 @@ def _add_contacts(root: mjcf.RootElement) -> None:
 
 
 def _add_pictures(root: mjcf.RootElement, settings: HockeySettings) -> None:
-    """Ceiling camera, one to look at the set-up, lights, and the whiteboard that one sees."""
+    """Add the ceiling camera, an overview camera, lights, and the visible whiteboard."""
     centre = (settings.start_m[0] + settings.board_m[0] / 2 - 0.4, 0.0)
     root.worldbody.add("camera", name="ceiling", pos=(*centre, 3.7), xyaxes=(0, -1, 0, 1, 0, 0), fovy=50)
     root.worldbody.add(

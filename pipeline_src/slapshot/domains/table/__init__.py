@@ -1,6 +1,6 @@
 """Table: a box slides on a table; nothing in the scene strikes it. For recordings with tracks only.
 
-What needs MuJoCo is imported when it is called: a check of `SceneSettings` alone must not need it.
+Modules that need MuJoCo are imported on first use, so that `SceneSettings` can be checked without MuJoCo.
 """
 
 from typing import TYPE_CHECKING

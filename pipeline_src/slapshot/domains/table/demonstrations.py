@@ -1,4 +1,4 @@
-"""The part of a domain that the table lacks: there is no arm, so that nothing can be demonstrated."""
+"""Demonstrations, which the table does not support because it has no arm."""
 
 from typing import NoReturn
 
@@ -15,7 +15,7 @@ _NO_ARM = (
 
 
 def draw_task(settings: ScriptedHits, rng: np.random.Generator) -> NoReturn:
-    """Refused.
+    """Not available in this domain.
 
     Raises:
         InputError: always.
@@ -24,7 +24,7 @@ def draw_task(settings: ScriptedHits, rng: np.random.Generator) -> NoReturn:
 
 
 def demonstrate(scene: Scene, settings: ScriptedHits, tasks: list[dict[str, float]]) -> NoReturn:
-    """Refused.
+    """Not available in this domain.
 
     Raises:
         InputError: always.

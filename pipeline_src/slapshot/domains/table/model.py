@@ -1,9 +1,9 @@
-"""A box on a table as MJCF: what a recording needs whose tracks begin when something unknown has hit the box.
+"""A box on a table as MJCF, for recordings whose tracks begin after an unknown striker has hit the box.
 
 World frame: right-handed, z up, the table's surface is z = 0. Lengths in metres, masses in kilograms.
 
-Only the slide is in this scene, so that of the box its size counts and of the rest the plane and gravity.
-Who hit it is not modelled: what `SceneInfo` says of an arm is empty.
+The scene models the slide only: a box, a plane and gravity. There is no striker, so that the attributes of an
+arm in `SceneInfo` are empty.
 """
 
 import math
@@ -14,22 +14,21 @@ from slapshot.arrays import GRAVITY
 from slapshot.domains.table.settings import TableScene
 from slapshot.scenes.scene import Scene, SceneInfo
 
-CONTROL_PERIOD = 0.001  # s; nothing is commanded, but simulated tracks are sampled in whole periods
+CONTROL_PERIOD = 0.001  # s; there are no commands, but simulated tracks are sampled at multiples of it
 
 
 def build_scene(settings: TableScene) -> Scene:
-    """The table scene for the `scene` block of a configuration.
+    """Build the table scene for the block `scene` of a configuration.
 
-    Later stages know an object by the radius of a disc. The box gets that of the disc whose footprint has
-    the same polar second moment of area per area, r = sqrt((a^2 + b^2) / 6): a solid disc of that radius
-    turns as easily as the box. Under even pressure its friction also holds a turn as well, to 1 % for a
-    square and 3 % for edges of 1 : 2. How friction is spread is another matter: MuJoCo carries the box on
-    its corners, 1.22 r from the middle, and brakes a mere turn harder than a disc on its rim would be; a
-    slide without spin is the same. Nor can a disc say which way the edges lie.
+    Later stages describe an object by the radius of a disc. The box gets the radius of the disc whose
+    footprint has the same polar second moment of area per area, r = sqrt((a^2 + b^2) / 6), so that a solid
+    disc of that radius has the box's moment of inertia. Under uniform pressure its frictional torque is the
+    same, too, to 1 % for a square and 3 % for edges of 1 : 2. The support differs: MuJoCo supports the box at
+    its corners, 1.22 r from the centre, and decelerates a pure rotation more than that of a disc supported at
+    its rim; a slide without spin is the same. A disc also has no orientation of edges.
 
     Args:
-        settings: a condition draws a mass of its own, and the contact plane has no
-            edge.
+        settings: each condition draws its own mass, and the contact plane is infinite.
     """
     size = settings.size_m
     info = SceneInfo(
@@ -54,7 +53,7 @@ def build_scene(settings: TableScene) -> Scene:
 
 
 def disc_radius(a: float, b: float) -> float:
-    """Radius in m of the disc that turns as easily as a rectangle with edges a and b in m.
+    """Radius in m of the disc with the moment of inertia per mass of a rectangle with edges a and b in m.
 
     The polar second moments of area per area are r^2 / 2 and (a^2 + b^2) / 12.
     """
@@ -62,7 +61,7 @@ def disc_radius(a: float, b: float) -> float:
 
 
 def build_mjcf(settings: TableScene) -> mjcf.RootElement:
-    """The whole scene as an MJCF tree that can still be changed."""
+    """The whole scene as an editable MJCF tree."""
     root = mjcf.RootElement(model="table")
     root.option.timestep = settings.timestep_s
     root.option.cone = "elliptic"
@@ -71,10 +70,10 @@ def build_mjcf(settings: TableScene) -> mjcf.RootElement:
     no_contact = {"contype": 0, "conaffinity": 0}
     table = (*settings.table_m, 0.1)
     root.worldbody.add("geom", name="table", type="plane", size=table, rgba=(0, 0, 0, 0), **no_contact)
-    # A scene's layout looks a striker's site up by its name, so there is one, with nothing to it.
+    # The layout of a scene needs a striker's site, so that there is an empty one.
     root.worldbody.add("site", name="no_striker", size=(0.004,), rgba=(0, 0, 0, 0))
     _add_box(root, settings)
-    # Values of friction are placeholders of a condition's own; tangent 1 of the contact is world y.
+    # Friction values are placeholders, which each condition replaces; tangent 1 of the contact is world y.
     root.contact.add(
         "pair",
         name="box_table",
@@ -89,7 +88,7 @@ def build_mjcf(settings: TableScene) -> mjcf.RootElement:
 
 
 def _add_box(root: mjcf.RootElement, settings: TableScene) -> None:
-    """The box moves in x, y, z and yaw: it may hop, it does not tip."""
+    """Add the box, which moves in x, y, z and yaw: it may hop but cannot tip."""
     (a, b, height), (x, y) = settings.size_m, settings.start_m
     body = root.worldbody.add("body", name="box", pos=(x, y, height / 2))
     for axis, direction in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
@@ -108,7 +107,7 @@ def _add_box(root: mjcf.RootElement, settings: TableScene) -> None:
 
 
 def _add_pictures(root: mjcf.RootElement, settings: TableScene) -> None:
-    """A camera above, a light, and the table that one sees."""
+    """Add a camera above, a light, and the visible table."""
     (x, y), (length, width) = settings.start_m, settings.table_m
     root.worldbody.add("camera", name="ceiling", pos=(x, y, 3.0), xyaxes=(0, -1, 0, 1, 0, 0), fovy=50)
     root.worldbody.add("light", pos=(x, y, 3.0), dir=(0, 0, -1), diffuse=(0.7, 0.7, 0.7))

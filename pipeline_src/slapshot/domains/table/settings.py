@@ -1,4 +1,4 @@
-"""What the block `scene` of the table may say."""
+"""Settings of the block `scene` of the domain `table`."""
 
 import math
 from typing import Annotated
@@ -7,10 +7,10 @@ from pydantic import Field, model_validator
 
 from slapshot.config.scene import Coordinate, Extent, SceneSettings, Timestep
 
-# What is lighter than air floats; nothing on a table is denser than osmium.
+# Bounds of density: an object lighter than air floats, and no material is denser than osmium.
 AIR, OSMIUM = 1.2, 22600.0  # kg/m^3
 
-# What one can put on a table, strike and track: a grain of a millimetre to a crate.
+# Sizes that one can put on a table, strike and track: from a grain of a millimetre to a crate.
 Edge = Annotated[float, Field(ge=0.001, le=2, description="m")]
 Mass = Annotated[float, Field(ge=1e-6, le=1000, description="kg")]
 
@@ -19,12 +19,12 @@ class TableScene(SceneSettings):
     """A box on a table."""
 
     size_m: tuple[Edge, Edge, Edge] = Field(
-        description="edges in m along x and y before the hit, and the height"
+        description="edge lengths in m along x and y before the hit, and height in m"
     )
     mass_kg: Mass
     timestep_s: Timestep
-    start_m: tuple[Coordinate, Coordinate] = Field(description="x, y in m where the box lies before a hit")
-    table_m: tuple[Extent, Extent] = Field(description="x, y in m of the table that one sees")
+    start_m: tuple[Coordinate, Coordinate] = Field(description="x, y in m of the box before a hit")
+    table_m: tuple[Extent, Extent] = Field(description="extent in m along x and y of the visible table")
 
     @model_validator(mode="after")
     def _box_of_matter(self) -> "TableScene":
