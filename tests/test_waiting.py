@@ -29,7 +29,7 @@ def python(code: str, output: Path):
 
 
 def test_a_command_that_ends_before_what_is_waited_for_fails_with_its_output(tmp_path):
-    with python("print('so far'); 1 / 0", tmp_path / "output.txt") as running:
+    with python("print('so far', flush=True); 1 / 0", tmp_path / "output.txt") as running:
         with pytest.raises(AssertionError, match=r"ended before the file is there:\nso far\n(.|\n)*division"):
             running.wait_until((tmp_path / "file").exists, "the file is there")
         assert running.wait() == 1
