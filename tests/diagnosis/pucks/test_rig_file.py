@@ -83,7 +83,7 @@ def test_a_bad_rig_file_is_refused_in_one_line_that_names_the_key(rig_file, bad)
         (
             "timestep_s: 0.001",
             "timestep_s: 0",
-            "6: scene.timestep_s: 0 is out of range; it must be >= 1e-05 (step of integration in s; divides "
+            "6: scene.timestep_s: 0 is out of range; it must be >= 1e-05 (integration step in s; divides "
             "1 ms)",
         ),
         (
@@ -95,7 +95,7 @@ def test_a_bad_rig_file_is_refused_in_one_line_that_names_the_key(rig_file, bad)
         (
             "table_m: [2.0, 2.0]",
             "table_m: [-2.0, 2.0]",
-            "7: scene.table_m.0: -2.0 is out of range; it must be >= 0.01 (m, of a surface)",
+            "7: scene.table_m.0: -2.0 is out of range; it must be >= 0.01 (m, extent of a surface)",
         ),
         ("  mass_kg: 0.4\n", "", "1: scene: key 'mass_kg' is missing; add it (kg)"),
         (
