@@ -7,9 +7,9 @@ rule benchmark:
     log:
         "logs/benchmark.log",
     # Whole cores to itself: anything beside it would be measured as well.
-    threads: workflow.cores or 1
+    threads: cores
     params:
-        cores=workflow.cores or 1,
+        cores=cores,
     shell:
         "python -m slapshot.benchmark --cores {params.cores} 2>&1 | tee {log}"
 
@@ -20,9 +20,9 @@ rule tuning:
         of_figures("rollouts"),
     log:
         "logs/tuning.log",
-    threads: workflow.cores or 1
+    threads: cores
     params:
-        cores=workflow.cores or 1,
+        cores=cores,
     shell:
         "python -m slapshot.benchmark.tuning --cores {params.cores} 2>&1 | tee {log}"
 
@@ -32,6 +32,6 @@ rule joint_peers:
     log:
         "logs/joint_peers.log",
     # Whole cores to itself, as above.
-    threads: workflow.cores or 1
+    threads: cores
     shell:
         "OPENBLAS_NUM_THREADS=1 python -m slapshot.benchmark.joint_peers 2>&1 | tee {log}"

@@ -30,8 +30,11 @@ except InputError as error:
 marks = Marks(Path("data/marks"), plan)
 marks.refresh(store)
 
+# Of this machine; on a cluster there is no such number, and workflow.cores is an error.
+cores = workflow.resource_settings.cores or 1
+
 # Snakemake says how many jobs are done; how long the rest takes, it cannot know.
-time_left = TimeLeft(store, workflow.cores or 1)
+time_left = TimeLeft(store, cores)
 logger.addFilter(time_left)
 
 
