@@ -67,6 +67,22 @@ def test_what_nobody_observed_may_begin_with_any_velocity():
     assert shoulder == elbow
 
 
+def test_what_nobody_observed_is_no_faster_than_forces_keep_it_up_against_enormous_damping():
+    """A base that damping of 1e11 N s/m holds: scale of forces over damping."""
+    base = '<body name="base"><joint name="rail" type="slide" axis="1 0 0" damping="1e11"/>'
+    held = ARM.replace("<worldbody>", f"<worldbody>{base}<geom size='0.1' mass='1'/>", 1)
+    held = "</body></worldbody>".join(held.rsplit("</worldbody>", 1))
+    t = np.arange(0, 1, 0.01)
+    names = [MjSpec.from_string(ARM).compile().joint(i).name for i in range(2)]
+    of = recording([t], {name: (joint(name), [np.sin(3 * t)]) for name in names})
+    rig = bind(MjSpec.from_string(held), of.channels)
+    problem = Problem.of(rig, of.channels, segment_recording(of, rig))
+    v = int(rig.model.joint("rail").dofadr[0])
+    sd = np.sqrt(problem.initial_noise.initial[rig.model.nv + v])
+    assert 0 < sd <= 10 * problem.torque[v] / 1e11
+    assert np.all(np.sqrt(np.delete(problem.initial_noise.initial[rig.model.nv :], v)) > 0.1)
+
+
 def test_a_limit_is_found_whatever_its_knee():
     """Of 2 N m, reached softly: a sharp limit that does the same work is another one."""
     rng, sd, limit, interval = np.random.default_rng(7), 1e-3, 2.0, 0.01
