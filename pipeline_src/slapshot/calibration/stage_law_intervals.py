@@ -4,6 +4,7 @@ from typing import Any
 
 import mujoco
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from slapshot.calibration.coverage import calibrated_effects, intervals
 from slapshot.command import Run, stage_command
@@ -19,7 +20,8 @@ def produce(run: Run) -> None:
     rows: list[dict[str, Any]] = []
     todo = [(tested, own.first + k) for tested in calibrated_effects(own.effect) for k in range(own.count)]
     for tested, index in progress(todo, len(todo), own.effect):
-        rows += intervals(tested, own.seed + index, own.episodes, own.seconds)
+        with threadpool_limits(1):  # as in a diagnosis
+            rows += intervals(tested, own.seed + index, own.episodes, own.seconds)
     pd.DataFrame(rows).to_csv(run.out / "intervals.csv", index=False, float_format="%.9g")
 
 

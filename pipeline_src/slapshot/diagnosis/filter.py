@@ -183,7 +183,7 @@ def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-unt
     x_at, P_at = np.zeros((S, kept, n)), np.zeros((S, kept, n, n))
     K_at, s_at, i_at = np.zeros((S, kept, ny, n)), np.zeros((S, kept, ny)), np.zeros((S, kept, ny))
     for k in range(S):
-        x, X, P = np.zeros(n), np.zeros((n, p)), np.diag(initial)
+        x, X, Y, P = np.zeros(n), np.zeros((n, p)), np.zeros((moved, p)), np.diag(initial)
         g, PA = np.zeros(n), np.zeros((n, n))
         for t in range(L):
             if keep:
@@ -232,8 +232,19 @@ def _forward(keep, A, B, d, C, r, W, psi, R, initial, q):  # type: ignore[no-unt
             At, Bt = A[k, t], B[k, t]
             x = At @ x + d[k, t]
             if p > 0:
-                X = At @ X
-                X[:moved] += W[k, t]
+                # Noise states do not mix with others.
+                for i in range(moved):
+                    to = Y[i]
+                    to[:] = W[k, t, i]
+                    for j in range(moved):
+                        along = At[i, j]
+                        if along != 0.0:
+                            for a in range(p):
+                                to[a] += along * X[j, a]
+                for i in range(moved, n):
+                    for a in range(p):
+                        X[i, a] *= At[i, i]
+                X[:moved] = Y
             PA = P @ At.T
             P = At @ PA
             for i in range(n):
