@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from slapshot.benchmark.diagnosis import diagnosis_measures
+from slapshot.benchmark.figures_run import figures_run, run_measures
 from slapshot.benchmark.filter_peer import filter_measures, need_dynamax
 from slapshot.benchmark.gallery import gallery_measures
 from slapshot.benchmark.measures import (
@@ -20,7 +21,8 @@ from slapshot.benchmark.measures import (
     training_measures,
 )
 from slapshot.benchmark.peers import need_sysid, peer_measures
-from slapshot.benchmark.scale import hours
+from slapshot.benchmark.scale import cluster_hours, configured_jobs, hours
+from slapshot.benchmark.schedule import Job
 from slapshot.config.files import load_config
 from slapshot.config.methods import KalmanSettings
 from slapshot.config.rollouts import RolloutsSettings
@@ -31,7 +33,8 @@ from slapshot.store.folder import Store
 from slapshot.trajectories.swings import Swings
 from slapshot.trajectories.vae import TrajectoryVae
 
-SCALES = ("default", "paper")
+PAPER = "paper"
+SCALES = ("default", PAPER)
 
 
 def measure(store: Store, cores: int) -> list[Measure]:
@@ -42,6 +45,8 @@ def measure(store: Store, cores: int) -> list[Measure]:
     configs = {name: load_config(Path(f"config/{name}.yaml")) for name in SCALES}
     plans = {name: make_plan(configs[name]) for name in SCALES}
     plan = plans["default"]
+    rows += run_measures(figures_run(plan, store), cores)
+    at_paper_scale: list[dict[str, Job]] = []
     for domain, config in configs["default"].domains.items():
         inputs = store.inputs(plan.recipes[f"rollouts/{domain}"])
         folders = {**inputs, **store.inputs(plan.recipes[f"swings/{domain}"])}
@@ -62,7 +67,11 @@ def measure(store: Store, cores: int) -> list[Measure]:
         measured = {row.measure: row.value for row in rows}
         for name in SCALES:
             scale = configs[name].domains[domain]
-            rows += hours(domain, name, scale, plans, folders, measured, cores)
+            jobs = configured_jobs(domain, name, scale, plans, folders, measured)
+            rows += hours(domain, name, scale, jobs, cores)
+            if name == PAPER:
+                at_paper_scale.append(jobs)
+    rows += cluster_hours(PAPER, at_paper_scale)
     viewer = plan.recipes["viewer/hockey"]
     rows += gallery_measures("hockey", store.folder(viewer.stage, viewer.id))
     rows += diagnosis_measures(configs["default"], store, cores)

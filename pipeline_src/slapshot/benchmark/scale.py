@@ -1,7 +1,7 @@
 """Predicted hours of a configuration's long stages on this machine, from rates measured at a small size."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,22 +25,22 @@ from slapshot.trajectories.vae import TrajectoryVae, VaeSizes
 from slapshot.validation import values_of
 
 LEAST_CORES = 2  # hours are also reported for this number of cores
+CLUSTER_CORES = 2, 16, 200  # for which hours of all domains together are reported
 
 _TASKS = 256  # demonstrations that are timed
 _STEPS = 100  # training steps of the trajectory model that are timed
 _POLICY_HITS = 320  # hits that are timed: those of an iteration before one update
 
 
-def hours(
+def configured_jobs(
     domain: str,
     name: str,
     config: Domain,
     plans: Mapping[str, Plan],
     folders: Mapping[str, Path],
     measured: Mapping[str, float],
-    cores: int,
-) -> list[Measure]:
-    """Counts and hours of the configuration called `name`, for each stage and in total.
+) -> dict[str, Job]:
+    """The jobs of the configuration called `name`, of which the domain's long stages take time.
 
     Args:
         domain: its name in the configuration.
@@ -49,30 +49,61 @@ def hours(
         plans: of the configuration, and as `default` of one whose demonstrations can be made from `folders`.
         folders: scene and trajectory_model, for timing demonstrations and training.
         measured: the measures so far, by name.
-        cores: of this machine.
     """
     rollouts, training = config.rollouts, config.training
-    conditions = rollouts.conditions
-    hits = conditions * rollouts.hits
     costs = {
         "demonstrations": config.demonstrations.count * _demonstration(plans["default"], domain, folders),
         "trajectory_model": config.trajectory_model.steps * _vae_step(config, folders),
         "swings": sum(config.swings.count(split) for split in SPLITS)
         / measured[f"{domain}_hits_per_second_and_core_with_own_swing"],
-        "rollouts": hits / measured[f"{domain}_hits_per_second_and_core"],
+        "rollouts": rollouts.conditions * rollouts.hits / measured[f"{domain}_hits_per_second_and_core"],
     }
     for method in config.methods:
         costs[f"train_{method}"] = training.steps * measured[f"{domain}_{method}_training_step_{name}"]
     if config.acting is not None:
         costs["policy"] = rollouts.train * rollouts.hits * _policy_hit(config, folders)
-    jobs = long_jobs(
+    return long_jobs(
         plans[name], domain, costs, None if config.refinement is None else config.refinement.method
     )
+
+
+def hours(domain: str, name: str, config: Domain, jobs: Mapping[str, Job], cores: int) -> list[Measure]:
+    """Counts and hours of the configuration called `name`, for each stage and in total.
+
+    Args:
+        domain: its name in the configuration.
+        name: of the configuration.
+        config: the domain's block.
+        jobs: from `configured_jobs`.
+        cores: of this machine.
+    """
+    conditions = config.rollouts.conditions
     return [
         Measure(f"{domain}_{name}_conditions", conditions, "1"),
-        Measure(f"{domain}_{name}_hits", hits, "1"),
+        Measure(f"{domain}_{name}_hits", conditions * config.rollouts.hits, "1"),
         *stage_hours(f"{domain}_{name}", jobs, cores),
     ]
+
+
+def cluster_hours(name: str, domains: Sequence[Mapping[str, Job]]) -> list[Measure]:
+    """Hours of the long stages of all domains together, on one machine's cores and on many.
+
+    Args:
+        name: of the configuration.
+        domains: jobs of the same plan, each with the times of one domain.
+    """
+    jobs = {
+        label: max((jobs[label] for jobs in domains), key=lambda job: job.core_seconds)
+        for label in domains[0]
+    }
+    rows = [Measure(f"{name}_core_hours", core_seconds(jobs) / 3600, "h")]
+    for cores in CLUSTER_CORES:
+        path, span = critical_path(jobs, cores), makespan(jobs, cores)
+        rows += [
+            Measure(f"{name}_critical_path_hours_{cores}_cores", path / 3600, "h"),
+            Measure(f"{name}_hours_{cores}_cores", span / 3600, "h"),
+        ]
+    return rows
 
 
 def long_jobs(plan: Plan, domain: str, costs: Mapping[str, float], refined: str | None) -> dict[str, Job]:
