@@ -6,13 +6,12 @@ that the blade is vertical, at its lowest point and at full speed when it meets 
 
 import mujoco
 import numpy as np
-from dm_control import mujoco as dm_mujoco
-from dm_control.utils import inverse_kinematics
 
 from slapshot.arrays import Array
 from slapshot.config.trajectories import ScriptedHits
 from slapshot.domains.hockey.model import BLADE_HALF_SIZE, STICK_LENGTH, WRIST_TO_FLANGE
 from slapshot.scenes.scene import Scene
+from slapshot.trajectories.inverse_kinematics import InverseKinematics
 
 # Initial guess of inverse kinematics: a pose over the puck with the elbow up, which keeps it on one branch.
 SEED_POSE = (0.0, -0.34, 0.0, 1.51, 0.0, -1.31, 0.0)
@@ -22,7 +21,6 @@ SEED_POSE = (0.0, -0.34, 0.0, 1.51, 0.0, -1.31, 0.0)
 PENDULUM_SHARE = 0.75
 BLADE_CLEARANCE = 0.010  # m, between blade and board at contact
 CONTACT_AT = 0.75  # share of the duration; the follow-through is short so that blade and puck separate
-IK_TOLERANCE = 1e-6
 
 
 def draw_task(settings: ScriptedHits, rng: np.random.Generator) -> dict[str, float]:
@@ -36,9 +34,22 @@ def draw_task(settings: ScriptedHits, rng: np.random.Generator) -> dict[str, flo
 
 def demonstrate(scene: Scene, settings: ScriptedHits, tasks: list[dict[str, float]]) -> list[Array | None]:
     """Waypoints (waypoints, 7) in rad at equal times over the duration, None where out of reach."""
-    physics = dm_mujoco.Physics.from_xml_string(scene.xml)
-    travel = blade_travel(settings.waypoints, settings.duration_s)
-    return [_solve(physics, scene, task, travel) for task in tasks]
+    model = mujoco.MjModel.from_xml_string(scene.xml)
+    arm = InverseKinematics(model, model.site(scene.info.striker_site).id, list(scene.info.joints))
+    headings, speeds, offsets = (
+        np.array([task[key] for task in tasks]) for key in ("heading", "speed", "contact_offset")
+    )
+    pose = np.tile(SEED_POSE, (len(tasks), 1))
+    pose[:, 0] = headings
+    found = np.empty((len(tasks), settings.waypoints, pose.shape[1]))
+    left = np.arange(len(tasks))
+    for i, travel in enumerate(blade_travel(settings.waypoints, settings.duration_s)):
+        places, turns = _blade_poses(scene, headings[left], offsets[left], travel * speeds[left])
+        pose[left], reached = arm.solve(pose[left], places, turns)
+        left = left[reached]
+        found[left, i] = pose[left]
+    within_reach = set(left.tolist())
+    return [found[k] if k in within_reach else None for k in range(len(tasks))]
 
 
 def blade_travel(waypoints: int, duration: float) -> Array:
@@ -56,43 +67,17 @@ def blade_travel(waypoints: int, duration: float) -> Array:
     return (travelled - np.interp(CONTACT_AT, fine, travelled))[::100]
 
 
-def _solve(physics: dm_mujoco.Physics, scene: Scene, task: dict[str, float], travel: Array) -> Array | None:
-    physics.data.qpos[:] = 0
-    seed = np.array(SEED_POSE)
-    seed[0] = task["heading"]
-    physics.data.qpos[: len(seed)] = seed
-    waypoints = np.empty((len(travel), len(seed)))
-    for i, distance in enumerate(travel * task["speed"]):
-        position, quaternion = _blade_pose(scene, task, distance)
-        result = inverse_kinematics.qpos_from_site_pose(
-            physics,
-            scene.info.striker_site,
-            position,
-            quaternion,
-            joint_names=list(scene.info.joints),
-            tol=IK_TOLERANCE,
-            inplace=True,
-        )
-        if not result.success:
-            return None
-        waypoints[i] = result.qpos[: len(seed)]
-    return waypoints
-
-
-def _blade_pose(scene: Scene, task: dict[str, float], distance: float) -> tuple[Array, Array]:
-    """Position (3,) and quaternion (4,) of the blade site, `distance` m past the point of contact."""
-    info = scene.info
-    up = np.array([0.0, 0.0, 1.0])
-    ahead = np.array([np.cos(task["heading"]), np.sin(task["heading"]), 0.0])
+def _blade_poses(scene: Scene, headings: Array, offsets: Array, distances: Array) -> tuple[Array, Array]:
+    """Positions (n, 3) and rotations (n, 3, 3) of the blade site, `distances` m past the point of contact."""
+    info, n = scene.info, len(headings)
+    up = np.broadcast_to([0.0, 0.0, 1.0], (n, 3))
+    ahead = np.stack([np.cos(headings), np.sin(headings), np.zeros(n)], axis=1)
     aside = np.cross(up, ahead)
     lever = WRIST_TO_FLANGE + STICK_LENGTH - BLADE_HALF_SIZE[2]
-    tilt = PENDULUM_SHARE * distance / lever
+    tilt = (PENDULUM_SHARE * distances / lever)[:, None]
     contact = np.array([*info.start, BLADE_CLEARANCE + BLADE_HALF_SIZE[2]])
-    contact -= ahead * (info.object_radius + info.striker_half_thickness)
-    position = contact + ahead * distance + up * lever * (1 - np.cos(tilt)) + aside * task["contact_offset"]
+    contact = contact - ahead * (info.object_radius + info.striker_half_thickness)
+    places = contact + ahead * distances[:, None] + up * lever * (1 - np.cos(tilt)) + aside * offsets[:, None]
     normal = np.cos(tilt) * ahead + np.sin(tilt) * up
     along_stick = np.sin(tilt) * ahead - np.cos(tilt) * up
-    rotation = np.stack([normal, np.cross(along_stick, normal), along_stick], axis=1)
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
-    return position, quaternion
+    return places, np.stack([normal, np.cross(along_stick, normal), along_stick], axis=2)
