@@ -75,7 +75,9 @@ class Diagnosis:
         rig: nominal.
         search: None where nothing could be fitted.
         windows: held-out segments, of which the second halves were predicted.
-        nominal, refitted, augmented: predictions of them.
+        nominal: predictions of them by the model as it was given.
+        refitted: by that with its free parameters fitted.
+        augmented: by that with the named effects.
     """
 
     verdict: Verdict

@@ -103,7 +103,8 @@ class ChannelNoise(Model):
     """Noise of a channel.
 
     Attributes:
-        white, coloured: standard deviations.
+        white: standard deviation.
+        coloured: standard deviation.
         correlation_s: of the coloured part.
         unit: of the channel.
         drift: standard deviation of the slow drift over the session.

@@ -26,7 +26,8 @@ class Parameter:
         unit: "1" for none.
         scale: standard deviation of the prior about `start`; the size of a large value.
         start: initial value of fits and centre of the prior; 0 for a size, where the effect is absent.
-        low, high: physical bounds.
+        low: physical bound.
+        high: physical bound.
         probe: deviation from `start` for finite differences; small where the effect is linear in it.
     """
 
@@ -45,7 +46,8 @@ class Joint:
 
     Attributes:
         name: in the model.
-        q, v: indices in qpos and qvel.
+        q: index in qpos.
+        v: index in qvel.
         unit: of its torque or force.
         actuators: indices of those that drive it.
         torque: rms generalised force along the recorded motion, N m or N.

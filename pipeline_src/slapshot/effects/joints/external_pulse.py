@@ -16,7 +16,8 @@ class Pulse:
     Attributes:
         episode: as recorded.
         order: normalised position of the episode in the session, -1/2 to 1/2.
-        begin, end: s from the episode's start.
+        begin: s from the episode's start.
+        end: s from the episode's start.
     """
 
     episode: int
