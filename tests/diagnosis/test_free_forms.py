@@ -69,7 +69,7 @@ def test_names_and_units(unit: str, angle: str):
     forms = list(free_forms(rig(joint(unit), 4), segments()))
     assert {form.key for form in forms} == {
         *(f"free_force@swing (over {v})" for v in ("position", "velocity", "load", "time", "session")),
-        *(f"free_reading@swing (over {v})" for v in ("position", "session")),
+        *(f"free_reading@swing (over {v})" for v in ("position", "velocity", "session")),
     }
     for form in forms:
         assert form.name.startswith(FREE)
@@ -95,6 +95,7 @@ def test_what_cannot_be_told_is_left_out():
         "free_force@swing (over position)",
         "free_force@swing (over velocity)",
         "free_reading@swing (over position)",
+        "free_reading@swing (over velocity)",
     }
 
 
@@ -105,5 +106,10 @@ def test_a_reading_changes_its_own_columns_alone():
     added = form.observe(Observed(y, 0 * y, 0 * y, np.full(len(y), 0.2)), weights)
     expected = FreeForce(joint(), "position", -2.0, 3.0).basis(SPAN) @ weights
     np.testing.assert_allclose(added, np.stack([expected, 0 * SPAN], axis=1))
+    by_speed = FreeReading(joint(), [0], "velocity", -4.0, 6.0)
+    added = by_speed.observe(Observed(0 * y, 2 * y, 0 * y, np.full(len(y), 0.2)), weights)
+    np.testing.assert_allclose(
+        added[:, 0], FreeForce(joint(), "velocity", -4.0, 6.0).basis(2 * SPAN) @ weights
+    )
     over = FreeReading(joint(), [0], "session", -0.5, 0.5)
     assert np.ptp(over.observe(Observed(y, 0 * y, 0 * y, np.full(len(y), 0.2)), weights)[:, 0]) == 0

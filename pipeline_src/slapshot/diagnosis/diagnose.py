@@ -531,7 +531,8 @@ def _size(step: Step, effect: JointEffect, values: Array) -> Interval | None:
         change = effect.force(state, weights)
     else:
         y = np.nan_to_num(segments.y[segments.inside])
-        change = effect.observe(Observed(y, 0 * y, 0 * y, order), weights)
+        rate = problem.rates(segments, fit.trajectory)[segments.inside]
+        change = effect.observe(Observed(y, rate, 0 * y, order), weights)
     if change is None:
         return None
     rms = float(np.sqrt(np.mean(np.sum(change**2, axis=1))))

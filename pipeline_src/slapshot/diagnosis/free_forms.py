@@ -63,12 +63,20 @@ class FreeForce(JointEffect):
 
 
 class FreeReading(JointEffect):
-    """An error of the readings of one joint, as a sum of bumps over its position or over the session."""
+    """An error of the readings of one joint, as a sum of bumps over its position, its speed or the session.
+
+    Over speed, what is straight is a delay; a sensor that sticks or lags by its own law is not.
+    """
 
     name = FREE + "reading"
     physics = "Readings are off by an unknown function."
     source = "Rasmussen, Williams, Gaussian Processes for Machine Learning (2006), section 2.7"
     phrase = "an error of the readings of {part} of unknown shape"
+    follows: ClassVar[dict[str, Callable[[Observed, int], Array]]] = {
+        "position": lambda seen, column: seen.y[:, column],
+        "velocity": lambda seen, column: seen.rate[:, column],
+        "session": lambda seen, column: seen.order,
+    }
 
     def __init__(self, joint: Joint, columns: list[int], variable: str, low: float, high: float) -> None:
         weights = [Parameter(f"weight_{i}", joint.angle_unit, 0.01, probe=1e-4) for i in range(BUMPS)]
@@ -79,7 +87,7 @@ class FreeReading(JointEffect):
         """The sum of all bumps."""
         added = np.zeros_like(seen.y)
         for column in self._columns:
-            at = seen.y[:, column] if self.variable == "position" else seen.order
+            at = self.follows[self.variable](seen, column)
             added[:, column] = _bumps(at, self.low, self.high) @ values
         return added
 
@@ -101,6 +109,7 @@ def free_forms(rig: RigMotion, segments: Segments) -> Iterator[JointEffect]:
         columns = [s.column for s in rig.sensed if s.joint == joint.name and s.quantity == "position"]
         if columns:
             yield FreeReading(joint, columns, "position", joint.middle - span, joint.middle + span)
+            yield FreeReading(joint, columns, "velocity", -2.2 * joint.speed, 2.2 * joint.speed)
             if several:
                 yield FreeReading(joint, columns, "session", -0.5, 0.5)
 
