@@ -14,8 +14,9 @@ from typing import NamedTuple
 # Before MuJoCo is imported: tests that do not render need no GL library.
 os.environ.setdefault("MUJOCO_GL", "disable")
 # As Snakemake tells its jobs. Matrices are small, and waiting threads take the cores of other tests.
-for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(threads, "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
