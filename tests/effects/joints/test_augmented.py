@@ -191,6 +191,16 @@ def test_the_files_hold_the_model_and_say_the_rest(tmp_path):
     assert "- none\n" in (tmp_path / "new" / "folder" / "NOTES.md").read_text()
 
 
+def test_friction_without_an_excess_at_low_speed_needs_no_note(tmp_path):
+    of = slide()
+    effect = of.effect("stribeck_friction", "rail")
+    values = np.array([0.4, 0.0, 0.1])
+    assert augmented_model(of.rig, [effect], values)[1] == []
+    values[1] = 0.2
+    (note,) = augmented_model(of.rig, [effect], values)[1]
+    assert "-0.2 exp(" in note
+
+
 def test_the_model_stays_as_its_author_wrote_it():
     of = bench(f'<default><joint damping=".3"/></default>{LINK.format("")}', {"q": reads(joint="j")},
                commands=lambda t: [np.sin(9 * t), 0 * t], seconds=0.1, episodes=1)  # fmt: skip

@@ -50,6 +50,8 @@ class StribeckFriction(JointEffect):
         )
 
     def note(self, values: Array) -> str:
-        """The excess."""
+        """The excess; "" where there is none, and the friction loss is all."""
+        if not values[1]:
+            return ""
         j = self._joint
         return j.note(f"-{values[1]:.4g} exp(-(v / {values[2]:.4g})^2) tanh(v / {j.step_speed:.4g})")
