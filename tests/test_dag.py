@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import itertools
 import shutil
 import subprocess
 import sys
@@ -242,6 +243,17 @@ def test_code_that_is_read_once_gives_the_recipe_that_reading_it_each_time_gives
     modules = [STAGES["verdict"].module, *modules_of_results()]
     above = {role: plan.by_id(*pair) for role, pair in recipe.upstream.items()}
     assert make_recipe("verdict", modules, recipe.config, above) == recipe
+
+
+def test_the_longest_chain_from_a_stage_counts_its_versions(config):
+    """Models wait for rollouts, those of refined ranges for other models, and nothing waits for a figure."""
+    lengths = planned(config).chain_lengths()
+    assert lengths["figure"] == 1
+    refined = ["refined_errors", "refined_train", "refined_rollouts", "refinement", "train", "rollouts"]
+    for later, earlier in itertools.pairwise(refined):
+        assert lengths[earlier] > lengths[later], (earlier, later)
+    assert lengths["verdict"] == lengths["score"] + 1
+    assert set(lengths) == set(STAGES)
 
 
 def test_planning_twice_gives_the_same(config):

@@ -1,5 +1,7 @@
 # Every stage of the table in slapshot.dag.stages: a target for all its versions, and a rule that makes one.
 
+chains = plan.chain_lengths()
+
 for stage in STAGES.values():
 
     if stage.target is not None:
@@ -23,8 +25,9 @@ for stage in STAGES.values():
             f"logs/{stage.name}/{{version}}.log",
         benchmark:
             f"logs/{stage.name}/{{version}}.tsv"
-        # What takes many cores goes first: it cannot fill one beside another job.
-        priority: int(stage.threads > 1)
+        # What takes many cores goes first, since it cannot fill one beside another job; then what most others
+        # wait for.
+        priority: 100 * (stage.threads > 1) + chains[stage.name]
         threads: stage.threads
         resources:
             mem_mb=again_with_twice(stage.memory_mb),

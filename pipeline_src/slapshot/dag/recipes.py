@@ -69,6 +69,18 @@ class Plan:
         """Label -> recipe of everything that `snakemake figures` makes."""
         return {label: r for label, r in self.recipes.items() if label not in self.on_demand}
 
+    def chain_lengths(self) -> dict[str, int]:
+        """Stage -> number of versions in the longest chain that begins with one of it; 0 for none."""
+        names = {(recipe.stage, recipe.id): label for label, recipe in self.recipes.items()}
+        after = dict.fromkeys(self.recipes, 0)  # longest chain that depends on it
+        lengths = dict.fromkeys(STAGES, 0)
+        for recipe in reversed(self.recipes.values()):
+            length = after[names[recipe.stage, recipe.id]] + 1
+            lengths[recipe.stage] = max(lengths[recipe.stage], length)
+            for above in recipe.upstream.values():
+                after[names[above]] = max(after[names[above]], length)
+        return lengths
+
     def names_of(self, stage: str) -> list[str]:
         """Labels of a stage without the stage's name, such as hockey-F7."""
         return [label.removeprefix(f"{stage}/").replace("/", "-") for label in self.of_stage(stage)]
