@@ -2,8 +2,9 @@
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from slapshot.config.methods import KalmanSettings, Training
 from slapshot.errors import InputError
 
 ROUNDS = 9
+TASKS = Path("/proc/self/task")
 
 
 def filter_measures(domain: str, settings: KalmanSettings, training: Training) -> list[Measure]:
@@ -57,6 +59,8 @@ def filter_measures(domain: str, settings: KalmanSettings, training: Training) -
     def on_whitened(mean: Tensor, covariance: Tensor, y: Tensor, H: Tensor) -> Tensor:
         return PlainFilterMeans.apply(mean, covariance, y, H, drift)
 
+    # Before the pinning: with a pool of one thread jax waits for itself now and then, and never ends.
+    need_dynamax()[0].devices()
     with one_core():
         dynamax = _Dynamax((mean, covariance, y, H), weights, drift)
         passes: dict[str, Callable[[], Any]] = {
@@ -86,16 +90,22 @@ def filter_measures(domain: str, settings: KalmanSettings, training: Training) -
 
 @contextmanager
 def one_core() -> Iterator[None]:
-    """Pin this process, and threads that libraries start meanwhile, to one core where the system can."""
-    if not hasattr(os, "sched_setaffinity"):
+    """Pin all threads of this process, and those that they start, to one core, where the system is Linux."""
+    if not TASKS.is_dir():
         yield
         return
     cores = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(cores)})
+    _pin({max(cores)})
     try:
         yield
     finally:
-        os.sched_setaffinity(0, cores)
+        _pin(cores)
+
+
+def _pin(cores: set[int]) -> None:
+    for task in TASKS.iterdir():
+        with suppress(ProcessLookupError):  # a thread that has ended
+            os.sched_setaffinity(int(task.name), cores)
 
 
 def need_dynamax() -> tuple[Any, Any]:
