@@ -108,3 +108,10 @@ def test_hours_at_the_paper_s_scale(text):
     value = table("benchmark").set_index("measure")["value"]
     hours = value["hockey_paper_long_stages_hours_on_2_cores"]
     assert f"long stages would take {hours:.0f} hours of two cores" in text
+    assert f"(`paper_*`: {value['paper_core_hours']:.0f} core hours)" in text
+
+
+def test_how_long_the_figures_took(text):
+    minutes = table("benchmark").set_index("measure")["value"]["figures_wall_minutes"]
+    assert f"`make figures` took {minutes:.0f} minutes from an empty store" in text
+    assert f"That run took {minutes:.0f} minutes on two cores" in text
