@@ -61,7 +61,7 @@ class Rig(NamedTuple):
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest file comes first, and makes the run that others share; those come last, and need not wait."""
+    """The longest file comes first and makes the run that others share, which come last and need not wait."""
 
     def turn(item: pytest.Item) -> int:
         shares = item.get_closest_marker("workflow") is not None
