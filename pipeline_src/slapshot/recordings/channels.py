@@ -40,12 +40,12 @@ class Channel(Model):
         clock: which table it stands in, signals-<clock>.parquet: channels of one clock are sampled together.
         role: a control is an input of the simulation, an observation is what it is compared with.
         quantity: a command is the input of an actuator (its ctrl); the others are physical.
-        joint: name in the MuJoCo model of what the channel is of; at most one of these five.
+        joint: name in the MuJoCo model of what the channel is of; at most one of these five. With none, a rig
+            file defines it.
         actuator: the same.
         sensor: the same.
         site: the same.
         body: the same.
-            With none, a rig file defines it.
         component: of what has several: places x, y, z in the world frame and a unit quaternion qw to qz as
             positions, x, y, z of velocities (linear in m/s, angular in rad/s), torques and forces.
         unit: SI.
