@@ -23,7 +23,9 @@ def segments() -> Segments:
     y = np.zeros((2, 10, 1))
     time = np.tile(np.arange(10) * 0.1, (2, 1))
     whole = np.array([0, 1])
-    return Segments(0.1, 1, y, y, y[..., 0] == 0, time, whole, 0 * whole, whole - 0.5, (), whole)
+    return Segments(
+        0.1, 1, y, y, y, y[..., 0] == 0, time, whole, 0 * whole, whole - 0.5, (), whole, np.zeros(1)
+    )
 
 
 def rig(of: Joint, episodes: int) -> RigMotion:

@@ -18,7 +18,6 @@ from slapshot.diagnosis.noise import (
     log_likelihood,
     marginal_likelihood,
     posterior_means,
-    quantisation,
 )
 from slapshot.diagnosis.segments import Segments
 
@@ -77,9 +76,11 @@ def made(
         np.broadcast_to(np.eye(2), (*shape, 2, 2)), y, W, np.zeros((*shape, channels, columns)),
     )  # fmt: skip
     segments = Segments(
-        interval=INTERVAL, substeps=1, y=y, shift=np.zeros_like(y), inside=np.ones(shape, bool),
+        interval=INTERVAL, substeps=1, y=y, shift=np.zeros_like(y), shift_square=np.zeros_like(y),
+        inside=np.ones(shape, bool),
         time=np.broadcast_to(np.arange(L) * INTERVAL, shape), episode=np.arange(S), first=np.zeros(S, int),
         order=np.linspace(-0.5, 0.5, S), controls=(np.zeros((L, 0)),) * S, ids=np.arange(S),
+        quantisation=np.zeros(channels),
     )  # fmt: skip
     noise = Noise(
         white=np.array(white), coloured=np.array(coloured), correlation_s=np.full(channels, correlation_s),
@@ -336,22 +337,11 @@ def test_noise_is_at_least_that_of_the_steps_of_numbers():
     step = 2e-3
     y = of.segments.y.copy()
     y[..., 0] = step * np.rint(y[..., 0] / step)
-    found = fitted(Made(replace(of.system, r=y), replace(of.segments, y=y), of.noise))
+    found = fitted(
+        Made(replace(of.system, r=y), replace(of.segments, y=y, quantisation=np.array([step, 0.0])), of.noise)
+    )
     # To the square root of 12, as rounding has it, and no more than a little above.
     assert step / np.sqrt(12) * (1 - 1e-9) <= found.white[0] < 1.3 * step / np.sqrt(12)
-
-
-@pytest.mark.parametrize("step", [1e-4, 2 * np.pi / 4096])
-def test_steps_of_numbers_are_found(step):
-    rng = np.random.default_rng(11)
-    smooth = np.cumsum(rng.normal(size=3000)) * step
-    counted = 0.37 + step * np.rint(smooth / step)
-    assert quantisation(counted) == pytest.approx(step, rel=1e-6)
-    assert quantisation(np.where(rng.random(3000) < 0.2, np.nan, counted)) == pytest.approx(step, rel=1e-6)
-    assert quantisation(smooth) == 0
-    assert quantisation(rng.normal(size=50)) == 0
-    assert quantisation(np.full(100, np.nan)) == 0
-    assert quantisation(np.arange(10.0)) == 0  # too few to tell
 
 
 def test_a_fit_begins_at_the_noise_of_third_differences():

@@ -33,9 +33,10 @@ def segments(interval: float = 0.01) -> Segments:
     episode = np.arange(SEGMENTS) // 3
     first = np.arange(SEGMENTS) % 3 * L
     return Segments(
-        interval=interval, substeps=1, y=y, shift=0 * y, inside=np.ones(y.shape[:2], bool),
+        interval=interval, substeps=1, y=y, shift=0 * y, shift_square=0 * y,
+        inside=np.ones(y.shape[:2], bool),
         time=(first[:, None] + np.arange(L)) * interval, episode=episode, first=first,
-        order=episode - 0.5, controls=(), ids=np.array([7, 9]),
+        order=episode - 0.5, controls=(), ids=np.array([7, 9]), quantisation=np.zeros(JOINTS),
     )  # fmt: skip
 
 

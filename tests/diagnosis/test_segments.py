@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from mujoco import MjSpec
 from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.segments import (
-    SHORTEST_INTERVAL_S,
+    LONGEST_AVERAGE_S,
     ControlSignal,
     Segments,
-    median_interval,
+    node_interval,
     segment_recording,
 )
 from slapshot.errors import InputError
@@ -104,9 +104,8 @@ def test_steps_are_at_most_as_long_as_the_models(timestep, finer, substeps):
 
 def shifted_back(segments: Segments, rate, bend) -> np.ndarray:
     """Samples at their nodes' own times, by the expansion that the linear system uses."""
-    t, s = segments.time, segments.shift[..., 0]
-    at_node = np.sin(t)
-    return at_node + s * rate(t) + s**2 / 2 * bend(t)
+    t = segments.time
+    return np.sin(t) + segments.shift[..., 0] * rate(t) + segments.shift_square[..., 0] / 2 * bend(t)
 
 
 def test_jittered_samples_say_how_late_they_are():
@@ -117,7 +116,7 @@ def test_jittered_samples_say_how_late_they_are():
     segments = segment_recording(made, rig_of(made))
     there = np.isfinite(segments.y[..., 0])
     # No interval is longer than 18 ms, nor a median of 399 of them further from 10 ms than a few percent, so
-    # that the grid drifts against the clock and a sample now and then shares its node with a nearer one.
+    # that the grid drifts against the clock and a sample now and then shares its node with another.
     assert there[segments.inside].mean() > 0.8
     assert np.abs(segments.shift).max() <= segments.interval / 2 + 1e-12
     expected = shifted_back(segments, np.cos, lambda moment: -np.sin(moment))
@@ -128,11 +127,12 @@ def test_jittered_samples_say_how_late_they_are():
     assert np.abs(segments.y[..., 0] - wrong)[there].max() > 5e-3
 
 
-def test_of_two_samples_at_one_node_the_nearer_stays():
+def test_of_two_samples_at_one_node_the_mean_is_taken():
     t = np.array([0.0, 0.01, 0.018, 0.021, 0.03, 0.04, 0.05, 0.06, 0.07])
     segments = segment_recording(made := swinging(t, [np.arange(9.0)]), rig_of(made))
-    assert segments.y[0, :8, 0].tolist() == [0, 1, 3, 4, 5, 6, 7, 8]
-    assert segments.shift[0, 2, 0] == pytest.approx(0.001)
+    assert segments.y[0, :8, 0].tolist() == [0, 1, 2.5, 4, 5, 6, 7, 8]
+    assert segments.shift[0, 2, 0] == pytest.approx(-0.0005)
+    assert segments.shift_square[0, 2, 0] == pytest.approx((0.002**2 + 0.001**2) / 2)
 
 
 def test_gaps_are_missing_and_time_goes_on():
@@ -166,7 +166,7 @@ def several_clocks() -> SignalRecording:
 def test_each_clock_keeps_its_own_time():
     made = several_clocks()
     rig = rig_of(made)
-    assert median_interval(made, rig) == pytest.approx(0.01)
+    assert node_interval(made, rig) == pytest.approx(0.01)
     segments = segment_recording(made, rig)
     slow = np.isfinite(segments.y[..., 1])
     assert slow.sum() == pytest.approx(60, abs=1)
@@ -250,15 +250,28 @@ def test_without_actuators_there_are_no_controls():
     assert segments.control().shape == (*segments.shape, 1, 0)
 
 
-def test_faster_clocks_than_any_mechanism_are_thinned():
+def test_samples_of_a_fast_clock_are_averaged():
+    """25 samples to a node; of a smooth motion their mean is a value at their mean time, to second order."""
     t = np.arange(500) * 2e-4
     segments = segment_recording(made := swinging(t), rig_of(made))
-    assert segments.interval == SHORTEST_INTERVAL_S
-    # Every fifth sample lies on a node, and the last, at 99.8 ms, is near one that no sample meets.
-    there = segments.inside & (segments.time < 0.0995)
-    np.testing.assert_allclose(segments.shift[there], 0, atol=1e-12)
-    assert segments.shift[segments.inside][-1] == pytest.approx(-2e-4)
-    np.testing.assert_allclose(segments.y[there][:, 0], np.sin(segments.time[there]), atol=1e-12)
+    assert segments.interval == pytest.approx(LONGEST_AVERAGE_S)
+    there, shift, square = segments.inside, segments.shift[..., 0], segments.shift_square[..., 0]
+    # In the middle as many before a node as after it, at multiples of 0.2 ms: 2 (1 + 4 + ... + 144) / 25.
+    assert shift[0, 5] == pytest.approx(0, abs=1e-12)
+    assert square[0, 5] == pytest.approx(52 * 2e-4**2)
+    expected = shifted_back(segments, np.cos, lambda moment: -np.sin(moment))
+    # Beyond that the mean cube of the offset, which is largest at the ends: 2.4 ms cubed over 24.
+    np.testing.assert_allclose(segments.y[there][:, 0], expected[there], atol=2.4e-3**3 / 24)
+    noise = np.random.default_rng(5).normal(size=500)
+    noisy = segment_recording(swinging(t, [np.sin(t) + noise]), rig_of(made))
+    change = (noisy.y - segments.y)[there]
+    assert np.std(change) == pytest.approx(1 / 5, rel=4 / np.sqrt(2 * there.sum()))
+
+
+def test_slower_clocks_keep_every_sample():
+    for interval in (1 / 300, 0.005, 0.02):
+        made = swinging(np.arange(200) * interval)
+        assert node_interval(made, rig_of(made)) == pytest.approx(interval)
 
 
 def test_an_episode_without_observation_is_refused():

@@ -16,7 +16,6 @@ from slapshot.calibration.calibration_rigs import (
     simulate_recording,
 )
 from slapshot.diagnosis.diagnose import estimated_parameter
-from slapshot.diagnosis.inference.mismatch_test import gains
 from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score
 from slapshot.diagnosis.search import Step, nominal_step, one_step_values, refit, structural_fit
 from slapshot.diagnosis.segments import segment_recording
@@ -147,4 +146,4 @@ def _initial_values(nominal: Step, effect: JointEffect) -> Array:
     if effect.key not in keys:
         return np.array([parameter.start for parameter in effect.parameters])
     index = keys.index(effect.key)
-    return one_step_values(scored, index, gains(scored.scores, scored.columns)[index].values)
+    return one_step_values(scored, index, scored.gains[index].values)

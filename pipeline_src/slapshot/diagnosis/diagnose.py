@@ -18,7 +18,7 @@ from slapshot.diagnosis import held_out
 from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.held_out import Predictions
 from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.inference.mismatch_test import Elimination, gains
+from slapshot.diagnosis.inference.mismatch_test import Elimination
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.search import EQUIVALENCE_NATS, P_VALUE, Search, Step, search
@@ -144,6 +144,15 @@ def _diagnosis(
     if reason is None:
         try:
             found = search(problem, free, seed, report)
+            fit = found.nominal.scored.fit
+            if free and np.isfinite(fit.log_evidence) and not fit.settled:
+                notes.append(
+                    f"{', '.join(effect.key for effect in free)}: declared free, but held at the model's "
+                    "values, since the fit does not converge beside what is missing (last step "
+                    f"{fit.moved:.2g} standard deviations)"
+                )
+                report("the free parameters do not converge: they are held at the model's values")
+                found = search(problem, (), seed, report)
             reason = _fit_failure(found)
         except np.linalg.LinAlgError:
             reason = (
@@ -228,11 +237,6 @@ def _fit_failure(found: Search) -> str | None:
         return (
             "the nominal model diverges from the recorded motion; check units and signs of the controls, and "
             "whether the model is that of this robot"
-        )
-    if not fit.settled:
-        return (
-            "the fit of the nominal model's free parameters does not converge (they still moved by "
-            f"{fit.moved:.2g} standard deviations); free fewer, or record motions that distinguish them"
         )
     return None
 
@@ -364,7 +368,7 @@ def _verdict(
     if not named and missing:
         fits[2] = fits[1]
     scored = first.scored
-    alone = gains(scored.scores, scored.columns)
+    alone = scored.gains
     strongest = scored.effects[max(range(len(alone)), key=lambda i: alone[i].log_evidence)]
     return Verdict(
         headline=headline,  # type: ignore[arg-type]
@@ -500,7 +504,7 @@ def _phrase(effect: JointEffect) -> str:
 def _location(step: Step) -> Location:
     """Location of the mismatch: part and variable of the free form with the largest gain."""
     scored = step.scored
-    found = gains(scored.scores, scored.columns)
+    found = scored.gains
     free = [i for i, effect in enumerate(scored.effects) if is_free(effect)]
     if not free:
         effect = scored.effects[step.test.largest]
@@ -553,7 +557,7 @@ def _recurring_pushes(step: Step, named: Sequence[JointEffect]) -> str | None:
 
 def _unknown(step: Step, p_value: float) -> str:
     scored = step.scored
-    found = gains(scored.scores, scored.columns)
+    found = scored.gains
     free = [i for i, effect in enumerate(scored.effects) if is_free(effect)]
     seen = "" if p_value < P_VALUE else "seen in held-out windows only; "
     if not free:

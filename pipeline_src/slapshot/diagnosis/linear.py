@@ -146,7 +146,8 @@ def linearise(
     observed = seen(y)
     added = hypothesis.observe(observed, theta)
     shift = segments.shift.reshape(n, ny)
-    predicted = y + shift * observed.rate + shift**2 / 2 * observed.second_rate + added
+    square = segments.shift_square.reshape(n, ny)
+    predicted = y + shift * observed.rate + square / 2 * observed.second_rate + added
     following = np.concatenate([trajectory[:, 1:], trajectory[:, -1:]], axis=1).reshape(n, -1)
     defect = tangent.subtract(base, following).reshape(S, L, dim)
     # Beyond the end of an episode there are no data, and the defect must not grow.

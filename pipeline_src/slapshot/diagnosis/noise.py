@@ -127,18 +127,6 @@ def marginal_likelihood(found: Innovations, prior_sd: Array) -> float:
     return float(log_likelihood(found) + 0.5 * half @ half - np.log(np.diag(factor)).sum())
 
 
-def quantisation(values: Array) -> float:
-    """Quantisation step of a channel; 0 if not detectable."""
-    there = np.unique(values[np.isfinite(values)])
-    if len(there) < 20:
-        return 0.0
-    gaps = np.diff(there)
-    step = float(np.median(gaps[gaps > 1e-12 * max(1.0, np.abs(there).max())][:2000]))
-    multiples = gaps / step
-    regular = np.mean(np.abs(multiples - np.rint(multiples)) < 0.05)
-    return step if regular > 0.95 and np.median(multiples) < 1.5 else 0.0
-
-
 def initial_noise(segments: Segments, torque: Array, n: int, position: Array, speed: Array) -> Noise:
     """Initial noise: white noise from third differences of the recorded values.
 
@@ -231,7 +219,7 @@ def fit_noise(
     groups = sorted(set(kinds))
     member = np.array([groups.index(kind) for kind in kinds])
     first = np.array([kinds.index(group) for group in groups])
-    least = np.array([quantisation(segments.y[..., c]) / np.sqrt(12) for c in range(len(kinds))])
+    least = segments.quantisation / np.sqrt(12)
     count = len(groups)
 
     # Values: logarithms of the sizes of law errors of both kinds and of drift, of force and of jitter; then

@@ -12,11 +12,18 @@ from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.fit import Fit, Fitter
 from slapshot.diagnosis.free_forms import free_forms, is_free
 from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
-from slapshot.diagnosis.inference.mismatch_test import Scores, scores
+from slapshot.diagnosis.inference.mismatch_test import Gain, Scores, gains, scores
 from slapshot.diagnosis.law_columns import LawColumns, law_columns
 from slapshot.diagnosis.law_error import law_errors
 from slapshot.diagnosis.linear import STEP_ERROR, Perturbation, perturbations_of
-from slapshot.diagnosis.noise import Noise, fit_noise, fit_process_force, initial_noise
+from slapshot.diagnosis.noise import (
+    Noise,
+    Prior,
+    fit_noise,
+    fit_process_force,
+    initial_noise,
+    posterior_means,
+)
 from slapshot.diagnosis.pulses import Scan, scan
 from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.rig import Rig
@@ -24,13 +31,14 @@ from slapshot.diagnosis.rig_motion import rig_motion, torque_scale
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.structure import reindexed_motion, restructured, substeps_for, transferred_trajectory
 from slapshot.effects.joints.catalogue import instances
-from slapshot.effects.joints.effect import JointEffect, RigMotion, State
+from slapshot.effects.joints.effect import JointEffect, RigMotion, State, overrides
 from slapshot.effects.joints.split import FASTEST
 from slapshot.recordings.channels import Channel
 
 NUISANCE = (STEP_ERROR,)  # of every hypothesis, besides law errors
 POSITION_SPREAD = 0.05  # rad or m, prior sd of an initial state about the trajectory
 _SPEED_SPREAD = 3  # rms speeds
+CREDIBLE_SD = 5.0  # of a prior, beyond which a value contradicts it
 _DRIFT_WIDTH = 0.1  # length scale of drift, as a share of the session
 _NEGLIGIBLE = 1e-9  # rms of shapes of drift where there is but one episode
 
@@ -235,6 +243,24 @@ class ScoredFit:
     perturbations: tuple[Perturbation, ...]
     pulses: Scan
 
+    @cached_property
+    def gains(self) -> list[Gain]:
+        """Gain of each candidate by itself.
+
+        An error of the readings of incredible size has none: it is a multiple of the recorded motion, and
+        would explain any motion that the model does not make.
+        """
+        found = gains(self.scores, self.columns)
+        return [
+            replace(gain, log_evidence=-np.inf) if is_incredible(effect, gain.values) else gain
+            for effect, gain in zip(self.effects, found, strict=True)
+        ]
+
+
+def is_incredible(effect: JointEffect, values: Array) -> bool:
+    """Whether an error of the readings has values, in standard deviations, that contradict its prior."""
+    return overrides(effect, "observe") and bool(np.any(np.abs(values) > CREDIBLE_SD))
+
 
 def initial_fit(problem: Problem, hypothesis: Hypothesis) -> tuple[Problem, Fit, Noise]:
     """Fit a hypothesis from the recorded trajectory, with all unmodelled forces as process force.
@@ -287,14 +313,7 @@ def fit_and_score(
     ]
     explains = ~candidate
     explains[fixed : fixed + len(perturbations)] = ~np.array(many, bool)
-    noise = fit_noise(
-        _select_columns(system, explains),
-        prior.select(explains),
-        noise,
-        problem.segments,
-        problem.quantities,
-        near=near,
-    )
+    noise = _fit_noise_with_columns(problem, system, prior, explains, noise, near)
     own_columns = _select_columns(system, ~candidate), prior.select(~candidate)
     left = fit_process_force(*own_columns, noise, problem.segments.interval)
     fit = fitter.fit(hypothesis, theta, trajectory, left, rounds=8, known=system)
@@ -322,6 +341,30 @@ def fit_and_score(
         tuple(perturbations),
         pulses,
     )
+
+
+def _fit_noise_with_columns(
+    problem: Problem, system: Linear, prior: Prior, explains: NDArray[np.bool_], noise: Noise, near: bool
+) -> Noise:
+    """Noise with some columns integrated out, except those whose values would be incredible.
+
+    A column of the readings, such as an encoder's scale, is a multiple of the recorded motion itself. Where
+    the model lacks most of the forces, a scale near -1 would explain the readings with their noise.
+    """
+    for again in (False, True):
+        used = _select_columns(system, explains)
+        noise = fit_noise(
+            used, prior.select(explains), noise, problem.segments, problem.quantities, near=near or again
+        )
+        found = innovations(used, noise.covariances(problem.segments.interval))
+        sd = prior.select(explains).at(noise)
+        values = posterior_means(found, sd)
+        incredible = (np.abs(values) > CREDIBLE_SD * sd) & used.psi.any(axis=(0, 1, 2))
+        if again or not incredible.any():
+            break
+        explains = explains.copy()
+        explains[np.flatnonzero(explains)[incredible]] = False
+    return noise
 
 
 def _select_columns(system: Linear, columns: NDArray[np.bool_]) -> Linear:

@@ -19,7 +19,6 @@ from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.inference.mismatch_test import (
     DRAWS,
     MismatchTest,
-    gains,
     mismatch_test,
     overdispersion,
     scores,
@@ -157,7 +156,7 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
             step = _forward_step(before, rng, report)
             law = before if step is None else step
             split = any(effect.hidden_state for effect in before.hypothesis.effects)
-            if len(steps) <= _STRUCTURE_STEPS and not split and law.test.p_value < P_VALUE:
+            if len(steps) <= _STRUCTURE_STEPS and not split and _much_is_left(law):
                 step = _structural_step(before, law, rng, report) or step
             if step is None:
                 break
@@ -170,6 +169,17 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     if final is not steps[-1]:
         steps.append(final)
     return Search(tuple(steps), tuple(free))
+
+
+def _much_is_left(step: Step) -> bool:
+    """Whether a candidate, such as a free form, would still explain something."""
+    largest = max((gain.log_evidence for gain in step.scored.gains), default=0.0)
+    return step.test.p_value < P_VALUE and largest > _threshold(step.scored)
+
+
+def _threshold(scored: ScoredFit) -> float:
+    """Nats that an effect must gain to be added: one of many candidates, within a factor of twenty."""
+    return float(np.log(len(scored.effects))) + EQUIVALENCE_NATS
 
 
 def nominal_step(problem: Problem, free: Sequence[JointEffect], rng: np.random.Generator) -> Step:
@@ -210,8 +220,8 @@ def _test(scored: ScoredFit, rng: np.random.Generator) -> MismatchTest:
 def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
     """Add the effect with the largest gain; None if none gains enough."""
     scored, problem = step.scored, step.problem
-    threshold = float(np.log(len(scored.effects))) + EQUIVALENCE_NATS
-    found = gains(scored.scores, scored.columns)
+    threshold = _threshold(scored)
+    found = scored.gains
     order = sorted(range(len(found)), key=lambda i: -found[i].log_evidence)
     rivals: list[Rival] = []
     candidates: dict[str, tuple[JointEffect, Array]] = {}
@@ -573,7 +583,7 @@ def _backward_elimination(
         removable = [i for i, e in enumerate(effects) if e.key not in kept_for_good and not e.hidden_state]
         if len([e for e in effects if e.key not in kept_for_good]) < 2 or not removable:
             return step
-        threshold = float(np.log(len(step.scored.effects))) + EQUIVALENCE_NATS
+        threshold = _threshold(step.scored)
         best: Fit | None = None
         for i in removable:
             less = Hypothesis(fit.hypothesis.rig, tuple(e for k, e in enumerate(effects) if k != i))

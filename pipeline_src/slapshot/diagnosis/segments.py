@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.rig import Control, Rig
 from slapshot.errors import InputError
+from slapshot.recordings.signal_statistics import channel_statistics
 from slapshot.recordings.signals import SignalRecording
 
-SHORTEST_INTERVAL_S = 1e-3  # faster sampling adds no information about a robot's mechanics
+# Several faster samples are averaged to a node: mechanics are slower, and every node costs time.
+LONGEST_AVERAGE_S = 5e-3
 SEGMENT_S = 0.5
 
 
@@ -68,7 +70,8 @@ class Segments:
         interval: s between nodes.
         substeps: steps of the model in an interval.
         y: (S, L, ny) recorded; NaN where nothing was.
-        shift: (S, L, ny) s from the node to the sample.
+        shift: (S, L, ny) s from the node to the sample, or to the mean of several.
+        shift_square: (S, L, ny) s², mean square of the same.
         inside: (S, L) whether the node belongs to the episode; others are padding.
         time: (S, L) s from the episode's start.
         episode: (S,) index of the episode.
@@ -76,12 +79,14 @@ class Segments:
         order: (S,) place of the episode in the session, from -1/2 to 1/2.
         controls: one (nodes * substeps, nu) array for each episode: means over model steps.
         ids: identifiers of the episodes, as recorded.
+        quantisation: (ny,) step of each channel's samples; 0 where they have none.
     """
 
     interval: float
     substeps: int
     y: Array
     shift: Array
+    shift_square: Array
     inside: NDArray[np.bool_]
     time: Array
     episode: NDArray[np.intp]
@@ -89,6 +94,7 @@ class Segments:
     order: Array
     controls: tuple[Array, ...]
     ids: NDArray[np.int64]
+    quantisation: Array
 
     @property
     def step(self) -> float:
@@ -127,12 +133,14 @@ class Segments:
 
     def select(self, some: NDArray[np.bool_] | NDArray[np.intp]) -> "Segments":
         """Some of the segments; controls stay whole."""
-        kept = ("y", "shift", "inside", "time", "episode", "first", "order")
+        kept = ("y", "shift", "shift_square", "inside", "time", "episode", "first", "order")
         return replace(self, **{name: getattr(self, name)[some] for name in kept})
 
     def later(self, node: int) -> "Segments":
         """The same from a node on."""
-        cut = {name: getattr(self, name)[:, node:] for name in ("y", "shift", "inside", "time")}
+        cut = {
+            name: getattr(self, name)[:, node:] for name in ("y", "shift", "shift_square", "inside", "time")
+        }
         return replace(self, **cut, first=self.first + node)
 
     def finer(self, steps: int) -> "Segments":
@@ -159,8 +167,8 @@ class Segments:
         return out
 
 
-def median_interval(recording: SignalRecording, rig: Rig) -> float:
-    """Median time in s between samples of the fastest clock that observes."""
+def node_interval(recording: SignalRecording, rig: Rig) -> float:
+    """Time in s between nodes: one or several median intervals of the fastest clock that observes."""
     clocks = {recording.channels[o.channel].clock for o in rig.observations}
     intervals = []
     for clock in clocks:
@@ -170,7 +178,8 @@ def median_interval(recording: SignalRecording, rig: Rig) -> float:
             intervals.append(float(gaps.median()))
     if not intervals:
         raise InputError("signals: no episode has two samples; record motions")
-    return max(min(intervals), SHORTEST_INTERVAL_S)
+    fastest = min(intervals)
+    return fastest * max(1, int(LONGEST_AVERAGE_S / fastest + 0.01))
 
 
 def segment_recording(
@@ -187,16 +196,16 @@ def segment_recording(
     Raises:
         InputError: an episode has no observation.
     """
-    interval = median_interval(recording, rig)
+    interval = node_interval(recording, rig)
     substeps = max(1, int(np.ceil(interval / rig.model.opt.timestep - 1e-6))) * finer
     L = max(4, round(segment_s / interval))
     episodes = recording.episodes.sort_values("order")
     count = len(episodes)
     orders = np.linspace(-0.5, 0.5, count) if count > 1 else np.zeros(1)
-    y, shift, inside, time, owner, first, order = [], [], [], [], [], [], []
+    y, shift, square, inside, time, owner, first, order = [], [], [], [], [], [], [], []
     controls, ids = [], []
     for index, episode in enumerate(episodes["episode"]):
-        t, values, offset = _on_grid(recording, rig, int(episode), interval)
+        t, values, offset, offset_square = _on_grid(recording, rig, int(episode), interval)
         edges = t[0] + np.arange(len(t) * substeps + 1) * (interval / substeps)
         controls.append(
             np.stack(
@@ -213,21 +222,27 @@ def segment_recording(
             pad = ((0, L - length), (0, 0))
             y.append(np.pad(values[start : start + L], pad, constant_values=np.nan))
             shift.append(np.pad(offset[start : start + L], pad))
+            square.append(np.pad(offset_square[start : start + L], pad))
             inside.append(np.arange(L) < length)
             time.append(t[start] + np.arange(L) * interval)
             owner.append(index)
             first.append(start)
             order.append(orders[index])
     return Segments(
-        interval, substeps, np.array(y), np.array(shift), np.array(inside), np.array(time),
-        np.array(owner), np.array(first), np.array(order), tuple(controls), np.array(ids, np.int64),
+        interval, substeps, np.array(y), np.array(shift), np.array(square), np.array(inside),
+        np.array(time), np.array(owner), np.array(first), np.array(order), tuple(controls),
+        np.array(ids, np.int64),
+        np.array([channel_statistics(recording, o.channel).grid for o in rig.observations]),
     )  # fmt: skip
 
 
 def _on_grid(
     recording: SignalRecording, rig: Rig, episode: int, interval: float
-) -> tuple[Array, Array, Array]:
-    """Times of an episode's nodes, samples at them (NaN for none), and how much later each was taken."""
+) -> tuple[Array, Array, Array, Array]:
+    """Times of an episode's nodes, the mean of the samples nearest to each, and moments of their offset.
+
+    The moments are mean and mean square of the offset in time. Values of nodes without a sample are NaN.
+    """
     samples = []
     for observation in rig.observations:
         table = recording.signals[recording.channels[observation.channel].clock]
@@ -241,15 +256,20 @@ def _on_grid(
     end = max(t[-1] for t, _ in samples if len(t))
     nodes = int(np.floor((end - begin) / interval + 0.5)) + 1
     grid = begin + np.arange(nodes) * interval
-    values = np.full((nodes, len(samples)), np.nan)
-    offset = np.zeros((nodes, len(samples)))
+    turns = {c for columns in rig.quaternions for c in columns}
+    means = np.zeros((3, nodes, len(samples)))
     for c, (t, value) in enumerate(samples):
         nearest = np.clip(np.rint((t - begin) / interval).astype(int), 0, nodes - 1)
         late = t - grid[nearest]
-        # Of two samples at one node the nearer stays: written last.
-        for i in np.argsort(-np.abs(late), kind="stable"):
-            values[nearest[i], c], offset[nearest[i], c] = value[i], late[i]
-    return grid, values, offset
+        if c in turns:  # which must not be averaged, as q and -q are the same
+            order = np.lexsort([np.abs(late), nearest])
+            keep = order[np.diff(nearest[order], prepend=-1) > 0]
+            nearest, late, value = nearest[keep], late[keep], value[keep]
+        count = np.bincount(nearest, minlength=nodes)
+        for mean, weight in zip(means, (value, late, late**2), strict=True):
+            mean[:, c] = np.bincount(nearest, weight, nodes) / np.maximum(count, 1)
+        means[0, count == 0, c] = np.nan
+    return grid, *means
 
 
 def _followed(recording: SignalRecording, control: Control, episode: int) -> ControlSignal:

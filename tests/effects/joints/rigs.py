@@ -69,6 +69,7 @@ class RigSimulator:
             substeps=substeps,
             y=np.full((*shape, ny), np.nan),
             shift=np.zeros((*shape, ny)),
+            shift_square=np.zeros((*shape, ny)),
             inside=np.ones(shape, bool),
             time=np.tile(np.arange(length) * self.interval, (count, 1)),
             episode=np.arange(count),
@@ -76,6 +77,7 @@ class RigSimulator:
             order=np.linspace(-0.5, 0.5, count) if count > 1 else np.zeros(1),
             controls=(told,) * count,
             ids=np.arange(count),
+            quantisation=np.zeros(ny),
         )
 
     @cached_property

@@ -6,7 +6,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slapshot.diagnosis.free_forms import is_free
-from slapshot.diagnosis.inference.mismatch_test import gains
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.presentation import AUGMENTED, FREE_FORM, mark_stand_in
 from slapshot.diagnosis.search import EQUIVALENCE_NATS, Step
@@ -59,11 +58,12 @@ def _steps(outcome: Outcome) -> list[Step]:
 
 def _screen(step: Step) -> pd.DataFrame:
     scored = step.scored
-    found = gains(scored.scores, scored.columns)
+    found = scored.gains
     best: dict[str, tuple[float, bool]] = {}
     for effect, gain in zip(scored.effects, found, strict=True):
         name = _name(effect)
-        if name not in best or gain.log_evidence > best[name][0]:  # several starts of one effect are one
+        best_so_far = best[name][0] if name in best else -np.inf
+        if gain.log_evidence > best_so_far:  # several starts of one effect are one
             best[name] = (gain.log_evidence, is_free(effect))
     rows = [{"candidate": n, "nats": g, "free_form": f, "added": False} for n, (g, f) in best.items()]
     return pd.DataFrame(rows, columns=["candidate", "nats", "free_form", "added"]).nlargest(

@@ -35,9 +35,7 @@ class Motion:
 
 def predicted_half(windows: Segments) -> Segments:
     """The second halves of windows, which were predicted."""
-    half = windows.shape[1] // 2
-    kept = {name: getattr(windows, name)[:, half:] for name in ("y", "shift", "inside", "time")}
-    return replace(windows, **kept, first=windows.first + half)
+    return windows.later(windows.shape[1] // 2)
 
 
 def predicted_motion(outcome: Outcome, model_name: str, some: NDArray[np.intp]) -> Motion:
