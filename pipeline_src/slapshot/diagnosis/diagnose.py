@@ -144,15 +144,6 @@ def _diagnosis(
     if reason is None:
         try:
             found = search(problem, free, seed, report)
-            fit = found.nominal.scored.fit
-            if free and np.isfinite(fit.log_evidence) and not fit.settled:
-                notes.append(
-                    f"{', '.join(effect.key for effect in free)}: declared free, but held at the model's "
-                    "values, since the fit does not converge beside what is missing (last step "
-                    f"{fit.moved:.2g} standard deviations)"
-                )
-                report("the free parameters do not converge: they are held at the model's values")
-                found = search(problem, (), seed, report)
             reason = _fit_failure(found)
         except np.linalg.LinAlgError:
             reason = (
@@ -237,6 +228,11 @@ def _fit_failure(found: Search) -> str | None:
         return (
             "the nominal model diverges from the recorded motion; check units and signs of the controls, and "
             "whether the model is that of this robot"
+        )
+    if not fit.settled:
+        return (
+            "the fit of the nominal model's free parameters does not converge (they still moved by "
+            f"{fit.moved:.2g} standard deviations); free fewer, or record motions that distinguish them"
         )
     return None
 
