@@ -1,8 +1,10 @@
 """A copy of the repository in which Snakemake runs the tiny configuration."""
 
+import compileall
 import contextlib
 import json
 import os
+import py_compile
 import re
 import shutil
 import subprocess
@@ -60,7 +62,8 @@ class Workspace:
 
     @property
     def environment(self) -> dict[str, str]:
-        # No compiled files: an edit within the second that keeps a file's length would be overlooked.
+        # Compiled files are those of copy_repository: by its time an edit within a second that keeps a file's
+        # length would be overlooked.
         own = {"PYTHONPATH": str(self.root / "pipeline_src"), "PYTHONDONTWRITEBYTECODE": "1"}
         return {k: v for k, v in os.environ.items() if k != "MUJOCO_GL"} | own
 
@@ -256,4 +259,8 @@ def copy_repository(folder: Path) -> Workspace:
         if (ROOT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(ROOT / name, folder / name)
+    # Hundreds of processes start in a copy. A hash tells them which files were edited since.
+    compileall.compile_dir(
+        folder / "pipeline_src", quiet=2, invalidation_mode=py_compile.PycInvalidationMode.CHECKED_HASH
+    )
     return Workspace(folder, folder / "test.yaml")

@@ -8,8 +8,8 @@ from mujoco import MjSpec
 from slapshot.diagnosis import diagnose, held_out
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.search import Search, Step
 from slapshot.diagnosis.segments import segment_recording
+from slapshot.diagnosis.steps import Search, Step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.payload import Payload

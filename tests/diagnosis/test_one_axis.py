@@ -12,7 +12,7 @@ from slapshot.diagnosis.rig import bind
 
 from .mechanisms import control_channel, joint, recording
 
-AXIS = """<mujoco><option timestep="0.005" integrator="implicitfast"/><worldbody><body>
+AXIS = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody><body>
 <joint name="slide" type="slide" axis="1 0 0"/><geom type="box" size=".1 .1 .05" mass="95.1" contype="0"
 conaffinity="0"/></body></worldbody><actuator><motor name="motor" joint="slide"/></actuator></mujoco>"""
 MASS, VISCOUS, COULOMB = 95.1, 203.5, 20.4  # of EMPS (Janot, Gautier, Brunot 2019), in kg, N s/m and N
@@ -39,9 +39,10 @@ def driven_axis(
         read[k] = q + noise * rng.standard_normal()
         force[k] = 8000 * (wanted[k] - q) + 1500 * (speed[k] - v)
         for _ in range(finer):
-            a = (force[k] + offset - VISCOUS * v - COULOMB * np.tanh(v / 1e-3)) / MASS
-            q += h * v + h * h * a / 2
-            v += h * a
+            free = v + h * (force[k] + offset - VISCOUS * v) / MASS
+            # Dry friction stops the carriage, or slows it down by as much as it can within a step.
+            before, v = v, np.sign(free) * max(abs(free) - h * COULOMB / MASS, 0.0)
+            q += h * (before + v) / 2
     return t, read, force
 
 

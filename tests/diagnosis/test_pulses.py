@@ -1,17 +1,20 @@
 """When something pushes: two masses on rails, simulated as linear systems, with and without pushes."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 from scipy import stats
 from slapshot.diagnosis.filter import Linear
 from slapshot.diagnosis.noise import FORCE_HOLD_S, Noise
-from slapshot.diagnosis.pulses import Scan, pushes, scan
+from slapshot.diagnosis.pulses import Scan, gusts, pushes, pushes_of_gusts, scan
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Joint, RigMotion, State
 
 JOINTS, SEGMENTS, WHITE, FORCE = 2, 6, 1e-4, 0.1
 NONE = np.zeros(0)
+MOVING = np.ones((SEGMENTS, 50, JOINTS))
 
 
 def rig(interval: float) -> RigMotion:
@@ -175,3 +178,81 @@ def test_values_of_columns_are_taken_off_first():
     left = scan(own, np.array([3.0]), noise(of), of, rig(0.01))
     nothing, _ = scanned(6)
     np.testing.assert_allclose(left.ratio, nothing.ratio, atol=1e-6)
+
+
+@pytest.mark.parametrize("force", [60.0, -600.0])
+def test_gusts_are_the_windows_of_an_enormous_push(force: float):
+    """As the process force, which covers the push at first, is fitted to what is left."""
+    push = (1, 1, 0.6, 0.8, force)
+    of = segments()
+    system, known = masses(of, np.random.default_rng(8), push), noise(of)
+    for size in np.geomspace(abs(force) / 5, FORCE, 6):
+        known = replace(known, force=float(size))
+        known = replace(known, gust=gusts(system, NONE, MOVING, known, of, rig(0.01)))
+    assert known.gust is not None
+    inside = (of.episode == 1)[:, None] & (of.time > 0.6 - 1e-9) & (of.time < 0.8 - 1e-9)
+    assert (known.gust[inside] > 1).all()
+    # A window before or after may be touched by it.
+    near = (of.episode == 1)[:, None] & (of.time > 0.55 - 1e-9) & (of.time < 0.85 - 1e-9)
+    np.testing.assert_array_equal(known.gust[~near], 1)
+    (effect,) = pushes_of_gusts(system, known, of, rig(0.01), ())
+    assert effect.part == "rail 1"
+    (pulse,) = effect.pulses
+    assert pulse.episode == 9
+    assert abs(pulse.begin - 0.6) <= 0.05 + 1e-9
+    assert abs(pulse.end - 0.8) <= 0.05 + 1e-9
+    assert not pushes_of_gusts(system, known, of, rig(0.01), effect.pulses)
+
+
+def test_without_an_enormous_push_there_are_no_gusts():
+    """Of 2,400 normal numbers in all, one beyond 5 standard deviations has a chance of 0.1 %."""
+    of = segments()
+    for seed in range(20):
+        system = masses(of, np.random.default_rng(100 + seed))
+        assert gusts(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
+
+
+def test_many_pushed_windows_are_no_gusts():
+    """What acts in a fifth of the time is what the model lacks."""
+    of = segments()
+    system = masses(of, np.random.default_rng(9), (1, 1, 0.3, 1.2, 100.0))
+    assert gusts(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
+
+
+def test_windows_of_known_pushes_are_not_judged():
+    found, of = scanned(3, (1, 0, 0.2, 0.3, 1.5))
+    ((effect, _),) = pushes(found, of, rig(0.01))
+    system = masses(of, np.random.default_rng(3), (1, 0, 0.2, 0.3, 1.5))
+    again = scan(system, NONE, noise(of), of, rig(0.01), effect.pulses)
+    begin, end = (round(t / 0.05) for t in (effect.pulses[0].begin, effect.pulses[0].end))
+    assert not again.observable[3, begin:end].any()
+    assert again.observable.sum() == found.observable.sum() - JOINTS * (end - begin)
+
+
+@pytest.mark.parametrize(("torque", "pushed"), [(230.0, True), (250.0, False)])
+def test_where_joints_turn_around_a_gust_is_a_quarter_of_what_moves_them(torque: float, pushed: bool):
+    """At 0.7 s of the second episode, within a push of 60 N."""
+    of = segments()
+    system = masses(of, np.random.default_rng(8), (1, 1, 0.65, 0.75, 60.0))
+    moved = replace(rig(0.01), joints=tuple(replace(j, torque=torque) for j in rig(0.01).joints))
+    known, speed = replace(noise(of), force=12.0), MOVING.copy()
+    speed[4, 20:] = -1
+    # Its force is told within a few per cent, and the limit is a quarter of the torque.
+    found = gusts(system, NONE, speed, known, of, moved)
+    assert (found is not None) == pushed
+    assert gusts(system, NONE, MOVING, known, of, moved) is not None
+
+
+def test_where_a_joint_with_friction_turns_around_weak_forces_are_not_judged():
+    """Nor blamed on the windows after it."""
+    of = segments()
+    speed = MOVING[..., 0].copy()
+    speed[3, 22:] = -1  # at 0.22 s of the second episode
+    system = masses(of, np.random.default_rng(3), (1, 0, 0.2, 0.25, 1.5))
+    plain = scan(system, NONE, noise(of), of, rig(0.01))
+    assert np.abs(plain.ratio[3, 4:6, 0]).max() > 4
+    for torque, judged in ((1.0, True), (10.0, False)):
+        moved = replace(rig(0.01), joints=tuple(replace(j, torque=torque) for j in rig(0.01).joints))
+        found = scan(system, NONE, noise(of), of, moved, (), {"rail 0": speed})
+        assert found.observable[3, 4, 0] == judged
+        assert judged or np.abs(found.ratio[3, :, 0][found.observable[3, :, 0]]).max() < 3

@@ -12,8 +12,8 @@ from slapshot.config.calibration import NullBlockSettings
 from slapshot.diagnosis.diagnose import split
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.search import nominal_step
 from slapshot.diagnosis.segments import segment_recording
+from slapshot.diagnosis.steps import nominal_step
 from slapshot.lab.joints.case_spec import Colour
 from slapshot.lab.joints.record_case import make_case
 from slapshot.lab.joints.rigs import nominal_model

@@ -130,6 +130,16 @@ class Midpoint:
             columns.append(self._change(moved) / (_FORCE_STEP * scale[j]))
         return np.asarray(spread @ np.stack(columns, axis=-1))
 
+    def unheld(self) -> "Midpoint | None":
+        """The same where no joint is held by its friction; None where none has any."""
+        if not self._model.dof_frictionloss.any():
+            return None
+        other = copy.copy(self)
+        other.__dict__.pop("_end", None)
+        other._model = copy.copy(self._model)
+        other._model.dof_frictionloss[:] = 0
+        return other
+
     def changed(self, hypothesis: Hypothesis, theta: Array, model: mujoco.MjModel, spread: Array) -> Array:
         """Difference of the state at the end under another hypothesis and model, (n, dim)."""
         model = _explicit(model) if self._smooth else model

@@ -21,8 +21,9 @@ from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.inference.mismatch_test import Elimination
 from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.search import EQUIVALENCE_NATS, P_VALUE, Search, Step, search
+from slapshot.diagnosis.search import search
 from slapshot.diagnosis.segments import Segments, segment_recording
+from slapshot.diagnosis.steps import EQUIVALENCE_NATS, P_VALUE, Search, Step
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
     Errors,

@@ -38,6 +38,8 @@ class Linear:
         psi: (S, L, ny, p) change of the observation by each parameter.
         spread: (S, L, n, n) effect of a change in every step on the end of an interval.
         halved: (S, L, n) change of the transition with steps of half the length; None if not computed.
+        process: (S, L, n, nv) effect of the process force, which a joint at rest feels in spite of its
+            friction: the laws of friction have errors too; None for B.
     """
 
     A: Array
@@ -49,6 +51,12 @@ class Linear:
     psi: Array
     spread: Array | None = None
     halved: Array | None = None
+    process: Array | None = None
+
+    @property
+    def process_force(self) -> Array:
+        """(S, L, n, nv) effect of the process force."""
+        return self.B if self.process is None else self.process
 
     def select(self, segments: NDArray[np.intp] | NDArray[np.bool_]) -> "Linear":
         """The same of some segments."""
@@ -79,6 +87,7 @@ class Covariances:
         coloured: (ny,) variances ω² of coloured observation noise; 0 for none.
         decay: (ny,) φ, its correlation over one interval.
         shared: (S, L, ny, k) T, of noise of unit size that channels share; None for none.
+        gust: (S, L) factor on the variances of the process force; None for 1.
     """
 
     initial: Array
@@ -87,6 +96,7 @@ class Covariances:
     coloured: Array
     decay: Array
     shared: Array | None = None
+    gust: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -126,7 +136,8 @@ def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array, Array]:
     n = system.d.shape[-1]
     delta, adjoint = _backward(arguments[0], arguments[3], x, P, K, s, innovation)
     force = np.zeros((*system.d.shape[:2], system.B.shape[-1]))
-    force[:, :-1] = -noise.force * np.einsum("stij,sti->stj", system.B[:, :-1], adjoint[:, 1:, :n])
+    variance = noise.force if noise.gust is None else noise.force * noise.gust[:, :-1, None]
+    force[:, :-1] = -variance * np.einsum("stij,sti->stj", system.process_force[:, :-1], adjoint[:, 1:, :n])
     coloured = np.zeros(system.r.shape)
     channels = np.flatnonzero(noise.coloured > 0)
     coloured[..., channels] = delta[..., n : n + len(channels)]
@@ -156,7 +167,8 @@ def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
     A[..., :n, :n] = system.A
     A[..., range(n, n + m), range(n, n + m)] = noise.decay[channels]
     B = np.zeros((segments, nodes, n + m + k, nv + m + k))
-    B[..., :n, :nv] = system.B
+    gust = 1.0 if noise.gust is None else np.sqrt(noise.gust)[..., None, None]
+    B[..., :n, :nv] = system.process_force * gust
     B[..., range(n, n + m + k), range(nv, nv + m + k)] = 1
     own = (noise.coloured * (1 - noise.decay**2))[channels]
     q = np.concatenate([noise.force, own, np.ones(k)])

@@ -22,9 +22,11 @@ from slapshot.effects.joints.effect import RigMotion, State
 
 # Movement of values, in posterior standard deviations, after which derivatives are recomputed.
 _NEAR, _FAR = 0.3, 3.0
-_MAX_LOSS = 0.05  # share of the evidence that a step may lose, since every step has its own linearisation
+# Share of the evidence, and nats, that a step may lose, since every step has its own linearisation.
+_MAX_LOSS, _MAX_LOSS_NATS = 0.05, 100.0
 _MIN_SHARE = 1e-3  # smallest step that is tried, as a share
 _DIGITS = 1e-6
+_CLOSE_SD = 1.0  # of a step, in posterior standard deviations, whose evidence counts
 CONVERGED_SD = 0.01  # convergence: movement of parameters in posterior standard deviations
 SETTLED_SD = 0.1  # the same, when the rounds are used up
 
@@ -175,6 +177,7 @@ class Fitter:
         covariances = noise.covariances(self.segments.interval)
         moved, converged, evidence = np.inf, False, -np.inf
         before: tuple[float, Array, Array] | None = None
+        best: tuple[float, Array, Array, Array, float] | None = None
         step: Array = np.zeros(p)
         delta, share = np.zeros((*trajectory.shape[:2], self.simulator.tangent.dim)), 1.0
         system, since = known, np.inf if known is None else 0.0
@@ -203,7 +206,11 @@ class Fitter:
                         log_likelihood(seen) - 0.5 * offset @ offset + gradient @ full
                         - 0.5 * full @ scaled @ full - 0.5 * np.linalg.slogdet(scaled)[1]
                     )  # fmt: skip
-            if before is not None and evidence < before[0] - _MAX_LOSS * abs(before[0]):
+            if before is not None and evidence < before[0] - min(_MAX_LOSS * abs(before[0]), _MAX_LOSS_NATS):
+                if not fresh and number < rounds:
+                    # Where joints stop or start, derivatives change at once.
+                    since = np.inf
+                    continue
                 if number == rounds or share < _MIN_SHARE:
                     evidence, theta, trajectory = before
                     converged = False
@@ -227,9 +234,14 @@ class Fitter:
             delta, *_ = smooth(system.moved(full).without_columns(), covariances)
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
             moved = float(np.max(np.abs(step) / spread, initial=0.0))
+            # Far from its optimum a linearisation says nothing about the evidence.
+            if moved < _CLOSE_SD and (best is None or evidence > best[0]):
+                best = evidence, theta, trajectory, precision, moved
             theta, trajectory = target, self.simulator.tangent.add(trajectory, delta)
             since += moved
             converged = moved < CONVERGED_SD and number >= 1
+        if best is not None and not converged and (moved > _CLOSE_SD or evidence < best[0]):
+            evidence, theta, trajectory, precision, moved = best
         return Fit(hypothesis, theta, trajectory, evidence, precision, converged, moved)
 
 

@@ -32,6 +32,7 @@ _CENTRES, _WIDTH, _NARROW = np.linspace(-6.0, 6.0, 21), 0.6, 0.2
 # whether laws have errors; if so, a hundredth of their variance, when neglected, is mistaken for a missing
 # effect.
 _COARSE, _FINE = (0.02, 8), (1e-5, 120)
+_NODES = 2000  # from which components are computed
 _ADDED = (1e-4, 40)  # of an added law, whose effect may be far above the noise
 _WHOLE = 0.2  # gain error of a law, relative to its shape errors
 LAGS_S = (0.005, 0.01, 0.02)  # lags of a law behind its state, as of friction after a reversal
@@ -59,7 +60,8 @@ class Shapes:
     """
 
     def __init__(self, speed: Array, load: Array, weight: Array, kept: tuple[float, int] = _COARSE) -> None:
-        raw = _bumps(speed, load)
+        some = slice(None, None, max(1, len(speed) // _NODES))  # enough for covariances
+        raw, weight = _bumps(speed[some], load[some]), weight[some]
         total = max(float(weight.sum()), 1e-300)
         self._mean = weight @ raw / total
         centred = raw - self._mean

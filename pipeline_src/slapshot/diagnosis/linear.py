@@ -128,6 +128,8 @@ def linearise(
         scale = np.ones(nv) if torque_scale is None else np.maximum(torque_scale, 1e-9)
         A, spread = middle.transition()
         B = middle.force(spread, scale)
+        unheld = middle.unheld()
+        process = None if unheld is None else unheld.force(spread, scale)
         C = np.empty((n, ny, dim))
         for i in range(dim):
             delta = np.zeros(dim)
@@ -141,6 +143,7 @@ def linearise(
             array.reshape(n, -1, k)
             for array, k in ((jacobian.A, dim), (jacobian.B, nv), (jacobian.C, dim), (jacobian.spread, dim))
         )
+        process = None if jacobian.process is None else jacobian.process.reshape(n, -1, nv)
     halved = None if jacobian is None or jacobian.halved is None else jacobian.halved.reshape(n, dim)
 
     observed = seen(y)
@@ -235,6 +238,7 @@ def linearise(
         A.reshape(*shapes, dim, dim), B.reshape(*shapes, dim, nv), defect, C.reshape(*shapes, ny, dim),
         residual, W.reshape(*shapes, dim, -1), psi.reshape(*shapes, ny, -1),
         spread.reshape(*shapes, dim, dim), None if halved is None else halved.reshape(*shapes, dim),
+        None if process is None else process.reshape(*shapes, dim, nv),
     )  # fmt: skip
     mean = (torque + there) / 2
     return Linearised(system, mean.reshape(*shapes, nv), predicted.reshape(*shapes, ny))

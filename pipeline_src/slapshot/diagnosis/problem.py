@@ -22,9 +22,10 @@ from slapshot.diagnosis.noise import (
     fit_noise,
     fit_process_force,
     initial_noise,
+    marginal_likelihood,
     posterior_means,
 )
-from slapshot.diagnosis.pulses import Scan, scan
+from slapshot.diagnosis.pulses import GUST_ROUNDS, Scan, gusts, scan, window_nodes
 from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.rig_motion import rig_motion, torque_scale
@@ -32,6 +33,7 @@ from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.structure import reindexed_motion, restructured, substeps_for, transferred_trajectory
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, RigMotion, State, overrides
+from slapshot.effects.joints.external_pulse import ExternalPulse
 from slapshot.effects.joints.split import FASTEST
 from slapshot.recordings.channels import Channel
 
@@ -184,6 +186,11 @@ class Problem:
         lasts = inertia / damping > self.segments.interval
         return np.where(lasts, np.inf, self.torque / damping)
 
+    def speed(self, trajectory: Array) -> Array:
+        """(S, L, nv) of the degrees of freedom along a trajectory."""
+        tangent = self.simulator.tangent
+        return trajectory[..., tangent.nq : tangent.nq + tangent.nv]
+
     def rates(self, segments: Segments, trajectory: Array) -> Array:
         """(S, L, ny) time derivatives of the observations along a trajectory."""
         (S, L), u = segments.shape, segments.control()[:, :, :1]
@@ -287,6 +294,7 @@ def fit_and_score(
     noise: Noise,
     *,
     near: bool = True,
+    look_for_gusts: bool = False,
 ) -> ScoredFit:
     """Fit a hypothesis and its noise, and score all missing candidates.
 
@@ -297,6 +305,7 @@ def fit_and_score(
         trajectory: first trajectory.
         noise: initial noise.
         near: whether the noise was fitted before, so that one initial point suffices.
+        look_for_gusts: whether a few windows may get a larger process force of their own.
     """
     fitter = problem.fitter
     present = {effect.key for effect in hypothesis.effects}
@@ -313,6 +322,8 @@ def fit_and_score(
     ]
     explains = ~candidate
     explains[fixed : fixed + len(perturbations)] = ~np.array(many, bool)
+    if look_for_gusts:
+        noise = _with_gusts(problem, system, prior, explains, problem.speed(trajectory), noise)
     noise = _fit_noise_with_columns(problem, system, prior, explains, noise, near)
     own_columns = _select_columns(system, ~candidate), prior.select(~candidate)
     left = fit_process_force(*own_columns, noise, problem.segments.interval)
@@ -324,7 +335,16 @@ def fit_and_score(
     sd = prior.at(noise)[fixed_columns]
     z = found.Z[..., fixed_columns].reshape(found.e.size, -1) * sd
     values = sd * np.linalg.solve(np.eye(len(sd)) + z.T @ z, z.T @ found.e.reshape(-1))
-    pulses = scan(_select_columns(system, fixed_columns), values, noise, problem.segments, problem.rig_motion)
+    known = [pulse for e in hypothesis.effects if isinstance(e, ExternalPulse) for pulse in e.pulses]
+    rubbing = {
+        joint.name: problem.speed(trajectory)[..., joint.v]
+        for joint in problem.rig_motion.joints
+        if any(effect.friction and effect.part == joint.name for effect in hypothesis.effects)
+    }
+    pulses = scan(
+        _select_columns(system, fixed_columns), values, noise, problem.segments, problem.rig_motion, known,
+        rubbing,
+    )  # fmt: skip
     columns = []
     for effect in effects:
         columns.append(
@@ -341,6 +361,38 @@ def fit_and_score(
         tuple(perturbations),
         pulses,
     )
+
+
+def _with_gusts(
+    problem: Problem, system: Linear, prior: Prior, explains: NDArray[np.bool_], speed: Array, noise: Noise
+) -> Noise:
+    """Noise with a larger process force in the windows of a few enormous pushes, which no column explains.
+
+    They must be worth their windows, each of which could have been any.
+    """
+    segments, gusty = problem.segments, noise.without_gusts
+    used, own = _select_columns(system, explains), prior.select(explains)
+    levels: list[float] = []
+    for _ in range(GUST_ROUNDS):
+        whole = fit_process_force(used, own, gusty, segments.interval)
+        found = innovations(used, whole.covariances(segments.interval))
+        levels.append(marginal_likelihood(found, own.at(whole)))
+        values = posterior_means(found, own.at(whole))
+        gust = gusts(used, values, speed, whole, segments, problem.rig_motion)
+        same = (
+            gust is None
+            if gusty.gust is None
+            else gust is not None and bool(((gust > 1) == (gusty.gust > 1)).all())
+        )
+        if same:
+            break
+        gusty = replace(gusty, gust=gust)
+    if gusty.gust is None:
+        return gusty
+    nodes = window_nodes(segments)
+    windows = float(np.sum(gusty.gust > 1)) / nodes
+    worth = windows * float(np.log(gusty.gust.size / nodes))
+    return gusty if levels[-1] - levels[0] > worth else noise.without_gusts
 
 
 def _fit_noise_with_columns(

@@ -1,11 +1,12 @@
 """Detection of external pushes: a constant force in every short window, compared with all others.
 
 A window's force is judged by the spread over all windows, so that permanent forces and small model errors do
-not count as pushes.
+not count as pushes. A few enormous pushes are kept from the fit of everything else: the process force is
+larger there (gusts).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +14,24 @@ from scipy.stats import norm
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations
+from slapshot.diagnosis.law_error import NEAR_REST
 from slapshot.diagnosis.noise import Noise
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import RigMotion
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 WINDOW_S = 0.05
+_ROUNDING_S = 1e-6
 _SIGNIFICANCE = 0.01  # family-wise significance level
 _MAX_PUSHES = 40  # maximum number of pushes of a joint
+# Robust standard deviations beyond which a window's force is no part of the model's error, or beyond half of
+# which it is none of a known gust; largest share of windows, beyond which the model is wrong rather than
+# pushed; rounds, in which the spread decreases.
+_GUST, _MAX_GUST_SHARE, GUST_ROUNDS = 5.0, 0.1, 6
+# Share of the largest force of a gust below which the sign of a window's force is uncertain, and of the rms
+# torque of a joint, below which what acts where it turns around may be its friction.
+_STRONG = 0.25
+_TURNING = 0.1  # share of that torque by which friction errs there
 
 
 @dataclass(frozen=True)
@@ -52,7 +63,15 @@ class Scan:
         return (1 + exceeding) / (1 + count)
 
 
-def scan(system: Linear, values: Array, noise: Noise, segments: Segments, rig: RigMotion) -> Scan:
+def scan(
+    system: Linear,
+    values: Array,
+    noise: Noise,
+    segments: Segments,
+    rig: RigMotion,
+    known: Sequence[Pulse] = (),
+    rubbing: Mapping[str, Array] | None = None,
+) -> Scan:
     """Scan the joints of a linear system.
 
     Args:
@@ -61,27 +80,195 @@ def scan(system: Linear, values: Array, noise: Noise, segments: Segments, rig: R
         noise: of the data.
         segments: data.
         rig: whose joints may be pushed.
+        known: pushes in the hypothesis, whose windows are not judged again.
+        rubbing: joints whose friction was named, and their speeds (S, L). Where they stop, set off or turn
+            around, a force below a quarter of the usual torque may be an error of that friction: it is not
+            judged.
     """
-    S, L = segments.shape
-    nodes = max(2, round(WINDOW_S / segments.interval))
-    count, joints = L // nodes, rig.joints
     system = system.moved(values)
+    near = _turning(rubbing or {}, noise, segments, rig)
+    windows = _windows(system, replace(noise, gust=near), segments, rig)
+    windows.observable[_overlapping(known, windows, segments)] = False
+    if near is not None:
+        force = np.abs(windows.score) / np.maximum(windows.information, 1e-300)
+        weak = force < _STRONG * np.array([joint.torque for joint in rig.joints])
+        windows.observable[weak & _in_gust(near, windows.nodes, windows.score.shape[1])[..., None]] = False
+    root = np.sqrt(np.maximum(np.where(windows.observable, windows.information, np.inf), 1e-300))
+    flat = root.reshape(len(root), -1)
+    correlation = windows.gram / (flat[:, :, None] * flat[:, None, :])
+    ratio = _spread(windows.score / root, windows.observable)
+    return Scan(ratio, windows.nodes, windows.observable, correlation)
+
+
+def _turning(rubbing: Mapping[str, Array], noise: Noise, segments: Segments, rig: RigMotion) -> Array | None:
+    """(S, L) factor on the variance of the process force where joints with friction turn around.
+
+    What their friction does there, which no other window is to explain, is a share of what moves them.
+    """
+    if not rubbing:
+        return None
+    nodes, L = window_nodes(segments), segments.shape[1]
+    count = L // nodes
+    gust = np.ones(segments.shape)
+    variance = noise.covariances(segments.interval).force
+    for joint in rig.joints:
+        if joint.name in rubbing:
+            share = (_TURNING * joint.torque) ** 2 / max(float(variance[joint.v]), 1e-300)
+            for s, w in np.argwhere(_near_rest(rubbing[joint.name], joint.speed, nodes, count)):
+                at = _nodes_of(int(w), count, nodes, L)
+                gust[s, at] = np.maximum(gust[s, at], share)
+    return gust
+
+
+@dataclass(frozen=True)
+class _Windows:
+    """Scores and information of a constant force in each window, (S, windows, joints); gram is (S, k, k)."""
+
+    nodes: int
+    score: Array
+    information: Array
+    observable: NDArray[np.bool_]
+    gram: Array
+
+
+def _windows(system: Linear, noise: Noise, segments: Segments, rig: RigMotion) -> _Windows:
+    S, L = segments.shape
+    nodes = window_nodes(segments)
+    count, joints = L // nodes, rig.joints
     W = np.zeros((S, L, system.d.shape[-1], count * len(joints)))
     for w in range(count):
-        at = slice(w * nodes, (w + 1) * nodes if w < count - 1 else L)
         for j, joint in enumerate(joints):
+            at = _nodes_of(w, count, nodes, L)
             W[:, at, :, w * len(joints) + j] = system.B[:, at, :, joint.v]
     psi = np.zeros((*system.r.shape, W.shape[-1]))
     found = innovations(system.with_columns(W, psi), noise.covariances(segments.interval))
-    b = np.einsum("stc,stck->sk", found.e, found.Z)
-    h = np.einsum("stck,stck->sk", found.Z, found.Z)
-    # Windows with almost no information are not judged.
-    observable = h > 1e-3 * np.median(h[h > 0]) if np.any(h > 0) else h > 0
-    root = np.sqrt(np.maximum(np.where(observable, h, np.inf), 1e-300))
     shape = (S, count, len(joints))
-    correlation = np.einsum("stck,stcl->skl", found.Z, found.Z) / (root[:, :, None] * root[:, None, :])
-    observable = observable.reshape(shape)
-    return Scan(_spread((b / root).reshape(shape), observable), nodes, observable, correlation)
+    b = np.einsum("stc,stck->sk", found.e, found.Z).reshape(shape)
+    h = np.einsum("stck,stck->sk", found.Z, found.Z).reshape(shape)
+    # Windows with almost no information are not judged. That of a gust is small by its process force alone.
+    gust = np.zeros(shape, bool) if noise.gust is None else _in_gust(noise.gust, nodes, count)[..., None]
+    observable = (h > 0) & (gust | (h > 1e-3 * (np.median(h[h > 0]) if np.any(h > 0) else 0.0)))
+    return _Windows(nodes, b, h, observable, np.einsum("stck,stcl->skl", found.Z, found.Z))
+
+
+def _overlapping(pulses: Sequence[Pulse], windows: _Windows, segments: Segments) -> NDArray[np.bool_]:
+    """(S, windows) which a push overlaps."""
+    count = windows.score.shape[1]
+    length = windows.nodes * segments.interval
+    begin = segments.time[:, :1] + np.arange(count) * length
+    found = np.zeros(begin.shape, bool)
+    for pulse in pulses:
+        same = segments.ids[segments.episode] == pulse.episode
+        found |= (
+            same[:, None] & (begin < pulse.end - _ROUNDING_S) & (begin + length > pulse.begin + _ROUNDING_S)
+        )
+    return found
+
+
+def window_nodes(segments: Segments) -> int:
+    """Nodes of a window."""
+    return max(2, round(WINDOW_S / segments.interval))
+
+
+def _nodes_of(window: int, count: int, nodes: int, segment: int) -> slice:
+    """Of a window; the last one of a segment includes the remainder."""
+    return slice(window * nodes, (window + 1) * nodes if window < count - 1 else segment)
+
+
+def _in_gust(gust: Array, nodes: int, count: int) -> NDArray[np.bool_]:
+    """(S, windows) of the first nodes."""
+    return np.asarray(gust[:, ::nodes][:, :count] > 1)
+
+
+def _gust_forces(windows: _Windows, gust: Array) -> Array:
+    """(S, windows, joints) force in gusts, on the joint on which it stands out most."""
+    information = np.where(windows.observable, windows.information, np.inf)
+    strength = np.abs(windows.score) / np.sqrt(information)
+    own = strength == strength.max(-1, keepdims=True)
+    inside = _in_gust(gust, windows.nodes, own.shape[1])
+    force = np.where(own & inside[..., None], windows.score / information, 0.0)
+    for s, j in np.ndindex(len(force), force.shape[-1]):
+        force[s, :, j] = _with_signs_of_strong(force[s, :, j])
+    return force
+
+
+def _with_signs_of_strong(force: Array) -> Array:
+    """Forces, 0 outside gusts and at their weak ends; weak ones have the sign of the nearest strong one."""
+    force = force.copy()
+    there = np.flatnonzero(force)
+    for run in np.split(there, np.flatnonzero(np.diff(there) > 1) + 1):
+        size = np.abs(force[run])
+        strong = np.flatnonzero(size >= _STRONG * size.max(initial=0.0))
+        if len(strong):
+            nearest = strong[np.abs(np.arange(len(run))[:, None] - strong).argmin(1)]
+            force[run] = size * np.sign(force[run[nearest]])
+            force[run[: strong[0]]] = force[run[strong[-1] + 1 :]] = 0
+    return force
+
+
+def gusts(
+    system: Linear, values: Array, speed: Array, noise: Noise, segments: Segments, rig: RigMotion
+) -> Array | None:
+    """Factor on the variance of the process force in the few windows of enormous pushes.
+
+    Where a joint stops, sets off or turns around, a push must be a quarter of what usually moves the
+    joint: there the friction that a model lacks is not linear.
+
+    Args:
+        system: with the columns of parameters and nuisance.
+        values: of those columns.
+        speed: (S, L, nv) of the degrees of freedom.
+        noise: of the data, with the gusts that are known already.
+        segments: data.
+        rig: whose joints may be pushed.
+
+    Returns:
+        (S, L), 1 elsewhere; None where there are no such pushes, or too many to be pushes.
+    """
+    windows = _windows(system.moved(values), noise, segments, rig)
+    S, count, _ = windows.score.shape
+    gust = np.ones(segments.shape)
+    known = np.zeros((S, count), bool)
+    if noise.gust is not None:
+        known = _in_gust(noise.gust, windows.nodes, count)
+    pushed = np.zeros((S, count), bool)
+    for j, joint in enumerate(rig.joints):
+        observable = windows.observable[..., j]
+        if not observable.any():
+            continue
+        information = np.where(observable, windows.information[..., j], np.inf)
+        force = windows.score[..., j] / information
+        # Within a gust the ratio is bounded, since its process force is as large as the push.
+        ratio = windows.score[..., j] / np.sqrt(information)
+        large = observable & np.where(
+            known,
+            np.abs(force) > _GUST / 2 * _robust_sd(force[observable & ~known]),
+            np.abs(ratio) > _GUST * _robust_sd(ratio[observable & ~known]),
+        )
+        near = _near_rest(speed[..., joint.v], joint.speed, windows.nodes, count)
+        large &= (np.abs(force) > _STRONG * joint.torque) | ~near
+        pushed |= large
+        variance = noise.covariances(segments.interval).force[joint.v]
+        for s, w in np.argwhere(large):
+            at = _nodes_of(int(w), count, windows.nodes, segments.shape[1])
+            gust[s, at] = np.maximum(gust[s, at], force[s, w] ** 2 / max(variance, 1e-300))
+    return gust if 0 < pushed.mean() <= _MAX_GUST_SHARE else None
+
+
+def _near_rest(speed: Array, usual: float, nodes: int, count: int) -> NDArray[np.bool_]:
+    """(S, windows) at some node of which, or next to which, a joint is slow or turns around."""
+    slow = np.abs(speed) < NEAR_REST * usual
+    slow[:, 1:] |= speed[:, 1:] * speed[:, :-1] < 0
+    found = np.zeros((len(speed), count), bool)
+    for w in range(count):
+        at = _nodes_of(w, count, nodes, speed.shape[1])
+        found[:, w] = slow[:, max(0, at.start - 1) : at.stop + 1].any(1)
+    return found
+
+
+def _robust_sd(values: Array) -> float:
+    """By the median of absolute values, with mean 0."""
+    return 1.4826 * float(np.median(np.abs(values))) if len(values) else 0.0
 
 
 def _spread(ratio: Array, observable: NDArray[np.bool_]) -> Array:
@@ -89,7 +276,7 @@ def _spread(ratio: Array, observable: NDArray[np.bool_]) -> Array:
     ratio = ratio.copy()
     for j in range(ratio.shape[-1]):
         own = ratio[..., j][observable[..., j]]
-        ratio[..., j] /= max(1.4826 * float(np.median(np.abs(own))) if len(own) else 1.0, 1.0)
+        ratio[..., j] /= max(_robust_sd(own), 1.0)
     return ratio
 
 
@@ -97,45 +284,70 @@ def pushes(found: Scan, segments: Segments, rig: RigMotion) -> Sequence[tuple[Ex
     """Significant pushes, one effect for each joint, and their approximate gain in nats."""
     limit = float(norm.isf(_SIGNIFICANCE / 2 / max(found.ratio.size, 1)))
     effects = []
+    for j, effect in _effects(found.ratio, found.nodes, segments, rig, limit):
+        ratio = np.abs(found.ratio[..., j])
+        effects.append((effect, float(0.5 * np.sum(ratio[ratio > limit] ** 2))))
+    return effects
+
+
+def pushes_of_gusts(
+    system: Linear, noise: Noise, segments: Segments, rig: RigMotion, known: Sequence[Pulse]
+) -> Sequence[ExternalPulse]:
+    """The pushes in the gusts of the noise, one effect for each joint.
+
+    Args:
+        system: about the fitted trajectory.
+        noise: of the data, with gusts.
+        segments: data.
+        rig: whose joints may be pushed.
+        known: pushes in the hypothesis, whose windows are not judged again.
+    """
+    if noise.gust is None:
+        return []
+    windows = _windows(system, noise, segments, rig)
+    force = _gust_forces(windows, noise.gust)
+    force[_overlapping(known, windows, segments)] = 0
+    return [effect for _, effect in _effects(force, windows.nodes, segments, rig, 1e-300)]
+
+
+def _effects(
+    strength: Array, nodes: int, segments: Segments, rig: RigMotion, limit: float
+) -> Iterator[tuple[int, ExternalPulse]]:
+    """Joints, and their pushes of strengths (S, windows, joints) beyond a limit."""
     for j, joint in enumerate(rig.joints):
         pulses: list[tuple[float, Pulse]] = []
-        for s in range(found.ratio.shape[0]):
-            pulses += _pushes_in_segment(found, segments, s, j, limit)
+        for s in range(len(strength)):
+            pulses += _pushes_in_segment(strength[s, :, j], nodes, segments, s, limit)
         joined = _merge_adjacent(sorted(pulses, key=lambda item: (item[1].episode, item[1].begin)))
         strongest = sorted(joined, key=lambda item: -abs(item[0]))[:_MAX_PUSHES]
         if strongest:
             ordered = sorted((p for _, p in strongest), key=lambda p: (p.episode, p.begin))
-            observable = np.abs(found.ratio[..., j])
-            effects.append(
-                (ExternalPulse(joint, ordered), float(0.5 * np.sum(observable[observable > limit] ** 2)))
-            )
-    return effects
+            yield j, ExternalPulse(joint, ordered)
 
 
 def _pushes_in_segment(
-    found: Scan, segments: Segments, s: int, j: int, limit: float
+    strength: Array, nodes: int, segments: Segments, s: int, limit: float
 ) -> list[tuple[float, Pulse]]:
     """Runs of significant windows with neighbours of the same sign, and their signed strength."""
-    ratio = found.ratio[s, :, j]
     out = []
     w = 0
-    while w < len(ratio):
-        if abs(ratio[w]) < limit:
+    while w < len(strength):
+        if abs(strength[w]) < limit:
             w += 1
             continue
-        sign, begin = np.sign(ratio[w]), w
-        while begin > 0 and sign * ratio[begin - 1] > limit / 2:
+        sign, begin = np.sign(strength[w]), w
+        while begin > 0 and sign * strength[begin - 1] > limit / 2:
             begin -= 1
         end = w + 1
-        while end < len(ratio) and sign * ratio[end] > limit / 2:
+        while end < len(strength) and sign * strength[end] > limit / 2:
             end += 1
         start = float(segments.time[s, 0])
-        last = end * found.nodes if end < len(ratio) else segments.shape[1]
+        last = end * nodes if end < len(strength) else segments.shape[1]
         pulse = Pulse(
             int(segments.ids[segments.episode[s]]), float(segments.order[s]),
-            start + begin * found.nodes * segments.interval, start + last * segments.interval,
+            start + begin * nodes * segments.interval, start + last * segments.interval,
         )  # fmt: skip
-        out.append((float(sign * np.abs(ratio[begin:end]).max()), pulse))
+        out.append((float(sign * np.abs(strength[begin:end]).max()), pulse))
         w = end
     return out
 
@@ -148,7 +360,7 @@ def _merge_adjacent(pulses: Sequence[tuple[float, Pulse]]) -> list[tuple[float, 
         if (
             before is not None
             and before[1].episode == pulse.episode
-            and pulse.begin - before[1].end < 1e-6
+            and pulse.begin - before[1].end < _ROUNDING_S
             and before[0] * strength > 0
         ):
             whole = Pulse(pulse.episode, pulse.order, before[1].begin, pulse.end)

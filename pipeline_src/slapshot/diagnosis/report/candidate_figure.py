@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.presentation import AUGMENTED, FREE_FORM, mark_stand_in
-from slapshot.diagnosis.search import EQUIVALENCE_NATS, Step
+from slapshot.diagnosis.steps import EQUIVALENCE_NATS, Step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.plotting import Drawing
 

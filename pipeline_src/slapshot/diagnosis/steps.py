@@ -1,0 +1,218 @@
+"""Steps of the search for missing effects: hypotheses, fitted, scored and tested, and refits of the next."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from slapshot.arrays import Array
+from slapshot.diagnosis.fit import Fit
+from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.inference.mismatch_test import DRAWS, MismatchTest, mismatch_test
+from slapshot.diagnosis.noise import fit_process_force
+from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score, initial_fit
+from slapshot.effects.joints.effect import JointEffect
+
+P_VALUE = 0.01
+EQUIVALENCE_NATS = float(np.log(20.0))  # rivals within a factor of twenty are equivalent
+_LARGE_LAW_ERROR = 0.01  # law errors above which all shapes are used
+_MARGIN = 2.0  # factor on the fitted law error when columns are chosen
+_SECOND_ROUNDS = 4  # rounds under the refitted process force
+_DISTANT_NATS = 100.0  # gain beyond which a fit and its noise are repeated from where they arrived
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that was refitted in a step, and its gain in nats."""
+
+    effect: JointEffect
+    gain: float
+    fit: Fit
+
+    @property
+    def has_no_effect(self) -> bool:
+        """Whether the fitted effect is zero."""
+        return has_no_effect(self.effect, self.fit)
+
+
+def has_no_effect(effect: JointEffect, fit: Fit) -> bool:
+    """Whether the last effect of a fit is zero: all its non-negative sizes are 0."""
+    own = fit.theta[len(fit.theta) - len(effect.parameters) :]
+    sizes = [(value, p) for value, p in zip(own, effect.parameters, strict=True) if p.low == p.start == 0]
+    return bool(sizes) and all(value <= 1e-9 * p.scale for value, p in sizes)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the search.
+
+    Attributes:
+        problem: possibly restructured.
+        scored: hypothesis at the end of the step, with scores.
+        test: mismatch test of it.
+        added: effect that was added; None at first.
+        gain: its gain in nats.
+        rivals: refitted in this step, best first.
+    """
+
+    problem: Problem
+    scored: ScoredFit
+    test: MismatchTest
+    added: JointEffect | None = None
+    gain: float = 0.0
+    rivals: tuple[Rival, ...] = ()
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """The hypothesis of this step."""
+        return self.scored.fit.hypothesis
+
+
+@dataclass(frozen=True)
+class Search:
+    """All steps; the first is the nominal rig with its free parameters."""
+
+    steps: tuple[Step, ...]
+    free: tuple[JointEffect, ...]
+
+    @property
+    def nominal(self) -> Step:
+        """The first."""
+        return self.steps[0]
+
+    @property
+    def final(self) -> Step:
+        """The last."""
+        return self.steps[-1]
+
+    @property
+    def named(self) -> tuple[JointEffect, ...]:
+        """Effects that were added and kept."""
+        free = {effect.key for effect in self.free}
+        return tuple(e for e in self.final.hypothesis.effects if e.key not in free)
+
+    def before(self, effect: JointEffect | None) -> "Search":
+        """The search before an effect was added."""
+        since = next((i for i, step in enumerate(self.steps) if step.added is effect), len(self.steps))
+        return replace(self, steps=self.steps[:since])
+
+    def since(self, effect: JointEffect | None) -> list[str]:
+        """Keys of an effect and of those that were added after it."""
+        later = self.steps[len(self.before(effect).steps) :]
+        return list(dict.fromkeys(step.added.key for step in later if step.added is not None))
+
+
+def nominal_step(
+    problem: Problem, free: Sequence[JointEffect], rng: np.random.Generator, look_for_gusts: bool = True
+) -> Step:
+    """The nominal rig with its free parameters, fitted and tested."""
+    base = problem.base(free)
+    problem, fit, noise = initial_fit(problem, base)
+    scored = fit_and_score(
+        problem, base, fit.theta, fit.trajectory, noise, near=False, look_for_gusts=look_for_gusts
+    )
+    if scored.noise.law_error <= _LARGE_LAW_ERROR:
+        return Step(problem, scored, test_of(scored, rng))
+    fine = problem.along(scored.fit.trajectory, fine=True)
+    scored = fit_and_score(
+        fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise, look_for_gusts=look_for_gusts
+    )
+    step = Step(fine, scored, test_of(scored, rng))
+    if step.test.p_value >= P_VALUE:
+        return step
+    # Refits with all shapes are slow: from here only the identifiable ones are used.
+    law_error = scored.noise.law_error
+    return _refitted_to(
+        step, problem if law_error <= _LARGE_LAW_ERROR else fine.with_law_error(_MARGIN * law_error)
+    )
+
+
+def _refitted_to(step: Step, problem: Problem) -> Step:
+    """The step refitted to a problem with other columns of law errors."""
+    fit, left, interval = step.scored.fit, step.scored.residual_noise, problem.segments.interval
+    system, prior = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
+    left = fit_process_force(system, prior, left, interval)
+    fit = problem.fitter.fit(fit.hypothesis, fit.theta, fit.trajectory, left, known=system)
+    return replace(step, problem=problem, scored=replace(step.scored, fit=fit, residual_noise=left))
+
+
+def test_of(scored: ScoredFit, rng: np.random.Generator) -> MismatchTest:
+    """Test of all groups of columns and of pushes; both p-values are combined (Šidák)."""
+    found = mismatch_test(scored.scores, scored.columns, rng)
+    pushed = scored.pulses.p_value(rng, DRAWS)
+    return replace(found, p_value=1 - (1 - min(found.p_value, pushed)) ** 2, push_p_value=pushed)
+
+
+def least_gain(scored: ScoredFit) -> float:
+    """Nats that an effect must gain to be added: one of many candidates, within a factor of twenty."""
+    return float(np.log(len(scored.effects))) + EQUIVALENCE_NATS
+
+
+def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8, noises: int = 1) -> Fit:
+    """Refit the step's hypothesis with one more effect, under its own process force.
+
+    The first fit uses the process force without the effect, which absorbs part of it.
+
+    Args:
+        step: what is known.
+        effect: to add.
+        start: its first values.
+        rounds: of the first fit.
+        noises: how often the process force may be refitted, as long as that gains.
+    """
+    scored, fitter = step.scored, step.problem.fitter
+    hypothesis = scored.fit.hypothesis.with_effect(effect)
+    theta = np.concatenate([scored.fit.theta, start])
+    fit = fitter.fit(
+        hypothesis, theta, scored.fit.trajectory, scored.residual_noise, rounds, known=scored.system
+    )
+    if not np.isfinite(fit.log_evidence) or has_no_effect(effect, fit):
+        return fit
+    for _ in range(noises):
+        system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
+        own = fit_process_force(system, prior, scored.residual_noise, step.problem.segments.interval)
+        again = fitter.fit(hypothesis, fit.theta, fit.trajectory, own, _SECOND_ROUNDS, known=system)
+        if again.log_evidence <= fit.log_evidence:
+            break
+        fit = again
+    return fit
+
+
+def one_step_values(scored: ScoredFit, index: int, values: Array) -> Array:
+    """One-step estimate of an effect's values from its columns, clipped to bounds."""
+    effect = scored.effects[index]
+    start = np.array([parameter.start for parameter in effect.parameters])
+    perturbations = [scored.perturbations[c] for c in scored.columns[index]]
+    moved = start.copy()
+    best = -np.inf
+    for perturbation, value in zip(perturbations, values, strict=True):
+        which = int(np.argmax(np.abs(np.array(perturbation.values) - start)))
+        if len(perturbations) <= len(start):
+            moved[which] = start[which] + value * perturbation.scale
+        elif abs(value) > best:  # several perturbations of one parameter: the largest one
+            best = abs(value)
+            moved[which] = perturbation.values[which]
+    low = [parameter.low for parameter in effect.parameters]
+    high = [parameter.high for parameter in effect.parameters]
+    return np.clip(moved, low, high)
+
+
+def step_to(
+    step: Step,
+    fit: Fit,
+    effect: JointEffect,
+    gain: float,
+    rivals: Sequence[Rival],
+    rng: np.random.Generator,
+) -> Step:
+    """The step that adds an effect, from a fit with it."""
+    scored = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, step.scored.noise)
+    if fit.log_evidence > step.scored.fit.log_evidence + _DISTANT_NATS:
+        # The noise was that of a model which explains far less, and so was the trajectory.
+        fit = scored.fit
+        scored = fit_and_score(
+            step.problem, fit.hypothesis, fit.theta, fit.trajectory, scored.noise, near=False
+        )
+    return Step(step.problem, scored, test_of(scored, rng), effect, gain, tuple(rivals))

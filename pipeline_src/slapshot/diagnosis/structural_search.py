@@ -1,0 +1,193 @@
+"""Search for models with hidden states, such as elasticity or backlash of a joint, by shooting."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slapshot.arrays import Array
+from slapshot.diagnosis.fit import Fit
+from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.noise import Noise, fit_noise
+from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score
+from slapshot.diagnosis.shooting import shoot, simulate
+from slapshot.diagnosis.steps import EQUIVALENCE_NATS, Report, Rival, Step, test_of
+from slapshot.effects.joints.effect import JointEffect
+
+_JOINTS = 3  # with the largest scores
+_ROUNDS, _SEGMENTS = 6, 12  # of a preliminary fit
+_SPREAD, _LEAST_SPREAD = (
+    3.0,
+    1e-8,
+)  # prior sd of a hidden initial state, in rms of its motion; minimum share of its variance
+_MARGIN = 20.0  # nats behind the best law, beyond which a structure is dropped
+
+
+def structural_step(before: Step, rival: Step, rng: np.random.Generator, report: Report) -> Step | None:
+    """A model with hidden states in place of the best law; None if none is better.
+
+    Args:
+        before: without either.
+        rival: with that law; `before` itself where no law gains enough.
+        rng: for p-values.
+        report: receives progress messages.
+    """
+    problem, scored = before.problem, before.scored
+    statistic = {j.name: 0.0 for j in problem.rig_motion.joints}
+    for effect, value in zip(scored.effects, before.test.statistics, strict=True):
+        if effect.part in statistic:
+            statistic[effect.part] = max(statistic[effect.part], float(value))
+    parts = sorted(statistic, key=lambda part: -statistic[part])[:_JOINTS]
+    # All are fitted by shooting to the same segments under the same noise, including the rival.
+    own = rival.scored.fit
+    law = _shooting_fit(
+        rival.problem,
+        own.hypothesis,
+        own.theta,
+        own.trajectory,
+        _white_equivalent(scored.noise),
+        _segment_subset(problem),
+    )
+    candidates: list[StructuralFit] = []
+    for effect in problem.catalogue:
+        if not effect.hidden_state or (effect.part in statistic and effect.part not in parts):
+            continue
+        report(f"trying {effect.key}")
+        candidate = _fit_structure(before, effect)
+        if candidate is not None and candidate.fit.log_evidence > law.log_evidence - _MARGIN:
+            candidates.append(candidate)
+    candidates.sort(key=lambda candidate: -candidate.fit.log_evidence)
+    if not candidates:
+        return None
+    level = _refitted_evidence(rival.problem, own, rival.scored.noise)[0]
+    best: tuple[float, StructuralFit] | None = None
+    for candidate in candidates[:2]:
+        if candidate.fit.log_evidence < candidates[0].fit.log_evidence - _MARGIN:
+            continue
+        evidence, whole = _refit_all_segments(candidate)
+        report(f"refitted {candidate.effect.key}: {evidence - level:+.1f} nats against the best law")
+        if best is None or evidence > best[0]:
+            best = evidence, whole
+    if best is None or best[0] < level + EQUIVALENCE_NATS:
+        return None
+    evidence, whole = best
+    fit = whole.fit
+    scored = fit_and_score(whole.problem, fit.hypothesis, fit.theta, fit.trajectory, whole.noise)
+    gain = evidence - level + rival.gain
+    rivals = (Rival(whole.effect, gain, fit), *rival.rivals)
+    return Step(whole.problem, scored, test_of(scored, rng), whole.effect, gain, rivals)
+
+
+@dataclass(frozen=True)
+class StructuralFit:
+    """A restructured problem, fitted."""
+
+    effect: JointEffect
+    problem: Problem
+    fit: Fit
+    noise: Noise
+
+
+def structural_fit(before: Step, effect: JointEffect) -> ScoredFit | None:
+    """Fit an effect with hidden states; None where the model cannot be restructured."""
+    candidate = _fit_structure(before, effect)
+    if candidate is None:
+        return None
+    _, whole = _refit_all_segments(candidate)
+    return fit_and_score(
+        whole.problem, whole.fit.hypothesis, whole.fit.theta, whole.fit.trajectory, whole.noise
+    )
+
+
+def _fit_structure(before: Step, effect: JointEffect) -> StructuralFit | None:
+    """Fit an effect with hidden states to a subset of segments; None where restructuring fails."""
+    problem, scored = before.problem, before.scored
+    try:
+        moved = problem.restructured(effect, scored.fit.trajectory)
+        present = tuple(e.on(moved.rig_motion) for e in (*before.hypothesis.effects, effect))
+    except (ValueError, KeyError):
+        return None
+    hypothesis = Hypothesis(moved.rig, present)
+    noise = replace(_white_equivalent(scored.noise), torque=moved.torque, initial=moved.initial_noise.initial)
+    theta = np.concatenate([scored.fit.theta, [p.start for p in effect.parameters]])
+    return StructuralFit(
+        effect,
+        moved,
+        _shooting_fit(moved, hypothesis, theta, moved.trajectory, noise, _segment_subset(problem)),
+        noise,
+    )
+
+
+def _refit_all_segments(candidate: StructuralFit) -> tuple[float, StructuralFit]:
+    """Evidence under refitted noise, and the fit to all segments."""
+    problem, part = candidate.problem.with_steps_for(candidate.effect), candidate.fit
+    every = np.arange(problem.segments.shape[0])
+    fit = _shooting_fit(
+        problem, part.hypothesis, part.theta, problem.trajectory, candidate.noise, every, rounds=4
+    )
+    trajectory, initial = _undeflected(problem, fit, candidate.noise)
+    evidence, fit, noise = _refitted_evidence(
+        problem, replace(fit, trajectory=trajectory), replace(candidate.noise, initial=initial)
+    )
+    return evidence, replace(candidate, problem=problem, fit=fit, noise=noise)
+
+
+def _undeflected(problem: Problem, fit: Fit, noise: Noise) -> tuple[Array, Array]:
+    """A fit's trajectory from an undeflected state, and variances of initial states about it.
+
+    The variances of hidden states match the range of their motion. With wider ones, such as the range of a
+    robot's joints for a plate that tilts by millirad, the evidence would lose the logarithm of the ratio in
+    every segment.
+
+    Returns:
+        (S, L, nx) and (n,).
+    """
+    model, tangent, initial, first = (
+        problem.rig.model, problem.simulator.tangent, noise.initial.copy(), fit.trajectory[:, 0].copy()
+    )  # fmt: skip
+    # Indices in a state, and in a change of it.
+    hidden = [(int(model.jnt_qposadr[model.dof_jntid[dof]]), dof) for dof in problem.rig.added_dofs]
+    hidden += [(tangent.nq + dof, tangent.nv + dof) for dof in problem.rig.added_dofs]
+    first[:, [at for at, _ in hidden]] = 0
+    trajectory, _ = simulate(problem.simulator, fit.hypothesis, fit.theta, problem.segments, first)
+    for at, k in hidden:
+        wide = _SPREAD**2 * float(np.mean(trajectory[problem.segments.inside][:, at] ** 2))
+        initial[k] = min(initial[k], max(wide, _LEAST_SPREAD * initial[k]))
+    return trajectory, initial
+
+
+def _segment_subset(problem: Problem) -> NDArray[np.intp]:
+    S = problem.segments.shape[0]
+    return np.unique(np.linspace(0, S - 1, min(S, _SEGMENTS)).astype(int))
+
+
+def _white_equivalent(noise: Noise) -> Noise:
+    """The noise without correlation in time, which makes a fit cheap."""
+    white = np.sqrt(noise.white**2 + noise.coloured**2)
+    return replace(noise, white=white, coloured=np.zeros_like(white))
+
+
+def _shooting_fit(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    theta: Array,
+    trajectory: Array,
+    noise: Noise,
+    some: NDArray[np.intp],
+    rounds: int = _ROUNDS,
+) -> Fit:
+    """A fit to a subset of segments by shooting."""
+    subset = noise.select(some)
+    simulator, segments = problem.simulator, problem.segments.select(some)
+    return shoot(simulator, hypothesis, theta, segments, trajectory[some], subset, rounds)
+
+
+def _refitted_evidence(problem: Problem, fit: Fit, noise: Noise) -> tuple[float, Fit, Noise]:
+    """Evidence of a fit under refitted noise."""
+    hypothesis, fitter = fit.hypothesis, problem.fitter
+    system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
+    noise = fit_noise(system, prior, noise, problem.segments, problem.quantities, near=True)
+    still = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system)
+    moved = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=4, known=system)
+    fit = moved if moved.log_evidence > still.log_evidence else still
+    return fit.log_evidence, fit, noise
