@@ -4,6 +4,8 @@ It is integrated apart from MuJoCo; the encoder is so precise that a model witho
 thousands of its standard deviations.
 """
 
+import re
+
 import numpy as np
 import pytest
 from mujoco import MjSpec
@@ -74,3 +76,64 @@ def test_an_offset_beside_friction_at_a_fast_clock():
     values = {effect.name: [p.value for p in effect.parameters] for effect in verdict.effects}
     assert values["viscous_friction"] == pytest.approx([VISCOUS], rel=0.01)
     assert values["direction_friction"] == pytest.approx([COULOMB - offset, COULOMB + offset], rel=0.02)
+
+
+PLACES = (0, 0.24, 0.24, 0, 0, 0.12, 0, 0.2, 0.05, 0.22, 0, 0.24, 0)  # m, one after the other
+PUSHES = ((3.1, 3.3, 40.0), (10.2, 10.5, -30.0), (16.7, 16.9, 60.0), (21.0, 21.1, 25.0))  # s, s, N
+
+
+def pushed_axis(seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """An axis that goes from place to place and is pushed, at 1 kHz; as `driven_axis`.
+
+    Its friction differs by 3 % to both sides of its mean, a force of 3.2 N helps it forward, and another of
+    0.2 N repeats itself every 2 cm. Positions are read in micrometres.
+    """
+    rng, step, finer = np.random.default_rng(seed), 1e-3, 10
+    t = np.arange(0, seconds, step)
+    leg = seconds / (len(PLACES) - 1)
+    k = np.minimum((t / leg).astype(int), len(PLACES) - 2)
+    share = np.clip((t - k * leg) / (0.8 * leg), 0, 1)
+    places = np.array(PLACES, float)
+    wanted = places[k] + (places[k + 1] - places[k]) * (10 * share**3 - 15 * share**4 + 6 * share**5)
+    q, v, h = 0.0, 0.0, step / finer
+    place, force = np.empty(len(t)), np.empty(len(t))
+    for i in range(len(t)):
+        place[i] = q
+        force[i] = np.clip(35.15 * 243.45 * (9.6 * (wanted[i] - q) - v), -350, 350)
+        other = sum(size * (begin <= t[i] < end) for begin, end, size in PUSHES) + 3.2
+        other += 0.2 * np.sin(q / 0.02 * 2 * np.pi)
+        for _ in range(finer):
+            net = force[i] + other - VISCOUS * v
+            free, friction = v + h * net / MASS, COULOMB * (1 + 0.03 * np.sign(v if v else net))
+            v = np.sign(free) * max(abs(free) - h * friction / MASS, 0.0)
+            q += h * v
+    return t, np.round((place + 2e-6 * rng.standard_normal(len(t))) / 1e-6) * 1e-6, force
+
+
+@pytest.mark.slow
+def test_pushes_beside_friction_are_placed_in_time():
+    """From the mass alone; the one of 30 N comes while the axis stands still, and only 10 N of it move it."""
+    t, read, force = pushed_axis(24.8, 5)
+    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
+    made = recording(t, channels)
+    verdict = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1).verdict
+    assert verdict.headline == "found"
+    laws = {e.name: [p.value for p in e.parameters] for e in verdict.effects if e.name != "external_pulse"}
+    assert set(laws) == {"viscous_friction", "direction_friction"}
+    assert laws["viscous_friction"] == pytest.approx([VISCOUS], rel=0.01)
+    assert laws["direction_friction"] == pytest.approx([1.03 * COULOMB - 3.2, 0.97 * COULOMB + 3.2], rel=0.01)
+    found = []
+    for effect in verdict.effects:
+        if effect.name == "external_pulse":
+            times = [float(number) for number in re.findall(r"[0-9.]+(?= to| s of)", effect.variant)]
+            sizes = [parameter.value for parameter in effect.parameters]
+            found += list(zip(times[::2], times[1::2], sizes, strict=True))
+    for begin, end, size in PUSHES:
+        inside = [(first, last, value) for first, last, value in found if first < end and last > begin]
+        assert min(first for first, _, _ in inside) == pytest.approx(begin, abs=0.05)
+        assert max(last for _, last, _ in inside) == pytest.approx(end, abs=0.05)
+        assert all(value * size > 0 for _, _, value in inside)
+        if abs(size) != 30:
+            assert [value for _, _, value in inside] == pytest.approx([size], rel=0.05)
+    # And no other.
+    assert all(any(first < end and last > begin for begin, end, _ in PUSHES) for first, last, _ in found)
