@@ -1,5 +1,7 @@
 """J4: candidates and their evidence: all of them alone, then those that were refitted in each step."""
 
+import textwrap
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -110,9 +112,10 @@ def _draw(axes: Axes, table: pd.DataFrame) -> None:
     axes.set_xlim(1.1 * low, low + 1.2 * (high - low))
     axes.set_yticks(places, [_short(name) for name in table["candidate"]], fontsize=7.5)
     axes.set_ylim(-0.7, max(len(table), 4) - 0.3)
+    axes.locator_params(axis="x", nbins=5)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(f"log evidence over the {'model before' if refitted else 'nominal model'} (nats)")
 
 
 def _short(name: str) -> str:
-    return name if len(name) <= 58 else f"{name[:56]}…"
+    return "\n".join(textwrap.wrap(name, 56, max_lines=2, placeholder=" …"))
