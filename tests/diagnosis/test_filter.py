@@ -26,7 +26,7 @@ def random_system(seed: int, *, missing: bool = True) -> Linear:
     )
 
 
-def random_noise(seed: int, *, coloured: bool = True, gusts: bool = False) -> Covariances:
+def random_noise(seed: int, *, coloured: bool = True, inflated: bool = False) -> Covariances:
     rng = np.random.default_rng(seed)
     return Covariances(
         initial=rng.uniform(0.5, 4, N),
@@ -34,7 +34,7 @@ def random_noise(seed: int, *, coloured: bool = True, gusts: bool = False) -> Co
         white=rng.uniform(0.1, 2, (S, L, NY)),
         coloured=np.array([0.8, 0.0, 1.7]) if coloured else np.zeros(NY),
         decay=np.array([0.9, 0.5, 0.3]),
-        gust=rng.uniform(1, 50, (S, L)) if gusts else None,
+        inflation=rng.uniform(1, 50, (S, L)) if inflated else None,
     )
 
 
@@ -66,9 +66,9 @@ def dense(system: Linear, noise: Covariances, k: int) -> Dense:
     recursion is run once for each with all others 0.
     """
     forces, drives = L * NV, L * NY
-    gust = np.ones(L) if noise.gust is None else noise.gust[k]
+    inflation = np.ones(L) if noise.inflation is None else noise.inflation[k]
     variance = np.concatenate([
-        noise.initial, np.outer(gust, noise.force).ravel(), noise.coloured,
+        noise.initial, np.outer(inflation, noise.force).ravel(), noise.coloured,
         np.tile(noise.coloured * (1 - noise.decay**2), L), noise.white[k].ravel(),
     ])  # fmt: skip
 
@@ -109,11 +109,11 @@ def dense(system: Linear, noise: Covariances, k: int) -> Dense:
 
 @pytest.fixture(
     params=[(True, True, False), (True, False, True), (False, False, False)],
-    ids=["coloured+gaps", "gaps+gusts", "plain"],
+    ids=["coloured+gaps", "gaps+inflated", "plain"],
 )
 def case(request) -> tuple[Linear, Covariances]:
-    missing, coloured, gusts = request.param
-    return random_system(1, missing=missing), random_noise(2, coloured=coloured, gusts=gusts)
+    missing, coloured, inflated = request.param
+    return random_system(1, missing=missing), random_noise(2, coloured=coloured, inflated=inflated)
 
 
 def test_innovations_are_those_of_the_dense_gaussian(case):
@@ -172,8 +172,8 @@ def test_segments_know_nothing_of_each_other(case):
     whole, (delta, force, _) = innovations(system, noise), smooth(system, noise)
     for k in range(S):
         alone = np.array([k])
-        gust = None if noise.gust is None else noise.gust[alone]
-        own = replace(noise, white=noise.white[alone], gust=gust)
+        inflation = None if noise.inflation is None else noise.inflation[alone]
+        own = replace(noise, white=noise.white[alone], inflation=inflation)
         part = innovations(system.select(alone), own)
         # The same operations in the same order; the compiler may fuse them in another way.
         np.testing.assert_allclose(part.e[0], whole.e[k], atol=1e-12)

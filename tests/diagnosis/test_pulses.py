@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 from slapshot.diagnosis.filter import Linear
 from slapshot.diagnosis.noise import FORCE_HOLD_S, Noise
-from slapshot.diagnosis.pulses import Scan, gusts, pushes, pushes_of_gusts, scan
+from slapshot.diagnosis.pulses import Scan, covariance_inflation, pushes, pushes_where_inflated, scan
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Joint, RigMotion, State
 
@@ -181,42 +181,42 @@ def test_values_of_columns_are_taken_off_first():
 
 
 @pytest.mark.parametrize("force", [60.0, -600.0])
-def test_gusts_are_the_windows_of_an_enormous_push(force: float):
+def test_the_process_force_is_inflated_in_an_enormous_push(force: float):
     """As the process force, which covers the push at first, is fitted to what is left."""
     push = (1, 1, 0.6, 0.8, force)
     of = segments()
     system, known = masses(of, np.random.default_rng(8), push), noise(of)
     for size in np.geomspace(abs(force) / 5, FORCE, 6):
         known = replace(known, force=float(size))
-        known = replace(known, gust=gusts(system, NONE, MOVING, known, of, rig(0.01)))
-    assert known.gust is not None
+        known = replace(known, inflation=covariance_inflation(system, NONE, MOVING, known, of, rig(0.01)))
+    assert known.inflation is not None
     inside = (of.episode == 1)[:, None] & (of.time > 0.6 - 1e-9) & (of.time < 0.8 - 1e-9)
-    assert (known.gust[inside] > 1).all()
+    assert (known.inflation[inside] > 1).all()
     # A window before or after may be touched by it.
     near = (of.episode == 1)[:, None] & (of.time > 0.55 - 1e-9) & (of.time < 0.85 - 1e-9)
-    np.testing.assert_array_equal(known.gust[~near], 1)
-    (effect,) = pushes_of_gusts(system, known, of, rig(0.01), ())
+    np.testing.assert_array_equal(known.inflation[~near], 1)
+    (effect,) = pushes_where_inflated(system, known, of, rig(0.01), ())
     assert effect.part == "rail 1"
     (pulse,) = effect.pulses
     assert pulse.episode == 9
     assert abs(pulse.begin - 0.6) <= 0.05 + 1e-9
     assert abs(pulse.end - 0.8) <= 0.05 + 1e-9
-    assert not pushes_of_gusts(system, known, of, rig(0.01), effect.pulses)
+    assert not pushes_where_inflated(system, known, of, rig(0.01), effect.pulses)
 
 
-def test_without_an_enormous_push_there_are_no_gusts():
+def test_without_an_enormous_push_nothing_is_inflated():
     """Of 2,400 normal numbers in all, one beyond 5 standard deviations has a chance of 0.1 %."""
     of = segments()
     for seed in range(20):
         system = masses(of, np.random.default_rng(100 + seed))
-        assert gusts(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
+        assert covariance_inflation(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
 
 
-def test_many_pushed_windows_are_no_gusts():
+def test_many_pushed_windows_are_not_inflated():
     """What acts in a fifth of the time is what the model lacks."""
     of = segments()
     system = masses(of, np.random.default_rng(9), (1, 1, 0.3, 1.2, 100.0))
-    assert gusts(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
+    assert covariance_inflation(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
 
 
 def test_windows_of_known_pushes_are_not_judged():
@@ -230,7 +230,7 @@ def test_windows_of_known_pushes_are_not_judged():
 
 
 @pytest.mark.parametrize(("torque", "pushed"), [(230.0, True), (250.0, False)])
-def test_where_joints_turn_around_a_gust_is_a_quarter_of_what_moves_them(torque: float, pushed: bool):
+def test_where_joints_turn_around_a_weak_force_is_no_push(torque: float, pushed: bool):
     """At 0.7 s of the second episode, within a push of 60 N."""
     of = segments()
     system = masses(of, np.random.default_rng(8), (1, 1, 0.65, 0.75, 60.0))
@@ -238,9 +238,9 @@ def test_where_joints_turn_around_a_gust_is_a_quarter_of_what_moves_them(torque:
     known, speed = replace(noise(of), force=12.0), MOVING.copy()
     speed[4, 20:] = -1
     # Its force is told within a few per cent, and the limit is a quarter of the torque.
-    found = gusts(system, NONE, speed, known, of, moved)
+    found = covariance_inflation(system, NONE, speed, known, of, moved)
     assert (found is not None) == pushed
-    assert gusts(system, NONE, MOVING, known, of, moved) is not None
+    assert covariance_inflation(system, NONE, MOVING, known, of, moved) is not None
 
 
 def test_where_a_joint_with_friction_turns_around_weak_forces_are_not_judged():

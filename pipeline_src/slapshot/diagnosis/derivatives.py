@@ -130,7 +130,7 @@ class Midpoint:
             columns.append(self._change(moved) / (_FORCE_STEP * scale[j]))
         return np.asarray(spread @ np.stack(columns, axis=-1))
 
-    def unheld(self) -> "Midpoint | None":
+    def without_friction(self) -> "Midpoint | None":
         """The same where no joint is held by its friction; None where none has any."""
         if not self._model.dof_frictionloss.any():
             return None

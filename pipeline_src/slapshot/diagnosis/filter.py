@@ -87,7 +87,7 @@ class Covariances:
         coloured: (ny,) variances ω² of coloured observation noise; 0 for none.
         decay: (ny,) φ, its correlation over one interval.
         shared: (S, L, ny, k) T, of noise of unit size that channels share; None for none.
-        gust: (S, L) factor on the variances of the process force; None for 1.
+        inflation: (S, L) factor on the variances of the process force; None for 1.
     """
 
     initial: Array
@@ -96,7 +96,7 @@ class Covariances:
     coloured: Array
     decay: Array
     shared: Array | None = None
-    gust: Array | None = None
+    inflation: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array, Array]:
     n = system.d.shape[-1]
     delta, adjoint = _backward(arguments[0], arguments[3], x, P, K, s, innovation)
     force = np.zeros((*system.d.shape[:2], system.B.shape[-1]))
-    variance = noise.force if noise.gust is None else noise.force * noise.gust[:, :-1, None]
+    variance = noise.force if noise.inflation is None else noise.force * noise.inflation[:, :-1, None]
     force[:, :-1] = -variance * np.einsum("stij,sti->stj", system.process_force[:, :-1], adjoint[:, 1:, :n])
     coloured = np.zeros(system.r.shape)
     channels = np.flatnonzero(noise.coloured > 0)
@@ -167,8 +167,8 @@ def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
     A[..., :n, :n] = system.A
     A[..., range(n, n + m), range(n, n + m)] = noise.decay[channels]
     B = np.zeros((segments, nodes, n + m + k, nv + m + k))
-    gust = 1.0 if noise.gust is None else np.sqrt(noise.gust)[..., None, None]
-    B[..., :n, :nv] = system.process_force * gust
+    inflation = 1.0 if noise.inflation is None else np.sqrt(noise.inflation)[..., None, None]
+    B[..., :n, :nv] = system.process_force * inflation
     B[..., range(n, n + m + k), range(nv, nv + m + k)] = 1
     own = (noise.coloured * (1 - noise.decay**2))[channels]
     q = np.concatenate([noise.force, own, np.ones(k)])

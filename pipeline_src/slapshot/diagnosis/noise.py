@@ -56,7 +56,7 @@ class Noise:
         jitter_s: standard deviation of the actual sampling times.
         rate: (S, L, ny) time derivative of the observations, which converts jitter to noise; None for none.
         clock: (ny,) index of the clock of each channel; those of one share their jitter.
-        gust: (S, L) factor on the variance of the process force, more than 1 in pushes; None for 1.
+        inflation: (S, L) factor on the variance of the process force, more than 1 in pushes; None for 1.
     """
 
     white: Array
@@ -72,7 +72,7 @@ class Noise:
     jitter_s: float = 0.0
     rate: Array | None = None
     clock: NDArray[np.intp] | None = None
-    gust: Array | None = None
+    inflation: Array | None = None
 
     @property
     def single(self) -> Array:
@@ -97,17 +97,17 @@ class Noise:
     def select(self, segments: NDArray[np.intp]) -> "Noise":
         """That of some segments."""
         rate = None if self.rate is None else self.rate[segments]
-        gust = None if self.gust is None else self.gust[segments]
-        return replace(self, weight=self.weight[segments], rate=rate, gust=gust)
+        inflation = None if self.inflation is None else self.inflation[segments]
+        return replace(self, weight=self.weight[segments], rate=rate, inflation=inflation)
 
     def elsewhere(self, rate: Array) -> "Noise":
         """The noise for other segments with known rates, without outliers or pushes."""
-        return replace(self, weight=np.ones_like(rate), rate=rate, gust=None)
+        return replace(self, weight=np.ones_like(rate), rate=rate, inflation=None)
 
     @property
-    def without_gusts(self) -> "Noise":
+    def without_inflation(self) -> "Noise":
         """The noise with the same process force in pushes."""
-        return replace(self, gust=None)
+        return replace(self, inflation=None)
 
     def covariances(self, interval: float) -> Covariances:
         """What the filter takes."""
@@ -118,7 +118,7 @@ class Noise:
             self.coloured**2,
             np.exp(-interval / self.correlation_s),
             self._shared,
-            self.gust,
+            self.inflation,
         )
 
 

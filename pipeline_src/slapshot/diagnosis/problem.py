@@ -25,7 +25,7 @@ from slapshot.diagnosis.noise import (
     marginal_likelihood,
     posterior_means,
 )
-from slapshot.diagnosis.pulses import GUST_ROUNDS, Scan, gusts, scan, window_nodes
+from slapshot.diagnosis.pulses import INFLATION_ROUNDS, Scan, covariance_inflation, scan, window_nodes
 from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.rig_motion import rig_motion, torque_scale
@@ -294,7 +294,7 @@ def fit_and_score(
     noise: Noise,
     *,
     near: bool = True,
-    look_for_gusts: bool = False,
+    may_inflate: bool = False,
 ) -> ScoredFit:
     """Fit a hypothesis and its noise, and score all missing candidates.
 
@@ -305,7 +305,7 @@ def fit_and_score(
         trajectory: first trajectory.
         noise: initial noise.
         near: whether the noise was fitted before, so that one initial point suffices.
-        look_for_gusts: whether a few windows may get a larger process force of their own.
+        may_inflate: whether the process force may be inflated in a few windows.
     """
     fitter = problem.fitter
     present = {effect.key for effect in hypothesis.effects}
@@ -322,8 +322,8 @@ def fit_and_score(
     ]
     explains = ~candidate
     explains[fixed : fixed + len(perturbations)] = ~np.array(many, bool)
-    if look_for_gusts:
-        noise = _with_gusts(problem, system, prior, explains, problem.speed(trajectory), noise)
+    if may_inflate:
+        noise = _with_inflation(problem, system, prior, explains, problem.speed(trajectory), noise)
     noise = _fit_noise_with_columns(problem, system, prior, explains, noise, near)
     own_columns = _select_columns(system, ~candidate), prior.select(~candidate)
     left = fit_process_force(*own_columns, noise, problem.segments.interval)
@@ -336,14 +336,14 @@ def fit_and_score(
     z = found.Z[..., fixed_columns].reshape(found.e.size, -1) * sd
     values = sd * np.linalg.solve(np.eye(len(sd)) + z.T @ z, z.T @ found.e.reshape(-1))
     known = [pulse for e in hypothesis.effects if isinstance(e, ExternalPulse) for pulse in e.pulses]
-    rubbing = {
+    frictional = {
         joint.name: problem.speed(trajectory)[..., joint.v]
         for joint in problem.rig_motion.joints
         if any(effect.friction and effect.part == joint.name for effect in hypothesis.effects)
     }
     pulses = scan(
         _select_columns(system, fixed_columns), values, noise, problem.segments, problem.rig_motion, known,
-        rubbing,
+        frictional,
     )  # fmt: skip
     columns = []
     for effect in effects:
@@ -363,36 +363,32 @@ def fit_and_score(
     )
 
 
-def _with_gusts(
+def _with_inflation(
     problem: Problem, system: Linear, prior: Prior, explains: NDArray[np.bool_], speed: Array, noise: Noise
 ) -> Noise:
     """Noise with a larger process force in the windows of a few enormous pushes, which no column explains.
 
     They must be worth their windows, each of which could have been any.
     """
-    segments, gusty = problem.segments, noise.without_gusts
+    segments, inflated = problem.segments, noise.without_inflation
     used, own = _select_columns(system, explains), prior.select(explains)
     levels: list[float] = []
-    for _ in range(GUST_ROUNDS):
-        whole = fit_process_force(used, own, gusty, segments.interval)
+    for _ in range(INFLATION_ROUNDS):
+        whole = fit_process_force(used, own, inflated, segments.interval)
         found = innovations(used, whole.covariances(segments.interval))
         levels.append(marginal_likelihood(found, own.at(whole)))
         values = posterior_means(found, own.at(whole))
-        gust = gusts(used, values, speed, whole, segments, problem.rig_motion)
-        same = (
-            gust is None
-            if gusty.gust is None
-            else gust is not None and bool(((gust > 1) == (gusty.gust > 1)).all())
-        )
-        if same:
+        inflation = covariance_inflation(used, values, speed, whole, segments, problem.rig_motion)
+        before = inflated.inflation
+        if np.array_equal(inflation is not None and inflation > 1, before is not None and before > 1):
             break
-        gusty = replace(gusty, gust=gust)
-    if gusty.gust is None:
-        return gusty
+        inflated = replace(inflated, inflation=inflation)
+    if inflated.inflation is None:
+        return inflated
     nodes = window_nodes(segments)
-    windows = float(np.sum(gusty.gust > 1)) / nodes
-    worth = windows * float(np.log(gusty.gust.size / nodes))
-    return gusty if levels[-1] - levels[0] > worth else noise.without_gusts
+    windows = float(np.sum(inflated.inflation > 1)) / nodes
+    worth = windows * float(np.log(inflated.inflation.size / nodes))
+    return inflated if levels[-1] - levels[0] > worth else noise.without_inflation
 
 
 def _fit_noise_with_columns(

@@ -1,8 +1,8 @@
 """Detection of external pushes: a constant force in every short window, compared with all others.
 
 A window's force is judged by the spread over all windows, so that permanent forces and small model errors do
-not count as pushes. A few enormous pushes are kept from the fit of everything else: the process force is
-larger there (gusts).
+not count as pushes. A few enormous pushes are kept from the fit of everything else: the variance of the
+process force is inflated there.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,11 +25,11 @@ _ROUNDING_S = 1e-6
 _SIGNIFICANCE = 0.01  # family-wise significance level
 _MAX_PUSHES = 40  # maximum number of pushes of a joint
 # Robust standard deviations beyond which a window's force is no part of the model's error, or beyond half of
-# which it is none of a known gust; largest share of windows, beyond which the model is wrong rather than
-# pushed; rounds, in which the spread decreases.
-_GUST, _MAX_GUST_SHARE, GUST_ROUNDS = 5.0, 0.1, 6
-# Share of the largest force of a gust below which the sign of a window's force is uncertain, and of the rms
-# torque of a joint, below which what acts where it turns around may be its friction.
+# which that of a window inflated before is none; largest share of windows, beyond which the model is wrong
+# rather than pushed; rounds, in which the spread decreases.
+_ENORMOUS_SD, _MAX_INFLATED_SHARE, INFLATION_ROUNDS = 5.0, 0.1, 6
+# Share of the largest force in adjacent inflated windows below which the sign of a window's force is
+# uncertain, and of the rms torque of a joint, below which what acts where it turns around may be friction.
 _STRONG = 0.25
 _TURNING = 0.1  # share of that torque by which friction errs there
 
@@ -70,7 +70,7 @@ def scan(
     segments: Segments,
     rig: RigMotion,
     known: Sequence[Pulse] = (),
-    rubbing: Mapping[str, Array] | None = None,
+    frictional: Mapping[str, Array] | None = None,
 ) -> Scan:
     """Scan the joints of a linear system.
 
@@ -81,18 +81,18 @@ def scan(
         segments: data.
         rig: whose joints may be pushed.
         known: pushes in the hypothesis, whose windows are not judged again.
-        rubbing: joints whose friction was named, and their speeds (S, L). Where they stop, set off or turn
+        frictional: joints whose friction was named, and their speeds (S, L). Where they stop, set off or turn
             around, a force below a quarter of the usual torque may be an error of that friction: it is not
             judged.
     """
     system = system.moved(values)
-    near = _turning(rubbing or {}, noise, segments, rig)
-    windows = _windows(system, replace(noise, gust=near), segments, rig)
+    near = _turning(frictional or {}, noise, segments, rig)
+    windows = _windows(system, replace(noise, inflation=near), segments, rig)
     windows.observable[_overlapping(known, windows, segments)] = False
     if near is not None:
         force = np.abs(windows.score) / np.maximum(windows.information, 1e-300)
         weak = force < _STRONG * np.array([joint.torque for joint in rig.joints])
-        windows.observable[weak & _in_gust(near, windows.nodes, windows.score.shape[1])[..., None]] = False
+        windows.observable[weak & _inflated_windows(near, segments)[..., None]] = False
     root = np.sqrt(np.maximum(np.where(windows.observable, windows.information, np.inf), 1e-300))
     flat = root.reshape(len(root), -1)
     correlation = windows.gram / (flat[:, :, None] * flat[:, None, :])
@@ -100,24 +100,26 @@ def scan(
     return Scan(ratio, windows.nodes, windows.observable, correlation)
 
 
-def _turning(rubbing: Mapping[str, Array], noise: Noise, segments: Segments, rig: RigMotion) -> Array | None:
+def _turning(
+    frictional: Mapping[str, Array], noise: Noise, segments: Segments, rig: RigMotion
+) -> Array | None:
     """(S, L) factor on the variance of the process force where joints with friction turn around.
 
     What their friction does there, which no other window is to explain, is a share of what moves them.
     """
-    if not rubbing:
+    if not frictional:
         return None
     nodes, L = window_nodes(segments), segments.shape[1]
     count = L // nodes
-    gust = np.ones(segments.shape)
+    inflation = np.ones(segments.shape)
     variance = noise.covariances(segments.interval).force
     for joint in rig.joints:
-        if joint.name in rubbing:
+        if joint.name in frictional:
             share = (_TURNING * joint.torque) ** 2 / max(float(variance[joint.v]), 1e-300)
-            for s, w in np.argwhere(_near_rest(rubbing[joint.name], joint.speed, nodes, count)):
+            for s, w in np.argwhere(_near_rest(frictional[joint.name], joint.speed, nodes, count)):
                 at = _nodes_of(int(w), count, nodes, L)
-                gust[s, at] = np.maximum(gust[s, at], share)
-    return gust
+                inflation[s, at] = np.maximum(inflation[s, at], share)
+    return inflation
 
 
 @dataclass(frozen=True)
@@ -145,9 +147,10 @@ def _windows(system: Linear, noise: Noise, segments: Segments, rig: RigMotion) -
     shape = (S, count, len(joints))
     b = np.einsum("stc,stck->sk", found.e, found.Z).reshape(shape)
     h = np.einsum("stck,stck->sk", found.Z, found.Z).reshape(shape)
-    # Windows with almost no information are not judged. That of a gust is small by its process force alone.
-    gust = np.zeros(shape, bool) if noise.gust is None else _in_gust(noise.gust, nodes, count)[..., None]
-    observable = (h > 0) & (gust | (h > 1e-3 * (np.median(h[h > 0]) if np.any(h > 0) else 0.0)))
+    # Windows with almost no information are not judged; where the process force is inflated, that alone makes
+    # it small.
+    inflated = _inflated_windows(noise.inflation, segments)[..., None]
+    observable = (h > 0) & (inflated | (h > 1e-3 * (np.median(h[h > 0]) if np.any(h > 0) else 0.0)))
     return _Windows(nodes, b, h, observable, np.einsum("stck,stcl->skl", found.Z, found.Z))
 
 
@@ -175,25 +178,27 @@ def _nodes_of(window: int, count: int, nodes: int, segment: int) -> slice:
     return slice(window * nodes, (window + 1) * nodes if window < count - 1 else segment)
 
 
-def _in_gust(gust: Array, nodes: int, count: int) -> NDArray[np.bool_]:
-    """(S, windows) of the first nodes."""
-    return np.asarray(gust[:, ::nodes][:, :count] > 1)
+def _inflated_windows(inflation: Array | None, segments: Segments) -> NDArray[np.bool_]:
+    """(S, windows) at whose first node the variance of the process force is inflated."""
+    (S, L), nodes = segments.shape, window_nodes(segments)
+    if inflation is None:
+        return np.zeros((S, L // nodes), bool)
+    return np.asarray(inflation[:, ::nodes][:, : L // nodes] > 1)
 
 
-def _gust_forces(windows: _Windows, gust: Array) -> Array:
-    """(S, windows, joints) force in gusts, on the joint on which it stands out most."""
+def _forces_where_inflated(windows: _Windows, inflated: NDArray[np.bool_]) -> Array:
+    """(S, windows, joints) force in inflated windows, on the joint on which it stands out most."""
     information = np.where(windows.observable, windows.information, np.inf)
     strength = np.abs(windows.score) / np.sqrt(information)
     own = strength == strength.max(-1, keepdims=True)
-    inside = _in_gust(gust, windows.nodes, own.shape[1])
-    force = np.where(own & inside[..., None], windows.score / information, 0.0)
+    force = np.where(own & inflated[..., None], windows.score / information, 0.0)
     for s, j in np.ndindex(len(force), force.shape[-1]):
         force[s, :, j] = _with_signs_of_strong(force[s, :, j])
     return force
 
 
 def _with_signs_of_strong(force: Array) -> Array:
-    """Forces, 0 outside gusts and at their weak ends; weak ones have the sign of the nearest strong one."""
+    """Forces in runs of windows without their weak ends; a weak one gets the sign of the nearest strong."""
     force = force.copy()
     there = np.flatnonzero(force)
     for run in np.split(there, np.flatnonzero(np.diff(there) > 1) + 1):
@@ -206,7 +211,7 @@ def _with_signs_of_strong(force: Array) -> Array:
     return force
 
 
-def gusts(
+def covariance_inflation(
     system: Linear, values: Array, speed: Array, noise: Noise, segments: Segments, rig: RigMotion
 ) -> Array | None:
     """Factor on the variance of the process force in the few windows of enormous pushes.
@@ -218,7 +223,7 @@ def gusts(
         system: with the columns of parameters and nuisance.
         values: of those columns.
         speed: (S, L, nv) of the degrees of freedom.
-        noise: of the data, with the gusts that are known already.
+        noise: of the data; may be inflated in some windows already.
         segments: data.
         rig: whose joints may be pushed.
 
@@ -227,10 +232,8 @@ def gusts(
     """
     windows = _windows(system.moved(values), noise, segments, rig)
     S, count, _ = windows.score.shape
-    gust = np.ones(segments.shape)
-    known = np.zeros((S, count), bool)
-    if noise.gust is not None:
-        known = _in_gust(noise.gust, windows.nodes, count)
+    inflation = np.ones(segments.shape)
+    known = _inflated_windows(noise.inflation, segments)
     pushed = np.zeros((S, count), bool)
     for j, joint in enumerate(rig.joints):
         observable = windows.observable[..., j]
@@ -238,12 +241,12 @@ def gusts(
             continue
         information = np.where(observable, windows.information[..., j], np.inf)
         force = windows.score[..., j] / information
-        # Within a gust the ratio is bounded, since its process force is as large as the push.
+        # In an inflated window the ratio is bounded, since its process force is as large as the push.
         ratio = windows.score[..., j] / np.sqrt(information)
         large = observable & np.where(
             known,
-            np.abs(force) > _GUST / 2 * _robust_sd(force[observable & ~known]),
-            np.abs(ratio) > _GUST * _robust_sd(ratio[observable & ~known]),
+            np.abs(force) > _ENORMOUS_SD / 2 * _robust_sd(force[observable & ~known]),
+            np.abs(ratio) > _ENORMOUS_SD * _robust_sd(ratio[observable & ~known]),
         )
         near = _near_rest(speed[..., joint.v], joint.speed, windows.nodes, count)
         large &= (np.abs(force) > _STRONG * joint.torque) | ~near
@@ -251,8 +254,8 @@ def gusts(
         variance = noise.covariances(segments.interval).force[joint.v]
         for s, w in np.argwhere(large):
             at = _nodes_of(int(w), count, windows.nodes, segments.shape[1])
-            gust[s, at] = np.maximum(gust[s, at], force[s, w] ** 2 / max(variance, 1e-300))
-    return gust if 0 < pushed.mean() <= _MAX_GUST_SHARE else None
+            inflation[s, at] = np.maximum(inflation[s, at], force[s, w] ** 2 / max(variance, 1e-300))
+    return inflation if 0 < pushed.mean() <= _MAX_INFLATED_SHARE else None
 
 
 def _near_rest(speed: Array, usual: float, nodes: int, count: int) -> NDArray[np.bool_]:
@@ -290,22 +293,22 @@ def pushes(found: Scan, segments: Segments, rig: RigMotion) -> Sequence[tuple[Ex
     return effects
 
 
-def pushes_of_gusts(
+def pushes_where_inflated(
     system: Linear, noise: Noise, segments: Segments, rig: RigMotion, known: Sequence[Pulse]
 ) -> Sequence[ExternalPulse]:
-    """The pushes in the gusts of the noise, one effect for each joint.
+    """The pushes in the windows where the process force is inflated, one effect for each joint.
 
     Args:
         system: about the fitted trajectory.
-        noise: of the data, with gusts.
+        noise: of the data.
         segments: data.
         rig: whose joints may be pushed.
         known: pushes in the hypothesis, whose windows are not judged again.
     """
-    if noise.gust is None:
+    if noise.inflation is None:
         return []
     windows = _windows(system, noise, segments, rig)
-    force = _gust_forces(windows, noise.gust)
+    force = _forces_where_inflated(windows, _inflated_windows(noise.inflation, segments))
     force[_overlapping(known, windows, segments)] = 0
     return [effect for _, effect in _effects(force, windows.nodes, segments, rig, 1e-300)]
 

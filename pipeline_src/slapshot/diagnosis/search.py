@@ -21,7 +21,7 @@ from slapshot.diagnosis.inference.mismatch_test import gains, overdispersion, sc
 from slapshot.diagnosis.law_error import LOW_SPEED
 from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, fit_process_force
 from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score, is_incredible
-from slapshot.diagnosis.pulses import gusts, pushes, pushes_of_gusts, window_nodes
+from slapshot.diagnosis.pulses import covariance_inflation, pushes, pushes_where_inflated, window_nodes
 from slapshot.diagnosis.steps import (
     P_VALUE,
     Report,
@@ -69,7 +69,7 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     steps = _forward_search(nominal, rng, report)
     if _set_aside(steps[-1]) and not any(isinstance(step.added, ExternalPulse) for step in steps):
         report("what was set aside is no push: once more with it")
-        steps = _forward_search(nominal_step(problem, free, rng, look_for_gusts=False), rng, report)
+        steps = _forward_search(nominal_step(problem, free, rng, may_inflate=False), rng, report)
     final = _backward_elimination(steps[-1], free, rng, report)
     if final is not steps[-1]:
         steps.append(final)
@@ -107,7 +107,7 @@ def _forward_search(nominal: Step, rng: np.random.Generator, report: Report) -> 
 
 def _set_aside(step: Step) -> bool:
     """Whether there are windows with a larger process force of their own."""
-    return step.scored.noise.gust is not None
+    return step.scored.noise.inflation is not None
 
 
 def _much_is_left(step: Step) -> bool:
@@ -160,7 +160,7 @@ def _push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | N
     """Add the pushes of windows that were set aside; None where they are not worth it."""
     problem, fit = step.problem, step.scored.fit
     system, _ = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    rivals = _refitted_gusts(step, system, report)
+    rivals = _refitted_set_aside(step, system, report)
     best = max(rivals, key=lambda rival: rival.gain, default=None)
     if best is None or best.gain < least_gain(step.scored):
         return None
@@ -169,10 +169,10 @@ def _push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | N
     system, _ = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
     none, speed = np.zeros(system.W.shape[-1]), problem.speed(fit.trajectory)
     noise = step.scored.residual_noise
-    gust = gusts(system, none, speed, noise, problem.segments, problem.rig_motion)
-    if gust is not None and noise.gust is not None:
-        gust = np.where(noise.gust > 1, gust, 1.0)
-    step = replace(step, scored=replace(step.scored, noise=replace(step.scored.noise, gust=gust)))
+    inflation = covariance_inflation(system, none, speed, noise, problem.segments, problem.rig_motion)
+    if inflation is not None and noise.inflation is not None:
+        inflation = np.where(noise.inflation > 1, inflation, 1.0)
+    step = replace(step, scored=replace(step.scored, noise=replace(step.scored.noise, inflation=inflation)))
     return step_to(step, fit, best.effect, best.gain, rivals, rng)
 
 
@@ -191,12 +191,12 @@ def _refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
     return rivals
 
 
-def _refitted_gusts(step: Step, system: Linear, report: Report) -> list[Rival]:
+def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Rival]:
     """Pushes of each joint in the windows that were set aside, compared with one process force everywhere."""
     problem, noise = step.problem, step.scored.residual_noise
     known = [pulse for e in step.hypothesis.effects if isinstance(e, ExternalPulse) for pulse in e.pulses]
-    found = pushes_of_gusts(system, noise, problem.segments, problem.rig_motion, known)
-    level = _evidence_without_gusts(step) if found else 0.0
+    found = pushes_where_inflated(system, noise, problem.segments, problem.rig_motion, known)
+    level = _evidence_without_inflation(step) if found else 0.0
     rivals: list[Rival] = []
     for push in found:
         fit = refit(step, push, np.zeros(len(push.parameters)))
@@ -208,13 +208,13 @@ def _refitted_gusts(step: Step, system: Linear, report: Report) -> list[Rival]:
     return rivals
 
 
-def _evidence_without_gusts(step: Step) -> float:
+def _evidence_without_inflation(step: Step) -> float:
     """Evidence of the step's fit under one process force everywhere."""
     fit, noise, interval = step.scored.fit, step.scored.residual_noise, step.problem.segments.interval
-    if noise.gust is None:
+    if noise.inflation is None:
         return fit.log_evidence
     system, prior = step.problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    noise = fit_process_force(system, prior, noise.without_gusts, interval)
+    noise = fit_process_force(system, prior, noise.without_inflation, interval)
     return step.problem.fitter.fit(
         fit.hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system
     ).log_evidence
@@ -410,7 +410,7 @@ def _backward_elimination(
     while True:
         fit = step.scored.fit
         effects = fit.hypothesis.effects
-        pushed = step.scored.residual_noise.gust is not None
+        pushed = step.scored.residual_noise.inflation is not None
         removable = [
             i for i, e in enumerate(effects)
             if e.key not in kept_for_good and not e.hidden_state

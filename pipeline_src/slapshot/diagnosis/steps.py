@@ -105,19 +105,19 @@ class Search:
 
 
 def nominal_step(
-    problem: Problem, free: Sequence[JointEffect], rng: np.random.Generator, look_for_gusts: bool = True
+    problem: Problem, free: Sequence[JointEffect], rng: np.random.Generator, may_inflate: bool = True
 ) -> Step:
     """The nominal rig with its free parameters, fitted and tested."""
     base = problem.base(free)
     problem, fit, noise = initial_fit(problem, base)
     scored = fit_and_score(
-        problem, base, fit.theta, fit.trajectory, noise, near=False, look_for_gusts=look_for_gusts
+        problem, base, fit.theta, fit.trajectory, noise, near=False, may_inflate=may_inflate
     )
     if scored.noise.law_error <= _LARGE_LAW_ERROR:
         return Step(problem, scored, test_of(scored, rng))
     fine = problem.along(scored.fit.trajectory, fine=True)
     scored = fit_and_score(
-        fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise, look_for_gusts=look_for_gusts
+        fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise, may_inflate=may_inflate
     )
     step = Step(fine, scored, test_of(scored, rng))
     if step.test.p_value >= P_VALUE:

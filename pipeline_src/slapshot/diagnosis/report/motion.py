@@ -55,7 +55,7 @@ def predicted_motion(outcome: Outcome, model_name: str, some: NDArray[np.intp]) 
     # Predicted readings have negligible noise, and no process force acts.
     noise = replace(
         noise, white=_SHARE * noise.white, coloured=0 * noise.coloured, force=_NO_FORCE,
-        weight=np.ones_like(halves.y), jitter_s=0.0, rate=None, gust=None,
+        weight=np.ones_like(halves.y), jitter_s=0.0, rate=None, inflation=None,
     )  # fmt: skip
     covariances = noise.covariances(halves.interval)
     trajectory = initial_trajectory(problem, outcome.search.nominal.problem, halves)
