@@ -9,7 +9,7 @@ from slapshot.diagnosis.filter import Covariances, Linear, innovations, leave_on
 S, L, N, NV, NY, P = 3, 7, 4, 2, 3, 2  # segments, nodes, states, forces, channels, columns
 
 
-def random_system(seed: int, *, missing: bool = True) -> Linear:
+def random_system(seed: int, *, missing: bool = True, held: bool = False) -> Linear:
     rng = np.random.default_rng(seed)
     r = rng.normal(size=(S, L, NY))
     if missing:
@@ -23,6 +23,7 @@ def random_system(seed: int, *, missing: bool = True) -> Linear:
         r=r,
         W=rng.normal(size=(S, L, N, P)),
         psi=rng.normal(size=(S, L, NY, P)),
+        process=rng.normal(size=(S, L, N, NV)) if held else None,
     )
 
 
@@ -83,7 +84,7 @@ def dense(system: Linear, noise: Covariances, k: int) -> Dense:
             colours.append(coloured)
             y.append(system.C[k, t] @ delta + system.psi[k, t] @ theta + coloured + white[t])
             delta = system.A[k, t] @ delta + known * system.d[k, t] + system.W[k, t] @ theta
-            delta = delta + system.B[k, t] @ force[t]
+            delta = delta + (system.B if system.process is None else system.process)[k, t] @ force[t]
             coloured = noise.decay * coloured + drive[t]
         return np.ravel(y), np.ravel(trajectory), np.ravel(colours)
 
@@ -109,11 +110,13 @@ def dense(system: Linear, noise: Covariances, k: int) -> Dense:
 
 @pytest.fixture(
     params=[(True, True, False), (True, False, True), (False, False, False)],
-    ids=["coloured+gaps", "gaps+inflated", "plain"],
+    ids=["coloured+gaps", "gaps+inflated+held", "plain"],
 )
 def case(request) -> tuple[Linear, Covariances]:
     missing, coloured, inflated = request.param
-    return random_system(1, missing=missing), random_noise(2, coloured=coloured, inflated=inflated)
+    return random_system(1, missing=missing, held=inflated), random_noise(
+        2, coloured=coloured, inflated=inflated
+    )
 
 
 def test_innovations_are_those_of_the_dense_gaussian(case):

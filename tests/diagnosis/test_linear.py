@@ -124,6 +124,28 @@ def test_the_double_integrator_in_closed_form(interval, substeps):
     np.testing.assert_allclose(system.r, segments.y - trajectory, atol=1e-12)
 
 
+def test_friction_holds_a_joint_against_known_forces_but_not_against_errors_of_its_law():
+    """A cart at rest, and one that slides: Coulomb friction of 3 N, a controller that pushes with 1 N."""
+    text = CART.replace(
+        "<joint ", '<joint frictionloss="3" solreffriction="-1 -100" solimpfriction="0.9999 0.9999 0.001" '
+    )
+    channels = {"place": joint("rail", unit="m"), "push": control_channel("N", actuator="push")}
+    rig, segments = made(text, channels, 30, 0.01)
+    segments = replace(segments, controls=(np.ones_like(segments.controls[0]),))
+    force = np.array([[0.01**2 / 2.0], [0.01 / 2.0]])  # by MuJoCo's Euler step, 2 kg
+    for speed, held in ((0.0, True), (0.7, False)):
+        trajectory = np.zeros((*segments.shape, 2))
+        trajectory[..., 1] = speed
+        system = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory).system
+        known = 0 * force if held else force
+        np.testing.assert_allclose(system.B, np.broadcast_to(known, system.B.shape), atol=1e-3 * force[1, 0])
+        assert system.process is not None
+        np.testing.assert_allclose(system.process, np.broadcast_to(force, system.B.shape), rtol=1e-6)
+    rig, segments = made(CART, channels, 30, 0.01)
+    free = linearise(Simulator(rig), Hypothesis(rig), NONE, segments, trajectory).system
+    assert free.process is None
+
+
 def test_the_pendulum_in_closed_form():
     """With damping taken implicitly, (I + h d) v' = I v + h (u - m g l sin q)."""
     rig, segments = made(

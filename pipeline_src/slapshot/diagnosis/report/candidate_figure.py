@@ -118,4 +118,4 @@ def _draw(axes: Axes, table: pd.DataFrame) -> None:
 
 
 def _short(name: str) -> str:
-    return "\n".join(textwrap.wrap(name, 56, max_lines=2, placeholder=" …"))
+    return "\n".join(textwrap.wrap(name, 66, max_lines=2, placeholder=" …"))
