@@ -81,10 +81,20 @@ def test_a_file_that_is_no_archive_is_refused_in_one_line(store, make, other, tm
     assert not list(other.folders())
 
 
-def test_paths_that_lead_elsewhere_are_refused(other, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "link"), [("../../outside", ""), ("{outside}", ""), ("train/1/weights", "{outside}")]
+)
+def test_paths_that_lead_elsewhere_are_refused(other, tmp_path, name, link):
     file, outside = tmp_path / "versions.tar.xz", tmp_path / "outside"
     outside.write_text("kept")
+    member = tarfile.TarInfo(name.format(outside=outside))
+    member.type, member.linkname = (
+        (tarfile.SYMTYPE if link else tarfile.REGTYPE),
+        link.format(outside=outside),
+    )
     with tarfile.open(file, "w:xz") as archive:
-        archive.add(outside, arcname="../../outside")
-    with pytest.raises(InputError, match="archive of versions"):
+        archive.addfile(member)
+    with pytest.raises(InputError, match="is no file of a version"):
         unpack(other, file)
+    assert outside.read_text() == "kept"
+    assert not list(other.folders())

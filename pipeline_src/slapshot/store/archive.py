@@ -5,7 +5,7 @@ import shutil
 import tarfile
 import tempfile
 from collections.abc import Collection
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from slapshot.errors import InputError, writing
 from slapshot.store.folder import STORE_MARK, Store
@@ -73,9 +73,23 @@ def unpack(store: Store, file: Path) -> list[str]:
 
 
 def _extract(file: Path, folder: Path) -> None:
+    """Write the files of an archive; nothing else may be in it, and nothing that leads out of the folder.
+
+    Filters of `tarfile` do the same, but Python 3.11 has them from 3.11.4 on alone.
+    """
     try:
         with tarfile.open(file, "r:xz") as archive:
-            archive.extractall(folder, filter="data")
+            for member in archive:
+                place = PurePosixPath(member.name)
+                if place.is_absolute() or ".." in place.parts or not (member.isfile() or member.isdir()):
+                    raise tarfile.TarError(f"{member.name!r} is no file of a version")
+                content = archive.extractfile(member)
+                if content is None:
+                    (folder / place).mkdir(parents=True, exist_ok=True)
+                else:
+                    (folder / place).parent.mkdir(parents=True, exist_ok=True)
+                    with content, (folder / place).open("wb") as out:
+                        shutil.copyfileobj(content, out)
     except (tarfile.TarError, lzma.LZMAError, EOFError) as error:
         raise InputError(
             f"{file}: is no whole archive of versions ({error}); pack it again, or copy it once more"
