@@ -5,12 +5,17 @@ thousands of its standard deviations.
 """
 
 import re
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import bind
+from slapshot.diagnosis.search import _forward_step, _pair_step
+from slapshot.diagnosis.segments import segment_recording
+from slapshot.diagnosis.steps import Step, nominal_step
 
 from .mechanisms import control_channel, joint, recording
 
@@ -21,6 +26,39 @@ MASS, VISCOUS, COULOMB = 95.1, 203.5, 20.4  # of EMPS (Janot, Gautier, Brunot 20
 FINER = 5e-5  # s
 
 
+def moved(
+    t: np.ndarray,
+    finer: int,
+    controller: Callable[[int, float, float], float],
+    other: Callable[[float, float], float],
+    *,
+    coulomb: float = COULOMB,
+    asymmetry: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places in m and a controller's forces in N at times at rest first, in `finer` steps between them.
+
+    Args:
+        t: s.
+        finer: steps between two times.
+        controller: force for the number of a time, place and speed; it is held from time to time.
+        other: force for a time and a place that nobody records.
+        coulomb: dry friction in N.
+        asymmetry: share by which dry friction is larger forward, and smaller backward.
+    """
+    q, v, h = 0.0, 0.0, (t[1] - t[0]) / finer
+    place, force = np.empty(len(t)), np.empty(len(t))
+    for k in range(len(t)):
+        place[k], force[k] = q, controller(k, q, v)
+        unrecorded = other(t[k], q)
+        for _ in range(finer):
+            net = force[k] + unrecorded - VISCOUS * v
+            free, friction = v + h * net / MASS, coulomb * (1 + asymmetry * np.sign(v if v else net))
+            # Dry friction stops the carriage, or slows it down by as much as it can within a step.
+            before, v = v, np.sign(free) * max(abs(free) - h * friction / MASS, 0.0)
+            q += h * (before + v) / 2
+    return place, force
+
+
 def driven_axis(
     seconds: float,
     seed: int,
@@ -28,24 +66,18 @@ def driven_axis(
     step: float = 0.005,
     noise: float = 2e-5,
     offset: float = 0.0,
+    coulomb: float = COULOMB,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times in s, positions as read in m, and forces in N that a controller holds from sample to sample."""
     rng, t = np.random.default_rng(seed), np.arange(round(seconds / step)) * step
     wanted = 0.1 * np.sin(1.1 * t) * np.sin(0.31 * t) + 0.05 * np.sin(2.9 * t)
     speed = np.gradient(wanted, step)
-    q, v = 0.0, 0.0
-    read, force = np.empty(len(t)), np.empty(len(t))
-    finer = round(step / FINER)
-    h = step / finer
-    for k in range(len(t)):
-        read[k] = q + noise * rng.standard_normal()
-        force[k] = 8000 * (wanted[k] - q) + 1500 * (speed[k] - v)
-        for _ in range(finer):
-            free = v + h * (force[k] + offset - VISCOUS * v) / MASS
-            # Dry friction stops the carriage, or slows it down by as much as it can within a step.
-            before, v = v, np.sign(free) * max(abs(free) - h * COULOMB / MASS, 0.0)
-            q += h * (before + v) / 2
-    return t, read, force
+
+    def controller(k: int, q: float, v: float) -> float:
+        return 8000 * (wanted[k] - q) + 1500 * (speed[k] - v)
+
+    place, force = moved(t, round(step / FINER), controller, lambda time, q: offset, coulomb=coulomb)
+    return t, place + noise * rng.standard_normal(len(t)), force
 
 
 def test_friction_of_a_precise_axis_is_named():
@@ -62,6 +94,37 @@ def test_friction_of_a_precise_axis_is_named():
         sd = (found.high - found.low) / (2 * 1.645)
         assert abs(found.value - true) < 4 * sd
         assert sd < 0.02 * true
+
+
+def nominal(coulomb: float) -> Step:
+    """The search's first step on an axis of 8 s."""
+    t, read, force = driven_axis(8.0, 3, coulomb=coulomb)
+    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
+    made = recording(t, channels)
+    rig = bind(MjSpec.from_string(AXIS), made.channels)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    return nominal_step(problem, (), np.random.default_rng(1))
+
+
+def test_two_large_frictions_are_found_at_once():
+    step = nominal(COULOMB)
+    first, second = _pair_step(step, None, np.random.default_rng(2), lambda text: None)
+    assert first.added is not None
+    assert second.added is not None
+    assert {first.added.name, second.added.name} == {"viscous_friction", "coulomb_friction"}
+    assert [effect.key for effect in second.hypothesis.effects] == [first.added.key, second.added.key]
+    values = dict(zip((first.added.name, second.added.name), second.scored.fit.theta, strict=True))
+    assert values["viscous_friction"] == pytest.approx(VISCOUS, rel=0.02)
+    assert values["coulomb_friction"] == pytest.approx(COULOMB, rel=0.02)
+
+
+def test_where_one_friction_explains_all_there_is_no_pair():
+    step = nominal(0.0)
+    single = _forward_step(step, np.random.default_rng(2), lambda text: None)
+    assert single is not None
+    assert single.added is not None
+    assert single.added.name == "viscous_friction"
+    assert not _pair_step(step, single, np.random.default_rng(2), lambda text: None)
 
 
 @pytest.mark.slow
@@ -88,25 +151,21 @@ def pushed_axis(seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.n
     Its friction differs by 3 % to both sides of its mean, a force of 3.2 N helps it forward, and another of
     0.2 N repeats itself every 2 cm. Positions are read in micrometres.
     """
-    rng, step, finer = np.random.default_rng(seed), 1e-3, 10
-    t = np.arange(0, seconds, step)
+    rng, t = np.random.default_rng(seed), np.arange(0, seconds, 1e-3)
     leg = seconds / (len(PLACES) - 1)
     k = np.minimum((t / leg).astype(int), len(PLACES) - 2)
     share = np.clip((t - k * leg) / (0.8 * leg), 0, 1)
     places = np.array(PLACES, float)
     wanted = places[k] + (places[k + 1] - places[k]) * (10 * share**3 - 15 * share**4 + 6 * share**5)
-    q, v, h = 0.0, 0.0, step / finer
-    place, force = np.empty(len(t)), np.empty(len(t))
-    for i in range(len(t)):
-        place[i] = q
-        force[i] = np.clip(35.15 * 243.45 * (9.6 * (wanted[i] - q) - v), -350, 350)
-        other = sum(size * (begin <= t[i] < end) for begin, end, size in PUSHES) + 3.2
-        other += 0.2 * np.sin(q / 0.02 * 2 * np.pi)
-        for _ in range(finer):
-            net = force[i] + other - VISCOUS * v
-            free, friction = v + h * net / MASS, COULOMB * (1 + 0.03 * np.sign(v if v else net))
-            v = np.sign(free) * max(abs(free) - h * friction / MASS, 0.0)
-            q += h * v
+
+    def controller(i: int, q: float, v: float) -> float:
+        return float(np.clip(35.15 * 243.45 * (9.6 * (wanted[i] - q) - v), -350, 350))
+
+    def other(time: float, q: float) -> float:
+        pushed = sum(size * (begin <= time < end) for begin, end, size in PUSHES)
+        return pushed + 3.2 + 0.2 * np.sin(q / 0.02 * 2 * np.pi)
+
+    place, force = moved(t, 10, controller, other, asymmetry=0.03)
     return t, np.round((place + 2e-6 * rng.standard_normal(len(t))) / 1e-6) * 1e-6, force
 
 

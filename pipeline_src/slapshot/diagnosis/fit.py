@@ -240,7 +240,7 @@ class Fitter:
             theta, trajectory = target, self.simulator.tangent.add(trajectory, delta)
             since += moved
             converged = moved < CONVERGED_SD and number >= 1
-        if best is not None and not converged and (moved > _CLOSE_SD or evidence < best[0]):
+        if best is not None and moved > SETTLED_SD and (moved > _CLOSE_SD or evidence < best[0]):
             evidence, theta, trajectory, precision, moved = best
         return Fit(hypothesis, theta, trajectory, evidence, precision, converged, moved)
 
