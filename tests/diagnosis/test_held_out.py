@@ -1,5 +1,6 @@
 """Predictions of held-out windows: from the data before alone, and as good as noise lets them be."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -7,10 +8,11 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis import held_out
-from slapshot.diagnosis.diagnose import split
+from slapshot.diagnosis.diagnose import diagnose, split
 from slapshot.diagnosis.held_out import Predictions, initial_trajectory, predict
 from slapshot.diagnosis.noise import Noise
 from slapshot.diagnosis.problem import Problem
+from slapshot.diagnosis.pulses import WINDOW_S
 from slapshot.diagnosis.rig import Rig, bind
 from slapshot.diagnosis.segments import Segments, segment_recording
 from slapshot.errors import InputError
@@ -19,20 +21,29 @@ from slapshot.recordings.signals import SignalRecording
 from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 
 WHITE = 2e-3
+PUSH = (1.13, 1.32, 6.0)  # begin and end in s, N m
 BOTH = np.array([0])
 
 
-def taken(seed: int, episodes: int = 6, seconds: float = 2.0) -> SignalRecording:
-    """A driven rod, simulated as the model itself does."""
+def taken(seed: int, episodes: int = 6, seconds: float = 2.0, pushed: int | None = None) -> SignalRecording:
+    """A driven rod, simulated as the model itself does; in one episode, PUSH that nobody recorded."""
     rng, t = np.random.default_rng(seed), np.arange(round(100 * seconds)) * 0.01
     u = [1.5 * np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t)[:, None] for _ in range(episodes)]
-    angles = [simulate(PENDULUM, t, p, [rng.uniform(-1, 1)], [0.0], finer=1)[0][:, 0] for p in u]
+    laws = [push if episode == pushed else None for episode in range(episodes)]
+    angles = [
+        simulate(PENDULUM, t, p, [rng.uniform(-1, 1)], [0.0], finer=1, law=law)[0][:, 0]
+        for p, law in zip(u, laws, strict=True)
+    ]
     noisy = [angle + WHITE * rng.standard_normal(len(t)) for angle in angles]
     channels = {
         "angle": (joint("swing"), noisy),
         "drive": (control_channel(actuator="drive"), [p[:, 0] for p in u]),
     }
     return recording([t] * episodes, channels)
+
+
+def push(time: float, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
+    return np.full(1, PUSH[2] * (PUSH[0] - 1e-9 <= time < PUSH[1] - 1e-9))
 
 
 @cache
@@ -172,3 +183,28 @@ def test_a_step_that_cannot_be_is_not_taken(monkeypatch):
     # Velocities of the recorded trajectory are as noisy as its readings are, over two intervals.
     speed = WHITE / np.sqrt(2) / 0.01
     assert np.abs(after.predicted[0] - before.predicted[0]).max() < 4 * (WHITE + 0.5 * speed)
+
+
+def test_a_push_in_held_out_data_is_told_with_its_time():
+    """No fit saw it, and no name can be held against other data."""
+    of = taken(7, pushed=2)
+    rig = bind(MjSpec.from_string(PENDULUM), of.channels)
+    verdict = diagnose(of, rig, seed=1).verdict
+    assert verdict.held_out_episodes == [2]
+    assert verdict.headline == "found_not_named"
+    assert verdict.unknown.flagged
+    (found,) = [finding for finding in verdict.findings if "held-out data" in finding]
+    force, begin, end = map(
+        float, re.findall(r"about (.*) N m push swing from (.*) to (.*) s of episode 2", found)[0]
+    )
+    # Windows of which it takes less than half do not stand out; its impulse is known better.
+    assert (begin, end) == pytest.approx(PUSH[:2], abs=WINDOW_S / 2)
+    assert force * (end - begin) == pytest.approx(PUSH[2] * (PUSH[1] - PUSH[0]), rel=0.1)
+
+
+def test_without_a_push_none_is_told_in_held_out_data():
+    of = taken(7)
+    rig = bind(MjSpec.from_string(PENDULUM), of.channels)
+    verdict = diagnose(of, rig, seed=1).verdict
+    assert verdict.headline == "nothing_found"
+    assert not [finding for finding in verdict.findings if "held-out data" in finding]

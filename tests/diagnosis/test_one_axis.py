@@ -12,6 +12,7 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.problem import Problem
+from slapshot.diagnosis.pulses import WINDOW_S
 from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.search import _forward_step, _pair_step
 from slapshot.diagnosis.segments import segment_recording
@@ -67,8 +68,12 @@ def driven_axis(
     noise: float = 2e-5,
     offset: float = 0.0,
     coulomb: float = COULOMB,
+    push: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times in s, positions as read in m, and forces in N that a controller holds from sample to sample."""
+    """Times in s, positions as read in m, and forces in N that a controller holds from sample to sample.
+
+    Nobody records the `offset` in N, nor the `push`: its begin and end in s, and its size in N.
+    """
     rng, t = np.random.default_rng(seed), np.arange(round(seconds / step)) * step
     wanted = 0.1 * np.sin(1.1 * t) * np.sin(0.31 * t) + 0.05 * np.sin(2.9 * t)
     speed = np.gradient(wanted, step)
@@ -76,7 +81,10 @@ def driven_axis(
     def controller(k: int, q: float, v: float) -> float:
         return 8000 * (wanted[k] - q) + 1500 * (speed[k] - v)
 
-    place, force = moved(t, round(step / FINER), controller, lambda time, q: offset, coulomb=coulomb)
+    def other(time: float, q: float) -> float:
+        return offset + push[2] * (push[0] <= time < push[1])
+
+    place, force = moved(t, round(step / FINER), controller, other, coulomb=coulomb)
     return t, place + noise * rng.standard_normal(len(t)), force
 
 
@@ -125,6 +133,23 @@ def test_where_one_friction_explains_all_there_is_no_pair():
     assert single.added is not None
     assert single.added.name == "viscous_friction"
     assert not _pair_step(step, single, np.random.default_rng(2), lambda text: None)
+
+
+def test_a_push_beside_missing_friction_is_set_aside():
+    """Though the encoder's scale could explain all at once: the model of a mass alone moves otherwise."""
+    begin, end = 4.43, 4.63
+    t, read, force = driven_axis(
+        12.0, 4, step=0.001, noise=2e-6, offset=3.2, push=(begin, end, -1.7 * COULOMB)
+    )
+    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
+    made = recording(t, channels)
+    rig = bind(MjSpec.from_string(AXIS), made.channels)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    inflation = nominal_step(problem, (), np.random.default_rng(1)).scored.noise.inflation
+    assert inflation is not None
+    set_aside = problem.segments.time[inflation > 1]
+    assert set_aside.min() == pytest.approx(begin, abs=WINDOW_S)
+    assert set_aside.max() == pytest.approx(end, abs=WINDOW_S)
 
 
 @pytest.mark.slow

@@ -6,11 +6,19 @@ import mujoco
 import numpy as np
 import pytest
 from scipy import stats
-from slapshot.diagnosis.filter import Linear
+from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.noise import FORCE_HOLD_S, Noise
-from slapshot.diagnosis.pulses import Scan, covariance_inflation, pushes, pushes_where_inflated, scan
+from slapshot.diagnosis.pulses import (
+    Scan,
+    covariance_inflation,
+    push_error,
+    pushes,
+    pushes_where_inflated,
+    scan,
+)
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Joint, RigMotion, State
+from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 JOINTS, SEGMENTS, WHITE, FORCE = 2, 6, 1e-4, 0.1
 NONE = np.zeros(0)
@@ -180,27 +188,55 @@ def test_values_of_columns_are_taken_off_first():
     np.testing.assert_allclose(left.ratio, nothing.ratio, atol=1e-6)
 
 
-@pytest.mark.parametrize("force", [60.0, -600.0])
-def test_the_process_force_is_inflated_in_an_enormous_push(force: float):
-    """As the process force, which covers the push at first, is fitted to what is left."""
-    push = (1, 1, 0.6, 0.8, force)
+def test_the_shape_of_a_named_push_is_no_mismatch():
+    """A push twice as long as the real one and half as large: innovations about it stay of unit size."""
+    of = segments()
+    begin, end, force = 0.65, 0.75, 6.0
+    system = masses(of, np.random.default_rng(6), (1, 0, begin, end, force))
+    push = ExternalPulse(rig(0.01).joints[0], [Pulse(9, 0.5, 0.6, 0.8)])
+    W = np.zeros((*system.d.shape, 1))
+    during = (of.episode[:, None] == 1) & (of.time > 0.6 - 1e-9) & (of.time < 0.8 - 1e-9)
+    W[during, :, 0] = system.B[during][..., 0]
+    named = system.with_columns(W, np.zeros((*system.r.shape, 1))).moved(np.array([force / 2]))
+    error = push_error([(push, np.array([force / 2]))], np.ones(JOINTS), of, rig(0.01))
+    assert error is not None
+    near = (of.episode == 1)[:, None] & (of.time > 0.55 - 1e-9) & (of.time < 0.85 + 1e-9)
+    np.testing.assert_array_equal(error > 0, near)
+    sizes = []
+    for known in (noise(of), replace(noise(of), push_error=error)):
+        e = innovations(named.without_columns(), known.covariances(of.interval)).e[..., 0]
+        sizes.append(np.mean(e[near] ** 2))
+    assert sizes[0] > 5
+    assert sizes[1] < 1.5
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "force"),
+    [(0.6, 0.8, 60.0), (0.6, 0.8, -600.0), (0.62, 0.78, 600.0), (0.48, 0.63, 600.0)],
+)
+def test_the_process_force_is_inflated_in_an_enormous_push(begin: float, end: float, force: float):
+    """As the process force, which covers the push at first, is fitted to what is left.
+
+    Windows begin at multiples of 0.05 s; where the push begins or ends within one is found to a node.
+    """
+    push = (1, 1, begin, end, force)
     of = segments()
     system, known = masses(of, np.random.default_rng(8), push), noise(of)
     for size in np.geomspace(abs(force) / 5, FORCE, 6):
         known = replace(known, force=float(size))
         known = replace(known, inflation=covariance_inflation(system, NONE, MOVING, known, of, rig(0.01)))
     assert known.inflation is not None
-    inside = (of.episode == 1)[:, None] & (of.time > 0.6 - 1e-9) & (of.time < 0.8 - 1e-9)
+    inside = (of.episode == 1)[:, None] & (of.time > begin - 1e-9) & (of.time < end - 1e-9)
     assert (known.inflation[inside] > 1).all()
     # A window before or after may be touched by it.
-    near = (of.episode == 1)[:, None] & (of.time > 0.55 - 1e-9) & (of.time < 0.85 - 1e-9)
+    near = (of.episode == 1)[:, None] & (of.time > begin - 0.05 - 1e-9) & (of.time < end + 0.05 - 1e-9)
     np.testing.assert_array_equal(known.inflation[~near], 1)
     (effect,) = pushes_where_inflated(system, known, of, rig(0.01), ())
     assert effect.part == "rail 1"
     (pulse,) = effect.pulses
     assert pulse.episode == 9
-    assert abs(pulse.begin - 0.6) <= 0.05 + 1e-9
-    assert abs(pulse.end - 0.8) <= 0.05 + 1e-9
+    assert abs(pulse.begin - begin) <= of.interval + 1e-9
+    assert abs(pulse.end - end) <= of.interval + 1e-9
     assert not pushes_where_inflated(system, known, of, rig(0.01), effect.pulses)
 
 

@@ -10,7 +10,7 @@ from workspace import Version, Workspace, job_counts, snakemake_command, upstrea
 
 pytestmark = pytest.mark.workflow
 
-KILLS = 6
+KILLS = 3
 CHANGES = (1, 30)  # of the store, before a kill
 
 

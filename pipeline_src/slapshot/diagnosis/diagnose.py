@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from slapshot.arrays import Array
 from slapshot.diagnosis import held_out
 from slapshot.diagnosis.free_forms import is_free
-from slapshot.diagnosis.held_out import Predictions
+from slapshot.diagnosis.held_out import HeldOutPush, Predictions
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.inference.mismatch_test import Elimination
 from slapshot.diagnosis.problem import Problem
@@ -159,7 +159,11 @@ def _diagnosis(
         reason = "no held-out part is long enough to predict its second half; record longer episodes"
         return Diagnosis(_undecided(recording, rig, notes, reason, began), rig)
     found, by_model = _predict_models(found, problem, windows, report)
-    verdict = _verdict(recording, rig, found, windows, by_model, segments, held, notes, seed, began)
+    pushed = _held_out_pushes(found.final, problem, segments, held)
+    notes += [str(push) for push in pushed]
+    verdict = _verdict(
+        recording, rig, found, windows, by_model, segments, held, notes, bool(pushed), seed, began
+    )
     return Diagnosis(verdict, rig, found, windows, *by_model)
 
 
@@ -312,6 +316,19 @@ def predict_windows(
     return Prediction(hypothesis, theta, predictions)
 
 
+def _held_out_pushes(
+    step: Step, nominal: Problem, segments: Segments, held: NDArray[np.intp]
+) -> list[HeldOutPush]:
+    """Pushes in held-out segments; none is looked for where the model has hidden states."""
+    hypothesis, scored = step.hypothesis, step.scored
+    if any(effect.hidden_state for effect in hypothesis.effects):
+        return []
+    first = held_out.initial_trajectory(step.problem, nominal, segments)
+    return held_out.pushes_in(
+        step.problem, hypothesis, scored.fit, segments, held, scored.residual_noise, first
+    )
+
+
 def _verdict(
     recording: SignalRecording,
     rig: Rig,
@@ -321,6 +338,7 @@ def _verdict(
     segments: Segments,
     held: NDArray[np.intp],
     notes: list[str],
+    pushed: bool,
     seed: int,
     began: float,
 ) -> Verdict:
@@ -328,7 +346,7 @@ def _verdict(
     first, last = found.nominal, found.final
     p = first.test.p_value
     worse = [prediction.predictions.excess(rng)[0] > MAX_REDUCED_CHI2 for prediction in by_model[1:]]
-    missing = p < P_VALUE or worse[0]
+    missing = p < P_VALUE or worse[0] or pushed
     named = found.named if missing else ()
     reason = "no test says that anything is missing"
     held_up = True
@@ -359,6 +377,8 @@ def _verdict(
             reason += f": {recurring}"
         elif flagged and worse[1]:
             reason += ": held-out prediction errors exceed noise and law errors"
+        elif flagged and pushed and left >= P_VALUE:
+            reason += ": something pushes in held-out data"
     kinds = channel_groups(rig)
     units = {kind: recording.channels[rig.observations[c[0]].channel].unit for kind, c in kinds.items()}
     fits = [_errors(prediction.predictions, kinds, units, rng) for prediction in by_model]

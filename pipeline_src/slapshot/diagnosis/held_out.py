@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations, smooth
-from slapshot.diagnosis.fit import Fitter, prior_of
+from slapshot.diagnosis.fit import Fit, Fitter, prior_of
 from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.linear import Perturbation, residuals
-from slapshot.diagnosis.noise import CLIP, Noise, fit_noise
+from slapshot.diagnosis.noise import CLIP, Noise, fit_noise, posterior_means
 from slapshot.diagnosis.problem import NUISANCE, Problem
+from slapshot.diagnosis.pulses import INFLATION_ROUNDS, covariance_inflation, pushes_where_inflated
 from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.segments import Segments
 from slapshot.diagnosis.shooting import shoot, simulate
 from slapshot.diagnosis.structure import transferred_trajectory
+from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 WINDOW_S = 0.5
 _ROUNDS = 5
@@ -28,6 +30,7 @@ _MAX_STEP = 1.0  # largest accepted last step, relative to the noise
 _SHOOTING_ROUNDS = 15
 _MAX_GROWTH = 2.0  # largest growth of a segment's errors in a step
 _RESAMPLES = 1000
+_SAME_TIME_S = 1e-6
 _NO_WEIGHT = 1e12  # factor on the variance of unused observations
 
 
@@ -137,6 +140,92 @@ def predict(
         spread = spread + np.einsum("wtck,kl,wtcl->wtc", own_part, np.linalg.inv(precision), own_part)
     expected = np.sqrt(floor[:, half:] ** 2 + spread)
     return Predictions(error, predicted[:, half:], floor[:, half:], expected, log_likelihoods)
+
+
+@dataclass(frozen=True)
+class HeldOutPush:
+    """A push in held-out data.
+
+    Attributes:
+        joint: that is pushed.
+        pulse: when.
+        force: N m or N, mean over it.
+        unit: of the force.
+    """
+
+    joint: str
+    pulse: Pulse
+    force: float
+    unit: str
+
+    def __str__(self) -> str:
+        p = self.pulse
+        return (
+            f"in held-out data, about {self.force:.3g} {self.unit} push {self.joint} from {p.begin:.2f} to "
+            f"{p.end:.2f} s of episode {p.episode}; no model here has that push"
+        )
+
+
+def pushes_in(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    fit: Fit,
+    segments: Segments,
+    held: NDArray[np.intp],
+    noise: Noise,
+    trajectory: Array,
+) -> list[HeldOutPush]:
+    """Enormous pushes in held-out data, which no fit saw, by the spread of the forces in all windows.
+
+    Args:
+        problem: whose rig the hypothesis is on.
+        hypothesis: effects, without hidden states.
+        fit: their values.
+        segments: all that was recorded.
+        held: indices of the segments that are held out.
+        noise: of the hypothesis, fitted to the others.
+        trajectory: (S, L, nx) initial guess.
+    """
+    segments = problem.in_steps(segments)
+    own = noise.elsewhere(problem.rates(segments, trajectory))
+    plain = Fitter(problem.simulator, segments, problem.torque)
+    trajectory, _ = _smoothed(plain, hypothesis, fit.theta, trajectory, own)
+    laws = problem.law_columns.on(problem.simulator, hypothesis, fit.theta, segments, trajectory)
+    drifts, motion = problem.drifts(segments), problem.rig_motion
+    wide = replace(plain, nuisance=NUISANCE, rig=motion, law_errors=laws, drifts=drifts)
+    system, prior = wide.system(hypothesis, fit.theta, trajectory)
+    sd = prior.at(own)
+    sd[: len(fit.theta)] = fit.sd
+    # A process force that covers all pushes at first, and then only what is no push.
+    for force in np.geomspace(max(1.0, own.force), own.force, INFLATION_ROUNDS):
+        own = replace(own, force=float(force))
+        values = posterior_means(innovations(system, own.covariances(segments.interval)), sd)
+        speed = problem.speed(trajectory)
+        own = replace(own, inflation=covariance_inflation(system, values, speed, own, segments, motion))
+    system = system.moved(values)
+    known = [pulse for e in hypothesis.effects if isinstance(e, ExternalPulse) for pulse in e.pulses]
+    covariances = own.without_inflation.covariances(segments.interval)
+    found = []
+    for push in pushes_where_inflated(system, own, segments, motion, known):
+        joint = next(joint for joint in motion.joints if joint.name == push.part)
+        W = np.zeros((*system.W.shape[:3], len(push.pulses)))
+        for k, pulse in enumerate(push.pulses):
+            during = _during(pulse, segments)
+            W[during, :, k] = system.B[during][..., joint.v]
+        alone = system.with_columns(W, np.zeros((*system.psi.shape[:3], len(push.pulses))))
+        forces = posterior_means(innovations(alone, covariances), np.full(len(push.pulses), joint.torque))
+        found += [
+            HeldOutPush(push.part, pulse, float(force), joint.unit)
+            for pulse, force in zip(push.pulses, forces, strict=True)
+            if _during(pulse, segments)[held].any()
+        ]
+    return found
+
+
+def _during(pulse: Pulse, segments: Segments) -> NDArray[np.bool_]:
+    """(S, L) nodes at which a pulse acts."""
+    acts = (segments.time > pulse.begin - _SAME_TIME_S) & (segments.time < pulse.end - _SAME_TIME_S)
+    return np.asarray(acts & (segments.ids[segments.episode] == pulse.episode)[:, None])
 
 
 def _has_hidden_state(hypothesis: Hypothesis) -> bool:

@@ -57,6 +57,8 @@ class Noise:
         rate: (S, L, ny) time derivative of the observations, which converts jitter to noise; None for none.
         clock: (ny,) index of the clock of each channel; those of one share their jitter.
         inflation: (S, L) factor on the variance of the process force, more than 1 in pushes; None for 1.
+        push_error: (S, L) process force by which named pushes may differ from constant ones, as `force`; None
+            for none.
     """
 
     white: Array
@@ -73,6 +75,7 @@ class Noise:
     rate: Array | None = None
     clock: NDArray[np.intp] | None = None
     inflation: Array | None = None
+    push_error: Array | None = None
 
     @property
     def single(self) -> Array:
@@ -98,11 +101,12 @@ class Noise:
         """That of some segments."""
         rate = None if self.rate is None else self.rate[segments]
         inflation = None if self.inflation is None else self.inflation[segments]
-        return replace(self, weight=self.weight[segments], rate=rate, inflation=inflation)
+        error = None if self.push_error is None else self.push_error[segments]
+        return replace(self, weight=self.weight[segments], rate=rate, inflation=inflation, push_error=error)
 
     def elsewhere(self, rate: Array) -> "Noise":
         """The noise for other segments with known rates, without outliers or pushes."""
-        return replace(self, weight=np.ones_like(rate), rate=rate, inflation=None)
+        return replace(self, weight=np.ones_like(rate), rate=rate, inflation=None, push_error=None)
 
     @property
     def without_inflation(self) -> "Noise":
@@ -111,6 +115,9 @@ class Noise:
 
     def covariances(self, interval: float) -> Covariances:
         """What the filter takes."""
+        inflation = self.inflation
+        if self.push_error is not None:
+            inflation = (1.0 if inflation is None else inflation) + (self.push_error / self.force) ** 2
         return Covariances(
             self.initial,
             (self.force * self.torque) ** 2 * (FORCE_HOLD_S / interval),
@@ -118,7 +125,7 @@ class Noise:
             self.coloured**2,
             np.exp(-interval / self.correlation_s),
             self._shared,
-            self.inflation,
+            inflation,
         )
 
 

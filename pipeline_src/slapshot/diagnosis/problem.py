@@ -25,7 +25,14 @@ from slapshot.diagnosis.noise import (
     marginal_likelihood,
     posterior_means,
 )
-from slapshot.diagnosis.pulses import INFLATION_ROUNDS, Scan, covariance_inflation, scan, window_nodes
+from slapshot.diagnosis.pulses import (
+    INFLATION_ROUNDS,
+    Scan,
+    covariance_inflation,
+    push_error,
+    scan,
+    window_nodes,
+)
 from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.rig_motion import rig_motion, torque_scale
@@ -191,6 +198,14 @@ class Problem:
         tangent = self.simulator.tangent
         return trajectory[..., tangent.nq : tangent.nq + tangent.nv]
 
+    def frictional_speeds(self, hypothesis: Hypothesis, trajectory: Array) -> dict[str, Array]:
+        """Joint -> (S, L) speed along a trajectory, of the joints with friction among the effects."""
+        return {
+            joint.name: self.speed(trajectory)[..., joint.v]
+            for joint in self.rig_motion.joints
+            if any(effect.friction and effect.part == joint.name for effect in hypothesis.effects)
+        }
+
     def rates(self, segments: Segments, trajectory: Array) -> Array:
         """(S, L, ny) time derivatives of the observations along a trajectory."""
         (S, L), u = segments.shape, segments.control()[:, :, :1]
@@ -322,6 +337,11 @@ def fit_and_score(
     ]
     explains = ~candidate
     explains[fixed : fixed + len(perturbations)] = ~np.array(many, bool)
+    named = zip(hypothesis.effects, hypothesis.slices, strict=True)
+    of_pushes = [(effect, theta[own]) for effect, own in named if isinstance(effect, ExternalPulse)]
+    noise = replace(
+        noise, push_error=push_error(of_pushes, noise.torque, problem.segments, problem.rig_motion)
+    )
     if may_inflate:
         noise = _with_inflation(problem, system, prior, explains, problem.speed(trajectory), noise)
     noise = _fit_noise_with_columns(problem, system, prior, explains, noise, near)
@@ -335,15 +355,10 @@ def fit_and_score(
     sd = prior.at(noise)[fixed_columns]
     z = found.Z[..., fixed_columns].reshape(found.e.size, -1) * sd
     values = sd * np.linalg.solve(np.eye(len(sd)) + z.T @ z, z.T @ found.e.reshape(-1))
-    known = [pulse for e in hypothesis.effects if isinstance(e, ExternalPulse) for pulse in e.pulses]
-    frictional = {
-        joint.name: problem.speed(trajectory)[..., joint.v]
-        for joint in problem.rig_motion.joints
-        if any(effect.friction and effect.part == joint.name for effect in hypothesis.effects)
-    }
+    known = [pulse for effect, _ in of_pushes for pulse in effect.pulses]
     pulses = scan(
         _select_columns(system, fixed_columns), values, noise, problem.segments, problem.rig_motion, known,
-        frictional,
+        problem.frictional_speeds(hypothesis, trajectory),
     )  # fmt: skip
     columns = []
     for effect in effects:
@@ -372,6 +387,9 @@ def _with_inflation(
     """
     segments, inflated = problem.segments, noise.without_inflation
     used, own = _select_columns(system, explains), prior.select(explains)
+    whole = fit_process_force(used, own, inflated, segments.interval)
+    explains = _credible(explains, system, prior, whole, segments)
+    used, own = _select_columns(system, explains), prior.select(explains)
     levels: list[float] = []
     for _ in range(INFLATION_ROUNDS):
         whole = fit_process_force(used, own, inflated, segments.interval)
@@ -394,25 +412,33 @@ def _with_inflation(
 def _fit_noise_with_columns(
     problem: Problem, system: Linear, prior: Prior, explains: NDArray[np.bool_], noise: Noise, near: bool
 ) -> Noise:
-    """Noise with some columns integrated out, except those whose values would be incredible.
+    """Noise with some columns integrated out, except those whose values would be incredible."""
+    for again in (False, True):
+        noise = fit_noise(
+            _select_columns(system, explains), prior.select(explains), noise, problem.segments,
+            problem.quantities, near=near or again,
+        )  # fmt: skip
+        credible = _credible(explains, system, prior, noise, problem.segments)
+        if again or np.array_equal(credible, explains):
+            break
+        explains = credible
+    return noise
+
+
+def _credible(
+    explains: NDArray[np.bool_], system: Linear, prior: Prior, noise: Noise, segments: Segments
+) -> NDArray[np.bool_]:
+    """Those of some columns whose values are credible where they explain the data under a noise.
 
     A column of the readings, such as an encoder's scale, is a multiple of the recorded motion itself. Where
     the model lacks most of the forces, a scale near -1 would explain the readings with their noise.
     """
-    for again in (False, True):
-        used = _select_columns(system, explains)
-        noise = fit_noise(
-            used, prior.select(explains), noise, problem.segments, problem.quantities, near=near or again
-        )
-        found = innovations(used, noise.covariances(problem.segments.interval))
-        sd = prior.select(explains).at(noise)
-        values = posterior_means(found, sd)
-        incredible = (np.abs(values) > CREDIBLE_SD * sd) & used.psi.any(axis=(0, 1, 2))
-        if again or not incredible.any():
-            break
-        explains = explains.copy()
-        explains[np.flatnonzero(explains)[incredible]] = False
-    return noise
+    used, sd = _select_columns(system, explains), prior.select(explains).at(noise)
+    values = posterior_means(innovations(used, noise.covariances(segments.interval)), sd)
+    incredible = (np.abs(values) > CREDIBLE_SD * sd) & used.psi.any(axis=(0, 1, 2))
+    credible = explains.copy()
+    credible[np.flatnonzero(explains)[incredible]] = False
+    return credible
 
 
 def _select_columns(system: Linear, columns: NDArray[np.bool_]) -> Linear:

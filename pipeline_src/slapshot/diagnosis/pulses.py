@@ -5,7 +5,7 @@ not count as pushes. A few enormous pushes are kept from the fit of everything e
 process force is inflated there.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from scipy.stats import norm
 from slapshot.arrays import Array
 from slapshot.diagnosis.filter import Linear, innovations
 from slapshot.diagnosis.law_error import NEAR_REST
-from slapshot.diagnosis.noise import Noise
+from slapshot.diagnosis.noise import FORCE_HOLD_S, Noise
 from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import RigMotion
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
@@ -32,6 +32,10 @@ _ENORMOUS_SD, _MAX_INFLATED_SHARE, INFLATION_ROUNDS = 5.0, 0.1, 6
 # uncertain, and of the rms torque of a joint, below which what acts where it turns around may be friction.
 _STRONG = 0.25
 _TURNING = 0.1  # share of that torque by which friction errs there
+# Rms share by which a push differs from a constant one, for windows at a time: that of a trapezium of which
+# half is flat, or of half a sine wave.
+_SHAPE_ERROR = 0.4
+_SIDE_LOBE = 0.25  # share of a push below which another that touches it is an error of its shape
 
 
 @dataclass(frozen=True)
@@ -98,6 +102,29 @@ def scan(
     correlation = windows.gram / (flat[:, :, None] * flat[:, None, :])
     ratio = _spread(windows.score / root, windows.observable)
     return Scan(ratio, windows.nodes, windows.observable, correlation)
+
+
+def push_error(
+    pushes: Iterable[tuple[ExternalPulse, Array]], torque: Array, segments: Segments, rig: RigMotion
+) -> Array | None:
+    """(S, L) process force by which pushes may differ from constant ones, see `Noise`; None without pushes.
+
+    Args:
+        pushes: effects and their values.
+        torque: (nv,) scale of forces.
+        segments: data.
+        rig: whose joints are pushed.
+    """
+    error = np.zeros(segments.shape)
+    v = {joint.name: joint.v for joint in rig.joints}
+    for push, values in pushes:
+        for pulse, value in zip(push.pulses, values, strict=True):
+            same = (segments.ids[segments.episode] == pulse.episode)[:, None]
+            margin = WINDOW_S + _ROUNDING_S
+            near = same & (segments.time > pulse.begin - margin) & (segments.time < pulse.end + margin)
+            size = _SHAPE_ERROR * abs(value) / torque[v[push.part]] * np.sqrt(WINDOW_S / FORCE_HOLD_S)
+            error[near] = np.maximum(error[near], size)
+    return error if error.any() else None
 
 
 def _turning(
@@ -310,7 +337,30 @@ def pushes_where_inflated(
     windows = _windows(system, noise, segments, rig)
     force = _forces_where_inflated(windows, _inflated_windows(noise.inflation, segments))
     force[_overlapping(known, windows, segments)] = 0
-    return [effect for _, effect in _effects(force, windows.nodes, segments, rig, 1e-300)]
+    return [
+        ExternalPulse(
+            rig.joints[j], [_with_edges(p, force[..., j], windows.nodes, segments) for p in push.pulses]
+        )
+        for j, push in _effects(force, windows.nodes, segments, rig, 1e-300)
+    ]
+
+
+def _with_edges(pulse: Pulse, force: Array, nodes: int, segments: Segments) -> Pulse:
+    """The push without the parts of its first and last window in which it does not act.
+
+    A window's force is the mean over it: where that is a share of the push, so is the time that it acts.
+    """
+    length = nodes * segments.interval
+    begin = segments.time[:, :1] + np.arange(force.shape[1]) * length
+    same = segments.ids[segments.episode] == pulse.episode
+    inside = same[:, None] & (begin > pulse.begin - _ROUNDING_S) & (begin < pulse.end - _ROUNDING_S)
+    own = np.abs(force[inside])[np.argsort(begin[inside])]
+    if len(own) < 2:
+        return pulse
+    share = own / own.max()
+    return replace(
+        pulse, begin=pulse.begin + (1 - share[0]) * length, end=pulse.end - (1 - share[-1]) * length
+    )
 
 
 def _effects(
@@ -322,6 +372,7 @@ def _effects(
         for s in range(len(strength)):
             pulses += _pushes_in_segment(strength[s, :, j], nodes, segments, s, limit)
         joined = _merge_adjacent(sorted(pulses, key=lambda item: (item[1].episode, item[1].begin)))
+        joined = [item for item in joined if not any(_is_side_lobe(item, other) for other in joined)]
         strongest = sorted(joined, key=lambda item: -abs(item[0]))[:_MAX_PUSHES]
         if strongest:
             ordered = sorted((p for _, p in strongest), key=lambda p: (p.episode, p.begin))
@@ -353,6 +404,14 @@ def _pushes_in_segment(
         out.append((float(sign * np.abs(strength[begin:end]).max()), pulse))
         w = end
     return out
+
+
+def _is_side_lobe(item: tuple[float, Pulse], other: tuple[float, Pulse]) -> bool:
+    """Whether a pulse is next to a much stronger one: the window's force then stands for what that leaves."""
+    (strength, pulse), (strongest, beside) = item, other
+    apart = max(beside.begin - pulse.end, pulse.begin - beside.end)
+    weak = abs(strength) < _SIDE_LOBE * abs(strongest)
+    return weak and pulse.episode == beside.episode and apart < WINDOW_S - _ROUNDING_S
 
 
 def _merge_adjacent(pulses: Sequence[tuple[float, Pulse]]) -> list[tuple[float, Pulse]]:

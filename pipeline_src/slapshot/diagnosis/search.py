@@ -420,7 +420,15 @@ def _backward_elimination(
             return step
         threshold = least_gain(step.scored)
         best: Fit | None = None
+        least_loss = threshold
         for i in removable:
+            noise, evidence = step.scored.residual_noise, fit.log_evidence
+            if isinstance(effects[i], ExternalPulse):
+                # Under an error of its shape, which none has without it, nearly all of it could be missing.
+                noise = replace(noise, push_error=None)
+                evidence = step.problem.fitter.fit(
+                    fit.hypothesis, fit.theta, fit.trajectory, noise, rounds=0
+                ).log_evidence
             less = Hypothesis(fit.hypothesis.rig, tuple(e for k, e in enumerate(effects) if k != i))
             keep = np.ones(len(fit.theta), bool)
             keep[fit.hypothesis.slices[i]] = False
@@ -430,13 +438,9 @@ def _backward_elimination(
             covariance = np.linalg.inv(fit.precision)[part, part]
             if 0.5 * own @ np.linalg.solve(covariance, own) > 4 * threshold:
                 continue
-            without = step.problem.fitter.fit(
-                less, fit.theta[keep], fit.trajectory, step.scored.residual_noise
-            )
-            if without.log_evidence > fit.log_evidence - threshold and (
-                best is None or without.log_evidence > best.log_evidence
-            ):
-                best = without
+            without = step.problem.fitter.fit(less, fit.theta[keep], fit.trajectory, noise)
+            if evidence - without.log_evidence < least_loss:
+                least_loss, best = evidence - without.log_evidence, without
         if best is None:
             return step
         report("removed an effect that is no longer needed")

@@ -87,10 +87,10 @@ def test_a_tilt_is_found_and_nothing_where_nothing_is():
 
 
 def test_intervals_of_90_percent_hold_the_truth_as_often():
-    """60 recordings of two slopes: 0.9 +- 3 sqrt(0.09 / 60), slopes of one recording taken for one."""
+    """30 recordings of two slopes: 0.9 +- 3 sqrt(0.09 / 30), slopes of one recording taken for one."""
     truth = {"slope_x": 0.01, "slope_y": 0.02}
     held = []
-    for seed in range(60):
+    for seed in range(30):
         made = fitter(np.random.default_rng(100 + seed), 80, {"tilt": truth})
         fit = made.fit(made.start(), None, ["tilt"])
         sd = np.sqrt(np.diag(robust_covariance(fit)))
@@ -98,4 +98,4 @@ def test_intervals_of_90_percent_hold_the_truth_as_often():
             if column.owner == "tilt":
                 off = fit.point.effects["tilt"][column.parameter] - truth[column.parameter]
                 held.append(abs(off) < 1.645 * sd[c])
-    assert abs(np.mean(held) - 0.9) < 3 * np.sqrt(0.09 / 60)
+    assert abs(np.mean(held) - 0.9) < 3 * np.sqrt(0.09 / 30)
