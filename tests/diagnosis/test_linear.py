@@ -146,6 +146,21 @@ def test_friction_holds_a_joint_against_known_forces_but_not_against_errors_of_i
     assert free.process is None
 
 
+def test_the_process_force_acts_on_the_inertia_of_the_nominal_model():
+    """A cart twice as heavy: what is known moves it half as much, the process force as before."""
+    channels = {"place": joint("rail", unit="m"), "push": control_channel("N", actuator="push")}
+    rig, segments = made(CART, channels, 30, 0.01)
+    trajectory = random_path(rig, segments, 5)
+    (mass,) = LinkMass.instances(rig_motion(rig, segments, trajectory))
+    heavier = Hypothesis(rig, (mass,))
+    force = np.array([[0.01**2 / 2.0], [0.01 / 2.0]])
+    system = linearise(Simulator(rig), heavier, np.array([1.0]), segments, trajectory).system
+    np.testing.assert_allclose(system.B, np.broadcast_to(force / 2, system.B.shape), rtol=1e-6)
+    assert system.process is not None
+    np.testing.assert_allclose(system.process, np.broadcast_to(force, system.B.shape), rtol=1e-6)
+    assert linearise(Simulator(rig), heavier, np.array([0.0]), segments, trajectory).system.process is None
+
+
 def test_the_pendulum_in_closed_form():
     """With damping taken implicitly, (I + h d) v' = I v + h (u - m g l sin q)."""
     rig, segments = made(

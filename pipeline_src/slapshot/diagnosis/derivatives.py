@@ -17,6 +17,7 @@ from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
 
 _POSITION_STEP, _VELOCITY_STEP = 1e-6, 1e-5
 _FORCE_STEP = 1e-2  # share of the rms torque
+_INERTIA = "body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature"
 
 
 class Midpoint:
@@ -130,13 +131,19 @@ class Midpoint:
             columns.append(self._change(moved) / (_FORCE_STEP * scale[j]))
         return np.asarray(spread @ np.stack(columns, axis=-1))
 
-    def without_friction(self) -> "Midpoint | None":
-        """The same where no joint is held by its friction; None where none has any."""
-        if not self._model.dof_frictionloss.any():
+    def under_process_force(self, reference: mujoco.MjModel) -> "Midpoint | None":
+        """The same for a process force; None where it acts as any force.
+
+        It moves joints that friction holds, since laws of friction have errors too. And it acts on the
+        inertia of a reference: were its effect to grow as a fitted mass shrinks, the mass would be fitted to
+        the size of what the model lacks.
+        """
+        same = all(np.array_equal(getattr(reference, of), getattr(self._model, of)) for of in _INERTIA)
+        if same and not self._model.dof_frictionloss.any():
             return None
         other = copy.copy(self)
         other.__dict__.pop("_end", None)
-        other._model = copy.copy(self._model)
+        other._model = copy.copy(_explicit(reference) if self._smooth else reference)
         other._model.dof_frictionloss[:] = 0
         return other
 

@@ -39,7 +39,7 @@ class Linear:
         spread: (S, L, n, n) effect of a change in every step on the end of an interval.
         halved: (S, L, n) change of the transition with steps of half the length; None if not computed.
         process: (S, L, n, nv) effect of the process force, which a joint at rest feels in spite of its
-            friction: the laws of friction have errors too; None for B.
+            friction, and which acts on the inertia of the nominal model; None for B.
     """
 
     A: Array

@@ -27,6 +27,7 @@ _MAX_LOSS, _MAX_LOSS_NATS = 0.05, 100.0
 _MIN_SHARE = 1e-3  # smallest step that is tried, as a share
 _DIGITS = 1e-6
 _CLOSE_SD = 1.0  # of a step, in posterior standard deviations, whose evidence counts
+_LEAST_DAMPING = 1 / 8  # of steps that turn back
 CONVERGED_SD = 0.01  # convergence: movement of parameters in posterior standard deviations
 SETTLED_SD = 0.1  # the same, when the rounds are used up
 
@@ -179,6 +180,7 @@ class Fitter:
         before: tuple[float, Array, Array] | None = None
         best: tuple[float, Array, Array, Array, float] | None = None
         step: Array = np.zeros(p)
+        last, damping = step, 1.0
         delta, share = np.zeros((*trajectory.shape[:2], self.simulator.tangent.dim)), 1.0
         system, since = known, np.inf if known is None else 0.0
         precision = np.diag(hypothesis.prior_sd**-2.0)
@@ -230,15 +232,18 @@ class Fitter:
                 break
             before, share = (evidence, theta, trajectory), 1.0
             full = full * sd
-            target, step = hypothesis.clipped(theta + full[:p]), full[:p]
             delta, *_ = smooth(system.moved(full).without_columns(), covariances)
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
-            moved = float(np.max(np.abs(step) / spread, initial=0.0))
+            moved = float(np.max(np.abs(full[:p]) / spread, initial=0.0))
             # Far from its optimum a linearisation says nothing about the evidence.
             if moved < _CLOSE_SD and (best is None or evidence > best[0]):
                 best = evidence, theta, trajectory, precision, moved
-            theta, trajectory = target, self.simulator.tangent.add(trajectory, delta)
-            since += moved
+            if moved < _CLOSE_SD and last @ precision @ full[:p] < 0:
+                damping = max(damping / 2, _LEAST_DAMPING)  # to and fro across a kink, as of dry friction
+            last, step, delta = full[:p], damping * full[:p], damping * delta
+            theta = hypothesis.clipped(theta + step)
+            trajectory = self.simulator.tangent.add(trajectory, delta)
+            since += damping * moved
             converged = moved < CONVERGED_SD and number >= 1
         if best is not None and moved > SETTLED_SD and (moved > _CLOSE_SD or evidence < best[0]):
             evidence, theta, trajectory, precision, moved = best

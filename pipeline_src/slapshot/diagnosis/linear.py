@@ -128,8 +128,8 @@ def linearise(
         scale = np.ones(nv) if torque_scale is None else np.maximum(torque_scale, 1e-9)
         A, spread = middle.transition()
         B = middle.force(spread, scale)
-        without_friction = middle.without_friction()
-        process = None if without_friction is None else without_friction.force(spread, scale)
+        pushed = middle.under_process_force(hypothesis.compiled(hypothesis.start, segments.step))
+        process = None if pushed is None else pushed.force(spread, scale)
         C = np.empty((n, ny, dim))
         for i in range(dim):
             delta = np.zeros(dim)
