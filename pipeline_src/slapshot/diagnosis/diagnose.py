@@ -6,7 +6,7 @@ effects, which are named only if they improve the prediction of the held-out par
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -293,6 +293,11 @@ def _predict_models(
             break
         report(f"dropped {', '.join(found.since(step.added))}: it does not predict held-out windows better")
         found, last = less, before
+    hidden = any(effect.hidden_state for effect in found.named)
+    if hidden and found.by_laws and not _improves(refitted, last):
+        report("the hidden state does not predict held-out windows better: laws instead")
+        found = replace(found, steps=found.by_laws, by_laws=())
+        last = predicted(found.final, found.final.scored.fit.theta)
     return found, (nominal, refitted, last)
 
 

@@ -37,7 +37,7 @@ from slapshot.diagnosis.steps import (
     test_of,
 )
 from slapshot.diagnosis.structural_search import structural_step
-from slapshot.effects.joints.effect import JointEffect
+from slapshot.effects.joints.effect import JointEffect, overrides
 from slapshot.effects.joints.external_pulse import ExternalPulse
 
 MAX_EFFECTS = 5
@@ -66,23 +66,24 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     nominal = nominal_step(problem, free, rng)
     if not nominal.scored.fit.settled:
         return Search((nominal,), tuple(free))
-    steps = _forward_search(nominal, rng, report)
+    steps, by_laws = _forward_search(nominal, rng, report)
     if _set_aside(steps[-1]) and not any(isinstance(step.added, ExternalPulse) for step in steps):
         report("what was set aside is no push: once more with it")
-        steps = _forward_search(nominal_step(problem, free, rng, may_inflate=False), rng, report)
+        again = nominal_step(problem, free, rng, may_inflate=False)
+        steps, by_laws = _forward_search(again, rng, report)
     final = _backward_elimination(steps[-1], free, rng, report)
     if final is not steps[-1]:
         steps.append(final)
-    return Search(tuple(steps), tuple(free))
+    return Search(tuple(steps), tuple(free), tuple(by_laws))
 
 
-def _forward_search(nominal: Step, rng: np.random.Generator, report: Report) -> list[Step]:
-    """Steps from the nominal one until nothing more is significant.
+def _forward_search(nominal: Step, rng: np.random.Generator, report: Report) -> tuple[list[Step], list[Step]]:
+    """Steps from the nominal one until nothing more is significant, and `Search.by_laws`.
 
     Where windows are set aside, since enormous forces act in them, laws are found without them first; then
     the pushes are added.
     """
-    steps = [nominal]
+    steps, by_laws = [nominal], list[Step]()
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MAX_EFFECTS:
         try:
             before = steps[-1]
@@ -92,7 +93,8 @@ def _forward_search(nominal: Step, rng: np.random.Generator, report: Report) -> 
             split = any(effect.hidden_state for effect in before.hypothesis.effects)
             if len(steps) <= _STRUCTURE_STEPS and not split and _much_is_left(law):
                 structure = structural_step(before, law, rng, report)
-                more = more if structure is None else [structure]
+                if structure is not None:
+                    by_laws, more = [*steps, *more] if more else [], [structure]
             if not more:
                 break
             steps += more
@@ -102,7 +104,7 @@ def _forward_search(nominal: Step, rng: np.random.Generator, report: Report) -> 
             break
     while _set_aside(steps[-1]) and (pushed := _push_step(steps[-1], rng, report)) is not None:
         steps.append(pushed)
-    return steps
+    return steps, by_laws
 
 
 def _set_aside(step: Step) -> bool:
@@ -264,12 +266,16 @@ class _Pair:
 
 
 def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
-    """Pairs of candidates with the largest gains, far above those of any alone; best first."""
+    """Pairs of candidates with the largest gains, far above those of any alone; best first.
+
+    One of the two is a friction: missing frictions are as large as what moves a joint, and are mistaken for
+    each other and for drives. Two errors of geometry or of readings explain anything by their difference.
+    """
     usable = [
         i
         for i, effect in enumerate(scored.effects)
         if not is_free(effect) and not effect.many_forms and np.isfinite(scored.gains[i].log_evidence)
-        and len(scored.columns[i]) == len(effect.parameters)
+        and len(scored.columns[i]) == len(effect.parameters) and not overrides(effect, "observe")
     ]  # fmt: skip
     alone = max((scored.gains[i].log_evidence for i in usable), default=0.0)
     least = alone + max(least_gain(scored), _REFIT_MARGIN * alone)
@@ -278,7 +284,10 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
         for i, j in combinations(usable, 2)
         if (scored.effects[i].name, scored.effects[i].part)
         != (scored.effects[j].name, scored.effects[j].part)
+        and (scored.effects[i].friction or scored.effects[j].friction)
     ]
+    if not pairs:
+        return []
     both = gains(scored.scores, [np.concatenate([scored.columns[i], scored.columns[j]]) for i, j in pairs])
     found: list[_Pair] = []
     for k in sorted(range(len(pairs)), key=lambda k: -both[k].log_evidence):

@@ -72,10 +72,18 @@ class Step:
 
 @dataclass(frozen=True)
 class Search:
-    """All steps; the first is the nominal rig with its free parameters."""
+    """All steps; the first is the nominal rig with its free parameters.
+
+    Attributes:
+        steps: in turn.
+        free: effects of the nominal rig itself.
+        by_laws: steps that would have been taken but for a model with hidden states, which explains more of
+            what was fitted; none where no such model was taken.
+    """
 
     steps: tuple[Step, ...]
     free: tuple[JointEffect, ...]
+    by_laws: tuple[Step, ...] = ()
 
     @property
     def nominal(self) -> Step:
