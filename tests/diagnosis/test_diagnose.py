@@ -1,5 +1,6 @@
 """Which effects of a search keep their names."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from slapshot.diagnosis.segments import segment_recording
 from slapshot.diagnosis.steps import Search, Step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
+from slapshot.effects.joints.joint_elasticity import JointElasticity
 from slapshot.effects.joints.payload import Payload
 from slapshot.effects.joints.spring import Spring
 from slapshot.effects.joints.viscous_friction import ViscousFriction
@@ -85,6 +87,19 @@ def test_a_push_after_a_law_that_does_not_hold_saves_it_not(monkeypatch):
     predictions(monkeypatch, [0.0, 50.0])
     cut, _ = diagnose._predict_models(searched(rig, [push]), None, None, notes.append)
     assert list(cut.named) == [push]
+
+
+@pytest.mark.parametrize(("likelihood", "laws"), [(-5.0, True), (5.0, False)])
+def test_laws_stand_in_for_a_hidden_state_that_does_not_predict_better(monkeypatch, likelihood, laws):
+    rig, _, of, _ = arm_situation(20)
+    (hidden, *_), (law, *_), (other, *_) = (
+        list(kind.instances(of)) for kind in (JointElasticity, ViscousFriction, Payload)
+    )
+    found = replace(searched(rig, [hidden]), by_laws=searched(rig, [law, other]).steps)
+    predictions(monkeypatch, [0.0, likelihood, 50.0])
+    cut, by_model = diagnose._predict_models(found, None, None, lambda text: None)
+    assert list(cut.named) == ([law, other] if laws else [hidden])
+    assert by_model[2].hypothesis.effects == cut.named
 
 
 @pytest.mark.parametrize(("seconds", "window_s"), [(0.75, 0.37), (2.6, 0.5)])

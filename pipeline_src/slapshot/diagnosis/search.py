@@ -66,24 +66,30 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     nominal = nominal_step(problem, free, rng)
     if not nominal.scored.fit.settled:
         return Search((nominal,), tuple(free))
-    steps, by_laws = _forward_search(nominal, rng, report)
+    steps, by_laws = _forward_search([nominal], rng, report)
     if _set_aside(steps[-1]) and not any(isinstance(step.added, ExternalPulse) for step in steps):
-        report("what was set aside is no push: once more with it")
-        again = nominal_step(problem, free, rng, may_inflate=False)
-        steps, by_laws = _forward_search(again, rng, report)
+        report("what was set aside is no push: on with it")
+        if len(steps) == 1:
+            steps = [nominal_step(problem, free, rng, may_inflate=False)]
+        else:
+            steps[-1] = _with_all_windows(steps[-1], rng)
+        steps, later = _forward_search(steps, rng, report)
+        by_laws = later or by_laws
     final = _backward_elimination(steps[-1], free, rng, report)
     if final is not steps[-1]:
         steps.append(final)
     return Search(tuple(steps), tuple(free), tuple(by_laws))
 
 
-def _forward_search(nominal: Step, rng: np.random.Generator, report: Report) -> tuple[list[Step], list[Step]]:
-    """Steps from the nominal one until nothing more is significant, and `Search.by_laws`.
+def _forward_search(
+    steps: Sequence[Step], rng: np.random.Generator, report: Report
+) -> tuple[list[Step], list[Step]]:
+    """These steps and more until nothing is significant, and `Search.by_laws`.
 
     Where windows are set aside, since enormous forces act in them, laws are found without them first; then
     the pushes are added.
     """
-    steps, by_laws = [nominal], list[Step]()
+    steps, by_laws = list(steps), list[Step]()
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MAX_EFFECTS:
         try:
             before = steps[-1]
@@ -104,7 +110,21 @@ def _forward_search(nominal: Step, rng: np.random.Generator, report: Report) -> 
             break
     while _set_aside(steps[-1]) and (pushed := _push_step(steps[-1], rng, report)) is not None:
         steps.append(pushed)
+    if isinstance(steps[-1].added, ExternalPulse) and _set_aside(steps[0]):
+        # Beside the enormous ones, lesser pushes stand out now.
+        while len(steps) <= 2 * MAX_EFFECTS:
+            pushed = _lesser_push_step(steps[-1], rng, report)
+            if pushed is None:
+                break
+            steps.append(pushed)
     return steps, by_laws
+
+
+def _with_all_windows(step: Step, rng: np.random.Generator) -> Step:
+    """The step fitted to all windows alike."""
+    fit, noise = step.scored.fit, step.scored.noise.without_inflation
+    scored = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=False)
+    return replace(step, scored=scored, test=test_of(scored, rng))
 
 
 def _set_aside(step: Step) -> bool:
@@ -176,6 +196,15 @@ def _push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | N
         inflation = np.where(noise.inflation > 1, inflation, 1.0)
     step = replace(step, scored=replace(step.scored, noise=replace(step.scored.noise, inflation=inflation)))
     return step_to(step, fit, best.effect, best.gain, rivals, rng)
+
+
+def _lesser_push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
+    """Add the pushes of a joint that stand out from the forces in other windows; None for none."""
+    rivals = _refitted_pushes(step, 0.0, report)
+    best = max(rivals, key=lambda rival: rival.gain, default=None)
+    if best is None or best.gain < least_gain(step.scored):
+        return None
+    return step_to(step, best.fit, best.effect, best.gain, rivals, rng)
 
 
 def _refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
