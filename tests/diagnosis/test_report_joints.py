@@ -56,7 +56,7 @@ from waiting import HANG_S
 
 from .mechanisms import BRICK, PENDULUM, control_channel, joint, place, recording, simulate
 
-FRICTION = 0.25  # N m
+FRICTION, PUSH = 0.25, 1.5  # N m
 NOISE = 5e-4  # rad
 EPISODES, SECONDS, INTERVAL = 6, 2.0, 0.01
 VERSIONS = {"code": "abc", "model": "def"}
@@ -84,17 +84,22 @@ class Made(NamedTuple):
         return Outcome.of(self.diagnosis, self.verdict, self.recording)
 
 
-def swings(friction: float, seed: int) -> SignalRecording:
-    """A pendulum under a motor, with dry friction."""
+def swings(friction: float, seed: int, pushed: int | None = None) -> SignalRecording:
+    """A pendulum under a motor, with dry friction; in one episode it is pushed for a fifth of a second."""
+
+    def push(time: float, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
+        return np.full(1, PUSH * (0.72 <= time < 0.92))
+
     rng = np.random.default_rng(seed)
     t = np.arange(0, SECONDS, INTERVAL)
     text = PENDULUM.replace('damping="0.05"', f'damping="0.05" frictionloss="{friction}"')
     model = mujoco.MjModel.from_xml_string(text)
     angles, torques = [], []
-    for _ in range(EPISODES):
+    for episode in range(EPISODES):
         waves = zip(rng.normal(0, 2.5, 3), (0.4, 0.9, 1.7), rng.uniform(0, 6, 3), strict=True)
         torque = np.sum([a * np.sin(2 * np.pi * f * t + phase) for a, f, phase in waves], axis=0)
-        qpos, *_ = simulate(model, t, torque[:, None], [rng.normal(0, 0.3)], [0.0])
+        law = push if episode == pushed else None
+        qpos, *_ = simulate(model, t, torque[:, None], [rng.normal(0, 0.3)], [0.0], law=law)
         angles.append(qpos[:, 0] + rng.normal(0, NOISE, len(t)))
         torques.append(torque)
     return recording(
@@ -105,7 +110,7 @@ def swings(friction: float, seed: int) -> SignalRecording:
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory):
-    """Reports of a pendulum with friction that its model lacks, of a complete model, and of one at rest."""
+    """Reports of pendulums: with friction that the model lacks, pushed, as the model has it, and at rest."""
     found = {}
     still = np.arange(0, SECONDS, INTERVAL)
     rest = recording(
@@ -119,6 +124,7 @@ def made(tmp_path_factory):
         patch.setitem(plotting._STYLE, "savefig.dpi", 50)  # pixels take longer than all the rest
         for name, recorded in {
             "friction": swings(FRICTION, 1),
+            "pushed": swings(0.0, 3, pushed=1),
             "nothing": swings(0.0, 2),
             "rest": rest,
         }.items():
@@ -175,7 +181,7 @@ def invented(text: str, verdict: dict) -> list[str]:
     return wrong
 
 
-@pytest.mark.parametrize("name", ["friction", "nothing", "rest"])
+@pytest.mark.parametrize("name", ["friction", "pushed", "nothing", "rest"])
 def test_every_number_on_the_page_is_in_the_verdict(made, name):
     text, verdict = made[name].text, json.loads((made[name].folder / "verdict.json").read_text())
     assert invented(text, verdict) == []
@@ -348,16 +354,26 @@ def test_free_bodies_are_moved_to_where_they_were_recorded():
     assert np.abs(found[30] - qpos[30]).max() < 0.01
 
 
-@pytest.mark.parametrize("name", ["friction", "nothing"])
+@pytest.mark.parametrize("name", ["friction", "pushed", "nothing"])
 def test_the_rerun_recording_can_be_opened_and_holds_every_motion(made, name):
+    assert made[name].problems == ()
     file = made[name].folder / "recording.rrd"
     command = [sys.executable, "-m", "rerun", "rrd", "verify", str(file)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=HANG_S, check=False)
     assert done.returncode == 0, done.stderr
     paths = {str(path) for path in RrdReader(file).store().schema().entity_paths()}
-    for motion in ("recorded", "nominal", *(["augmented"] if name == "friction" else [])):
+    for motion in ("recorded", "nominal", *(["augmented"] if name != "nothing" else [])):
         assert {f"/rig/{motion}/rod", f"/rig/{motion}/rod/inertia", f"/readings/angle/{motion}"} <= paths
-    assert ("/errors/angle/augmented" in paths) == (name == "friction")
+    assert ("/errors/angle/augmented" in paths) == (name != "nothing")
+
+
+def test_a_push_is_on_the_page_with_its_time(made):
+    (effect,) = made["pushed"].verdict.effects
+    assert (effect.name, effect.part) == ("external_pulse", "swing")
+    assert "of episode 1" in effect.variant
+    assert effect.variant in made["pushed"].text
+    assert made["pushed"].verdict.headline == "found"
+    assert not made["pushed"].verdict.unknown.flagged
 
 
 # --- Verdicts that are rare, made by hand

@@ -24,6 +24,7 @@ from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score, is_inc
 from slapshot.diagnosis.pulses import covariance_inflation, pushes, pushes_where_inflated, window_nodes
 from slapshot.diagnosis.steps import (
     P_VALUE,
+    Z90,
     Report,
     Rival,
     Search,
@@ -49,6 +50,7 @@ _REFIT_MARGIN, _REFIT_MARGIN_NATS = (
     0.02,
     30.0,
 )  # margins behind the best candidate, beyond which none is refitted to all data
+_LEAST_PUSH = 0.1  # share of a joint's largest push
 _STRUCTURE_STEPS = 2  # steps in which structures are fitted: alone, and besides the best law
 
 
@@ -110,13 +112,6 @@ def _forward_search(
             break
     while _set_aside(steps[-1]) and (pushed := _push_step(steps[-1], rng, report)) is not None:
         steps.append(pushed)
-    if isinstance(steps[-1].added, ExternalPulse) and _set_aside(steps[0]):
-        # Beside the enormous ones, lesser pushes stand out now.
-        while len(steps) <= 2 * MAX_EFFECTS:
-            pushed = _lesser_push_step(steps[-1], rng, report)
-            if pushed is None:
-                break
-            steps.append(pushed)
     return steps, by_laws
 
 
@@ -198,15 +193,6 @@ def _push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | N
     return step_to(step, fit, best.effect, best.gain, rivals, rng)
 
 
-def _lesser_push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
-    """Add the pushes of a joint that stand out from the forces in other windows; None for none."""
-    rivals = _refitted_pushes(step, 0.0, report)
-    best = max(rivals, key=lambda rival: rival.gain, default=None)
-    if best is None or best.gain < least_gain(step.scored):
-        return None
-    return step_to(step, best.fit, best.effect, best.gain, rivals, rng)
-
-
 def _refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
     """Pushes of each joint, where they may gain a share of what the leader does."""
     problem = step.problem
@@ -216,10 +202,22 @@ def _refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
         return rivals
     for push, promise in pushes(step.scored.pulses, problem.segments, problem.rig_motion):
         if push.key not in present and promise > _REFIT_MARGIN * leader:
-            fit = refit(step, push, np.zeros(len(push.parameters)))
+            push, fit = _refitted_push(step, push)
             rivals.append(Rival(push, fit.log_evidence - step.scored.fit.log_evidence, fit))
             report(f"refitted {push.name}@{push.part}: {rivals[-1].gain:+.1f} nats")
     return rivals
+
+
+def _refitted_push(step: Step, push: ExternalPulse) -> tuple[ExternalPulse, Fit]:
+    """A refit with the pushes of a joint without those that are nothing beside the others."""
+    fit = refit(step, push, np.zeros(len(push.parameters)))
+    own = slice(len(fit.theta) - len(push.parameters), None)
+    size = np.abs(fit.theta[own])
+    clear = (size > Z90 * fit.sd[own]) & (size > _LEAST_PUSH * size.max())
+    if clear.all() or not clear.any():
+        return push, fit
+    push = push.only(clear)
+    return push, refit(step, push, fit.theta[own][clear])
 
 
 def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Rival]:
@@ -230,7 +228,7 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
     level = _evidence_without_inflation(step) if found else 0.0
     rivals: list[Rival] = []
     for push in found:
-        fit = refit(step, push, np.zeros(len(push.parameters)))
+        push, fit = _refitted_push(step, push)
         # Each may have come in any window.
         windows = problem.segments.time.size / window_nodes(problem.segments)
         gain = fit.log_evidence - level - len(push.pulses) * float(np.log(windows))

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
@@ -51,6 +52,12 @@ class ExternalPulse(JointEffect):
     def on(self, rig: RigMotion) -> "ExternalPulse":
         """The same pushes at the joint of that name."""
         return ExternalPulse({joint.name: joint for joint in rig.joints}[self.part], self.pulses)
+
+    def only(self, kept: NDArray[np.bool_]) -> "ExternalPulse":
+        """Some of the pushes."""
+        return ExternalPulse(
+            self._joint, [pulse for pulse, keep in zip(self.pulses, kept, strict=True) if keep]
+        )
 
     @staticmethod
     def _when(pulses: Sequence[Pulse]) -> str:
