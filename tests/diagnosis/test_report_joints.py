@@ -372,8 +372,11 @@ def test_a_push_is_on_the_page_with_its_time(made):
     assert (effect.name, effect.part) == ("external_pulse", "swing")
     assert "of episode 1" in effect.variant
     assert effect.variant in made["pushed"].text
-    assert made["pushed"].verdict.headline == "found"
-    assert not made["pushed"].verdict.unknown.flagged
+    verdict = made["pushed"].verdict
+    assert verdict.headline == "found"
+    assert not verdict.unknown.flagged
+    assert (verdict.location.part, verdict.location.follows) == ("swing", "time")
+    assert "push" in verdict.mismatch.strongest
 
 
 # --- Verdicts that are rare, made by hand

@@ -392,6 +392,12 @@ def _verdict(
     scored = first.scored
     alone = scored.gains
     strongest = scored.effects[max(range(len(alone)), key=lambda i: alone[i].log_evidence)]
+    location = _location(first) if missing else None
+    pushes = [effect for effect in named if isinstance(effect, ExternalPulse)]
+    if pushes and len(pushes) == len(named):
+        # Scores and free forms know nothing of pushes, above all where their windows were set aside.
+        strongest = pushes[0]
+        location = Location(part=strongest.part, follows="time", size=None)
     return Verdict(
         headline=headline,  # type: ignore[arg-type]
         reason=reason,
@@ -403,7 +409,7 @@ def _verdict(
         cannot_tell=None,
         findings=notes,
         mismatch=Mismatch(found=missing, p_value=p, strongest=_phrase(strongest)),
-        location=_location(first) if missing else None,
+        location=location,
         effects=[_named_effect(found, effect, last) for effect in named],
         nominal_parameters=[_named_effect(found, effect, last) for effect in found.free],
         unknown=Unknown(
