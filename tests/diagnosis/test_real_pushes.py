@@ -5,6 +5,7 @@ diagnosis is given neither these torques nor the motors' currents, which hold a 
 eleven minutes of CPU.
 """
 
+import json
 import os
 import re
 import subprocess
@@ -69,6 +70,19 @@ def named_pushes(notes: str) -> list[Push]:
     return found
 
 
+def held_out_pushes(findings: list[str]) -> list[Push]:
+    """Pushes that are told of held-out data."""
+    found = []
+    for text in findings:
+        told = re.search(
+            r"held-out data, about (\S+) N m push Joint(\d) from (\S+) to (\S+) s of episode (\d+)", text
+        )
+        if told:
+            torque, joint, begin, end, episode = told.groups()
+            found.append(Push(int(joint), int(episode), float(begin), float(end), float(torque)))
+    return found
+
+
 def slapshot(*arguments: str | Path) -> None:
     command = Path(sys.executable).with_name("slapshot")
     subprocess.run([str(command), *map(str, arguments)], cwd=ROOT, check=True)
@@ -88,6 +102,7 @@ def test_concealed_disturbances_are_found_at_the_right_joint_and_time(tmp_path):
     slapshot("import", mapping, trials, recording)
     slapshot("diagnose", recording, "--rig", rig, "--out", out)
     named = named_pushes((out / "augmented/NOTES.md").read_text())
+    named += held_out_pushes(json.loads((out / "verdict.json").read_text())["findings"])
     concealed = concealed_pushes(folder)
     pairs = [(push, truth) for truth in concealed for push in named if push.overlaps(truth)]
     assert len({truth for _, truth in pairs}) >= 8

@@ -228,7 +228,7 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
     level = _evidence_without_inflation(step) if found else 0.0
     rivals: list[Rival] = []
     for push in found:
-        push, fit = _refitted_push(step, push)
+        fit = refit(step, push, np.zeros(len(push.parameters)))
         # Each may have come in any window.
         windows = problem.segments.time.size / window_nodes(problem.segments)
         gain = fit.log_evidence - level - len(push.pulses) * float(np.log(windows))
