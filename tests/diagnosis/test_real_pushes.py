@@ -2,7 +2,7 @@
 
 The experimenters added two smooth pulses to each joint in two trials of 10 s, and one in a third of 5 s. The
 diagnosis is given neither these torques nor the motors' currents, which hold a part of them. It takes about
-eleven minutes of CPU.
+twelve minutes of CPU.
 """
 
 import json
@@ -91,10 +91,7 @@ def slapshot(*arguments: str | Path) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(not (PENDULUMS / "double").is_dir(), reason="SLAPSHOT_PENDULUMS names the recordings")
 def test_concealed_disturbances_are_found_at_the_right_joint_and_time(tmp_path):
-    """Measured: 9 of 10, their centres within 51 ms, all with the right sign, and 4 that nobody added.
-
-    The tenth lies in a part that is held out, in which no push can be named.
-    """
+    """Measured: 8 of 10, one of them in held-out data, all with the right sign, and 3 that nobody added."""
     recording, out = tmp_path / "acrobot", tmp_path / "verdict"
     folder = PENDULUMS / "double"
     mapping, trials = "config/recordings/pendulum-double-acrobot.yaml", folder / "perturbed_acrobot_*.csv"
