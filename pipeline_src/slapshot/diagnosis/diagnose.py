@@ -329,9 +329,11 @@ def _held_out_pushes(
     if any(effect.hidden_state for effect in hypothesis.effects):
         return []
     first = held_out.initial_trajectory(step.problem, nominal, segments)
-    return held_out.pushes_in(
-        step.problem, hypothesis, scored.fit, segments, held, scored.residual_noise, first
-    )
+    noise = scored.residual_noise
+    try:
+        return held_out.pushes_in(step.problem, hypothesis, scored.fit, segments, held, noise, first)
+    except np.linalg.LinAlgError:
+        return []  # the model diverges there, which errors of predictions show
 
 
 def _verdict(
