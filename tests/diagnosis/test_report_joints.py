@@ -372,6 +372,11 @@ def test_a_push_is_on_the_page_with_its_time(made):
     assert (effect.name, effect.part) == ("external_pulse", "swing")
     assert "of episode 1" in effect.variant
     assert effect.variant in made["pushed"].text
+    # Of windows of 50 ms, those at its ends hold parts of it; its impulse is that of 0.2 s.
+    begin, end = map(float, re.findall(r"[0-9.]+(?= to| s of)", effect.variant))
+    (size,) = effect.parameters
+    assert size.value * (end - begin) == pytest.approx(0.2 * PUSH, rel=0.1)
+    assert size.low < PUSH < size.high
     verdict = made["pushed"].verdict
     assert verdict.headline == "found"
     assert not verdict.unknown.flagged

@@ -347,7 +347,9 @@ def fit_and_score(
     noise = _fit_noise_with_columns(problem, system, prior, explains, noise, near)
     own_columns = _select_columns(system, ~candidate), prior.select(~candidate)
     left = fit_process_force(*own_columns, noise, problem.segments.interval)
-    fit = fitter.fit(hypothesis, theta, trajectory, left, rounds=8, known=system)
+    fit = _with_mean_forces(
+        problem, fitter.fit(hypothesis, theta, trajectory, left, rounds=8, known=system), left
+    )
     # About the trajectory before the last fit, which is equally valid: scores eliminate the fitted
     # parameters.
     found = innovations(system, noise.covariances(problem.segments.interval))
@@ -376,6 +378,30 @@ def fit_and_score(
         tuple(perturbations),
         pulses,
     )
+
+
+def _with_mean_forces(problem: Problem, fit: Fit, noise: Noise) -> Fit:
+    """The fit with pushes of their mean force, as if they were constant.
+
+    Where their shape may differ, a part of them counts as an error of it. All other values stay, and so do
+    standard deviations, which hold that error.
+    """
+    if noise.push_error is None:
+        return fit
+    hypothesis, p = fit.hypothesis, len(fit.theta)
+    of_push = np.zeros(p, bool)
+    for effect, own in zip(hypothesis.effects, hypothesis.slices, strict=True):
+        of_push[own] = isinstance(effect, ExternalPulse)
+    system, prior = problem.fitter.system(hypothesis, fit.theta, fit.trajectory)
+    columns = np.concatenate([of_push, np.zeros(len(prior.sd) - p, bool)])
+    constant = replace(noise, push_error=None).covariances(problem.segments.interval)
+    found = innovations(_select_columns(system, columns), constant)
+    z, weight = found.Z.reshape(found.e.size, -1), hypothesis.prior_sd[of_push] ** -2.0
+    information = z.T @ z + np.diag(weight)
+    gradient = z.T @ found.e.reshape(-1) - weight * (fit.theta - hypothesis.start)[of_push]
+    theta = fit.theta.copy()
+    theta[of_push] += np.linalg.solve(information, gradient)
+    return replace(fit, theta=theta)
 
 
 def _with_inflation(
