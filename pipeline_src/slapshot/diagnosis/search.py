@@ -229,12 +229,31 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
     rivals: list[Rival] = []
     for push in found:
         fit = refit(step, push, np.zeros(len(push.parameters)))
+        size = np.abs(fit.theta[len(fit.theta) - len(push.parameters) :])
+        # What is nothing beside the joint's pushes is an error of its friction, as where it turns around.
+        large = size > _LEAST_PUSH * max(size.max(), _largest_push(step, push.part))
+        if not large.any():
+            continue
+        if not large.all():
+            push = push.only(large)
+            fit = refit(step, push, np.zeros(len(push.parameters)))
         # Each may have come in any window.
         windows = problem.segments.time.size / window_nodes(problem.segments)
         gain = fit.log_evidence - level - len(push.pulses) * float(np.log(windows))
         rivals.append(Rival(push, gain, fit))
         report(f"refitted {push.name}@{push.part}: {gain:+.1f} nats")
     return rivals
+
+
+def _largest_push(step: Step, part: str) -> float:
+    """Size of the largest push of a joint that is named already; 0 without any."""
+    fit = step.scored.fit
+    of_joint = [
+        float(np.abs(fit.theta[own]).max())
+        for effect, own in zip(fit.hypothesis.effects, fit.hypothesis.slices, strict=True)
+        if isinstance(effect, ExternalPulse) and effect.part == part
+    ]
+    return max(of_joint, default=0.0)
 
 
 def _evidence_without_inflation(step: Step) -> float:
