@@ -193,6 +193,8 @@ def test_a_push_in_held_out_data_is_told_with_its_time():
     assert verdict.held_out_episodes == [2]
     assert verdict.headline == "found_not_named"
     assert verdict.unknown.flagged
+    assert (verdict.location.part, verdict.location.follows) == ("swing", "time")
+    assert "held-out data" in verdict.unknown.description
     (found,) = [finding for finding in verdict.findings if "held-out data" in finding]
     force, begin, end = map(
         float, re.findall(r"about (.*) N m push swing from (.*) to (.*) s of episode 2", found)[0]

@@ -218,7 +218,7 @@ def test_pushes_beside_friction_are_placed_in_time():
     ]
     for begin, end, size in PUSHES:
         inside = [(first, last, value) for first, last, value in found if first < end and last > begin]
-        assert inside
+        assert max(last for _, last, _ in inside) == pytest.approx(end, abs=0.05)
         assert all(value * size > 0 for _, _, value in inside)
         if size != STILL:
             assert [pulse[:2] for pulse in inside] == [pytest.approx((begin, end), abs=0.02)]

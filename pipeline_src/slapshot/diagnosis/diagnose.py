@@ -161,9 +161,7 @@ def _diagnosis(
     found, by_model = _predict_models(found, problem, windows, report)
     pushed = _held_out_pushes(found.final, problem, segments, held)
     notes += [str(push) for push in pushed]
-    verdict = _verdict(
-        recording, rig, found, windows, by_model, segments, held, notes, bool(pushed), seed, began
-    )
+    verdict = _verdict(recording, rig, found, windows, by_model, segments, held, notes, pushed, seed, began)
     return Diagnosis(verdict, rig, found, windows, *by_model)
 
 
@@ -345,7 +343,7 @@ def _verdict(
     segments: Segments,
     held: NDArray[np.intp],
     notes: list[str],
-    pushed: bool,
+    pushed: Sequence[HeldOutPush],
     seed: int,
     began: float,
 ) -> Verdict:
@@ -353,7 +351,7 @@ def _verdict(
     first, last = found.nominal, found.final
     p = first.test.p_value
     worse = [prediction.predictions.excess(rng)[0] > MAX_REDUCED_CHI2 for prediction in by_model[1:]]
-    missing = p < P_VALUE or worse[0] or pushed
+    missing = p < P_VALUE or worse[0] or bool(pushed)
     named = found.named if missing else ()
     reason = "no test says that anything is missing"
     held_up = True
@@ -400,6 +398,9 @@ def _verdict(
         # Scores and free forms know nothing of pushes, above all where their windows were set aside.
         strongest = pushes[0]
         location = Location(part=strongest.part, follows="time", size=None)
+    unknown = recurring or _unknown(last, left)
+    if pushed and p >= P_VALUE and not worse[0]:
+        location, unknown = Location(part=pushed[0].joint, follows="time", size=None), str(pushed[0])
     return Verdict(
         headline=headline,  # type: ignore[arg-type]
         reason=reason,
@@ -414,9 +415,7 @@ def _verdict(
         location=location,
         effects=[_named_effect(found, effect, last) for effect in named],
         nominal_parameters=[_named_effect(found, effect, last) for effect in found.free],
-        unknown=Unknown(
-            flagged=flagged, p_value=left, description=recurring or _unknown(last, left) if flagged else ""
-        ),
+        unknown=Unknown(flagged=flagged, p_value=left, description=unknown if flagged else ""),
         fit=Fits(
             nominal=fits[0],
             refitted=fits[1],

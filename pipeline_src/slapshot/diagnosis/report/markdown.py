@@ -114,7 +114,8 @@ def _mismatch(verdict: Verdict) -> str:
         )
     if mismatch.p_value >= P_VALUE:
         return (
-            "**Yes**, since held-out windows are predicted worse than noise and law errors explain. "
+            "**Yes**, by held-out data: they are predicted worse than noise and law errors explain, or "
+            "something pushes there. "
             f"No effect of the catalogue is significant (p = {mismatch.p_value:.2g}; p < {P_VALUE:g} would "
             f"be); the largest single score is that of {strongest}."
         )

@@ -42,7 +42,7 @@ def terminal_text(verdict: Verdict) -> str:
     assert unknown is not None
     yes = "yes" if mismatch.found else "no"
     if mismatch.found and mismatch.p_value >= P_VALUE:
-        yes = "yes, by held-out errors"
+        yes = "yes, by held-out data"
     lines.append(_line("mismatch", f"{yes}, p = {mismatch.p_value:.2g}; largest score: {mismatch.strongest}"))
     for effect in verdict.effects:
         values = "; ".join(f"{label(p)} {between(p)}{_state(p.state)}" for p in effect.parameters)
