@@ -23,7 +23,7 @@ from slapshot.diagnosis.problem import Problem
 from slapshot.diagnosis.rig import Rig
 from slapshot.diagnosis.search import search
 from slapshot.diagnosis.segments import Segments, segment_recording
-from slapshot.diagnosis.steps import EQUIVALENCE_NATS, P_VALUE, Z90, Search, Step
+from slapshot.diagnosis.steps import EQUIVALENCE_NATS, P_VALUE, Search, Step
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
     Errors,
@@ -51,7 +51,7 @@ MAX_REDUCED_CHI2 = (
 HELD_OUT = 5  # every fifth episode or block
 _MIN_SEGMENTS = 5
 _MIN_COVERAGE = 0.75  # share of two windows that must have been recorded
-_ONE_SIDED_95 = 1.645
+_Z90, _ONE_SIDED_95 = 1.645, 1.645
 _RESAMPLES = 1000
 # Pushes in a larger share of at least this many episodes are not events but systematic.
 _MAX_PUSHED_SHARE, _MIN_EPISODES = 0.5, 4
@@ -513,7 +513,7 @@ def _named_effect(found: Search, effect: JointEffect, last: Step) -> NamedEffect
 
 def estimated_parameter(parameter: Parameter, value: float, sd: float) -> NamedParameter:
     """A fitted value with its 90 % interval."""
-    low, high = max(value - Z90 * sd, parameter.low), min(value + Z90 * sd, parameter.high)
+    low, high = max(value - _Z90 * sd, parameter.low), min(value + _Z90 * sd, parameter.high)
     bound = value in (parameter.low, parameter.high)
     flat = sd > 0.7 * parameter.scale
     return NamedParameter(

@@ -24,7 +24,6 @@ from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score, is_inc
 from slapshot.diagnosis.pulses import covariance_inflation, pushes, pushes_where_inflated, window_nodes
 from slapshot.diagnosis.steps import (
     P_VALUE,
-    Z90,
     Report,
     Rival,
     Search,
@@ -202,22 +201,30 @@ def _refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
         return rivals
     for push, promise in pushes(step.scored.pulses, problem.segments, problem.rig_motion):
         if push.key not in present and promise > _REFIT_MARGIN * leader:
-            push, fit = _refitted_push(step, push)
+            refitted = _refitted_push(step, push)
+            if refitted is None:
+                continue
+            push, fit = refitted
             rivals.append(Rival(push, fit.log_evidence - step.scored.fit.log_evidence, fit))
             report(f"refitted {push.name}@{push.part}: {rivals[-1].gain:+.1f} nats")
     return rivals
 
 
-def _refitted_push(step: Step, push: ExternalPulse) -> tuple[ExternalPulse, Fit]:
-    """A refit with the pushes of a joint without those that are nothing beside the others."""
+def _refitted_push(step: Step, push: ExternalPulse) -> tuple[ExternalPulse, Fit] | None:
+    """A refit with those pushes that are something beside the joint's others; None where none is.
+
+    The others are errors of their shape, or of the joint's friction where it turns around.
+    """
     fit = refit(step, push, np.zeros(len(push.parameters)))
-    own = slice(len(fit.theta) - len(push.parameters), None)
-    size = np.abs(fit.theta[own])
-    clear = (size > Z90 * fit.sd[own]) & (size > _LEAST_PUSH * size.max())
-    if clear.all() or not clear.any():
+    values = fit.theta[len(fit.theta) - len(push.parameters) :]
+    size = np.abs(values)
+    large = size > _LEAST_PUSH * max(size.max(), _largest_push(step, push.part))
+    if large.all():
         return push, fit
-    push = push.only(clear)
-    return push, refit(step, push, fit.theta[own][clear])
+    if not large.any():
+        return None
+    push = push.only(large)
+    return push, refit(step, push, values[large])
 
 
 def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Rival]:
@@ -228,15 +235,10 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
     level = _evidence_without_inflation(step) if found else 0.0
     rivals: list[Rival] = []
     for push in found:
-        fit = refit(step, push, np.zeros(len(push.parameters)))
-        size = np.abs(fit.theta[len(fit.theta) - len(push.parameters) :])
-        # What is nothing beside the joint's pushes is an error of its friction, as where it turns around.
-        large = size > _LEAST_PUSH * max(size.max(), _largest_push(step, push.part))
-        if not large.any():
+        refitted = _refitted_push(step, push)
+        if refitted is None:
             continue
-        if not large.all():
-            push = push.only(large)
-            fit = refit(step, push, np.zeros(len(push.parameters)))
+        push, fit = refitted
         # Each may have come in any window.
         windows = problem.segments.time.size / window_nodes(problem.segments)
         gain = fit.log_evidence - level - len(push.pulses) * float(np.log(windows))

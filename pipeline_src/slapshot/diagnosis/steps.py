@@ -14,7 +14,6 @@ from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score, initia
 from slapshot.effects.joints.effect import JointEffect
 
 P_VALUE = 0.01
-Z90 = 1.645  # standard deviations to either side of a 90 % interval
 EQUIVALENCE_NATS = float(np.log(20.0))  # rivals within a factor of twenty are equivalent
 _LARGE_LAW_ERROR = 0.01  # law errors above which all shapes are used
 _MARGIN = 2.0  # factor on the fitted law error when columns are chosen
