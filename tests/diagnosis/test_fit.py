@@ -114,6 +114,30 @@ def test_a_parameter_of_a_pendulum_is_recovered():
     )
 
 
+class TooFlat(Fitter):
+    """Half of a parameter's effect, as a derivative across a kink may have it: steps go twice as far."""
+
+    def system(self, *of, jacobian=None, **more):
+        system, prior = super().system(*of, jacobian=jacobian, **more)
+        W = system.W.copy()
+        if jacobian is None:  # else it is that of a system before
+            W[..., 0] /= 2
+        return system.with_columns(W, system.psi), prior
+
+
+def test_steps_to_and_fro_become_shorter():
+    of = swinging(1, true=DAMPED)
+    (friction,) = of.effects(ViscousFriction)
+    known = of.fit(friction)
+    near = known.theta + 0.3 * known.sd
+    fields = {name: getattr(of.fitter, name) for name in of.fitter.__dataclass_fields__}
+    found = TooFlat(**fields).fit(
+        Hypothesis(of.rig, (friction,)), near, known.trajectory, of.noise, rounds=12
+    )
+    assert found.settled
+    assert abs(found.theta - known.theta)[0] < 0.1 * known.sd[0]
+
+
 def test_intervals_cover_as_often_as_they_say():
     """Friction and inertia together, 20 recordings: 40 values within two thirds and 95 %."""
     true = DAMPED.replace('damping="0.15"', 'damping="0.15" armature="0.02"')
