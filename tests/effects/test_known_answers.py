@@ -332,18 +332,27 @@ PLACES = np.array([[[1.5, -0.5], [1.0, 0.5]]])
 
 def seen(name: str, **values: float) -> np.ndarray:
     """Where the camera sees PLACES, from its foot."""
-    return effect(name).see({k: np.array([v]) for k, v in values.items()}, PLACES, FOOT)[0] - FOOT
+    given = {**effect(name).neutral(), **values}
+    return effect(name).see({k: np.array([v]) for k, v in given.items()}, PLACES, FOOT)[0] - FOOT
 
 
 @answers("camera_rotation")
 def test_places_turn_about_the_foot():
     c, s = np.cos(0.1), np.sin(0.1)
     assert seen("camera_rotation", angle=0.1) == pytest.approx(np.array([[0.5 * c, 0.5 * s], [-s, c]]))
+    # About another point: the turn of that point about the foot is a shift.
+    pivot, turn = np.array([0.12, -0.07]), np.array([[c, -s], [s, c]])
+    shift = pivot - turn @ pivot
+    about_pivot = pivot + (PLACES[0] - FOOT - pivot) @ turn.T
+    assert seen("camera_rotation", angle=0.1, shift_x=shift[0], shift_y=shift[1]) == pytest.approx(
+        about_pivot
+    )
 
 
 @answers("camera_scale")
 def test_places_move_away_from_the_foot():
-    assert seen("camera_scale", log_scale=0.01) == pytest.approx(np.exp(0.01) * (PLACES[0] - FOOT), rel=1e-4)
+    assert seen("camera_scale", log_scale=0.2) == pytest.approx(np.exp(0.2) * (PLACES[0] - FOOT))
+    assert seen("camera_scale", shift_x=0.01) == pytest.approx(PLACES[0] - FOOT + [0.01, 0])
 
 
 @answers("lens_distortion")
@@ -351,6 +360,8 @@ def test_far_places_move_by_the_cube_of_their_distance():
     assert seen("lens_distortion", radial=0.02) == pytest.approx(
         np.array([[0.5 + 0.02 * 0.5**3, 0], [0, 1.02]])
     )
+    # About a middle of its own, which itself is seen where it is.
+    assert seen("lens_distortion", radial=0.02, middle_x=0.5)[0] == pytest.approx([0.5, 0])
 
 
 @answers("camera_time")

@@ -102,7 +102,7 @@ def test_a_hit_does_not_depend_on_the_others(launches):
 
 def test_an_object_whose_mass_is_off_centre_turns_about_its_centre_of_mass():
     """Without friction worth speaking of, the camera sees the middle go round a point that flies straight."""
-    offset = everywhere(OffcentreMass(), 1, offset_x=0.01, offset_y=0.0)
+    offset = everywhere(OffcentreMass(), 1, offset_x=0.01, offset_y=0.0, log_inertia=0.0)
     launch = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 10.0]])
     tracks = slide(launch, friction(1, 1e-6, 1e-6, 1e-6), RADIUS, 0.5, [offset])
     t = tracks.times[:40]
@@ -110,6 +110,15 @@ def test_an_object_whose_mass_is_off_centre_turns_about_its_centre_of_mass():
     expected_x = 0.01 + t - 0.01 * np.cos(10 * t)
     expected_y = 0.1 * t - 0.01 * np.sin(10 * t)
     np.testing.assert_allclose(tracks.places[0, :40], np.column_stack([expected_x, expected_y]), atol=2e-5)
+
+
+def test_a_slug_stops_spinning_as_its_moment_of_inertia_says():
+    """Friction's torque on a disc that spins in place, mu_t >> mu r, takes omega I / torque seconds."""
+    inertia = np.exp(-0.7) * RADIUS**2 / 2
+    slug = everywhere(OffcentreMass(), 1, offset_x=0.0, offset_y=0.0, log_inertia=-0.7)
+    launch = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 10.0]])
+    stopped = slide(launch, friction(1, 1e-6, 1e-6, 0.01), RADIUS, 0.5, [slug]).durations[0]
+    assert stopped == pytest.approx(10.0 * inertia / (0.01 * GRAVITY), rel=1e-3)
 
 
 def test_places_between_rows_are_interpolated_and_stay_after_rest(launches):

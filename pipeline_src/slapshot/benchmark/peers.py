@@ -23,9 +23,9 @@ from slapshot.benchmark.measures import Measure
 from slapshot.config.configuration import Configuration
 from slapshot.config.lab import ConcealedEffect, StandIns
 from slapshot.dag import make_plan
-from slapshot.diagnosis.pucks.held_out import FittedScene, first_frames, predict_held_out, split_hits
+from slapshot.diagnosis.pucks.held_out import first_frames, predict_held_out, split_hits
+from slapshot.diagnosis.pucks.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.noise import estimate_noise
-from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.slide_model import Point, SlideModel
 from slapshot.diagnosis.pucks.tracks import HitTracks, hit_tracks
 from slapshot.effects.tilt import Tilt
@@ -81,10 +81,10 @@ def peer_measures(config: Configuration, store: Store, cores: int, seed: int = 0
         Measure("peer_fit_seconds_ratio", peer_seconds / own_seconds, "1"),
     ]
     for name, point in points.items():
-        scored = predict_held_out(test, FittedScene(replace(fit, point=point)))
+        scored = predict_held_out(test, replace(fit, point=point))
         error = 1e3 * float(np.sqrt(scored.track_square.mean()))
         rows.append(Measure(f"peer_held_out_track_error_{name}", error, "mm"))
-    floor = predict_held_out(test, FittedScene(fit)).expected_track
+    floor = predict_held_out(test, fit).expected_track
     rows.append(Measure("peer_held_out_noise_floor", 1e3 * float(np.sqrt(floor.mean())), "mm"))
     for name in ("slope_x", "slope_y"):
         rows += [
@@ -115,10 +115,10 @@ def _recorded(config: Configuration, store: Store, seed: int) -> tuple[Scene, Hi
     return scene, replace(mine, objects=mine.objects[:1]), truth
 
 
-def _fitter(tracks: HitTracks, scene: Scene, cores: int) -> SlideFitter:
+def _fitter(tracks: HitTracks, scene: Scene, cores: int) -> HitFitter:
     camera = np.array(scene.info.start)  # no effect of the camera is fitted
     model = SlideModel(tracks, {"tilt": Tilt()}, scene.info.object_radius, camera, cores)
-    return SlideFitter(model, estimate_noise(*tracks.resting))
+    return HitFitter(model, estimate_noise(*tracks.resting))
 
 
 def fit_by_sysid(scene: Scene, tracks: HitTracks, valid: NDArray[np.bool_], cores: int) -> dict[str, float]:

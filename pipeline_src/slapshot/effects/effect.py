@@ -124,6 +124,10 @@ class Effect:
         """(n,), (n,) m from the shape's centre to the centre of mass, at yaw 0; None for 0."""
         return None
 
+    def log_inertia(self, values: Mapping[str, Array]) -> Array | None:
+        """(n,) logarithm of the factor on the moment of inertia about the centre of mass; None for 0."""
+        return None
+
     # --- Camera
 
     def see(self, values: Mapping[str, Array], places: Array, camera: Array) -> Array:
@@ -160,7 +164,7 @@ class Effect:
         """Whether it changes how the object slides."""
         return any(
             getattr(type(self), hook) is not getattr(Effect, hook)
-            for hook in ("accelerate", "log_friction", "cross_anisotropy", "centre_offset")
+            for hook in ("accelerate", "log_friction", "cross_anisotropy", "centre_offset", "log_inertia")
         )
 
     @property

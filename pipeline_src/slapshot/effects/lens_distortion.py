@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from slapshot.arrays import Array
 from slapshot.effects.effect import Effect, Parameter
 
@@ -12,6 +14,8 @@ class LensDistortion(Effect):
     follows = "place"
     parameters = (
         Parameter("radial", "1/m^2", -0.1, 0.1, 0.008, "places far from the middle are reported farther"),
+        Parameter("middle_x", "m", -0.5, 0.5, 0.1, "of the lens, from the point it looks at, along x"),
+        Parameter("middle_y", "m", -0.5, 0.5, 0.1, "of the lens, from the point it looks at, along y"),
     )
     physics = (
         "The first radial term of a lens that was not calibrated: r -> r (1 + radial r^2) about the middle.\n"
@@ -20,7 +24,8 @@ class LensDistortion(Effect):
     source = "Brown 1966, Decentering distortion of lenses, Photogrammetric Engineering 32(3)"
 
     def see(self, values: Mapping[str, Array], places: Array, camera: Array) -> Array:
-        """Along the radius from the camera's foot."""
-        offset = places - camera
+        """Along the radius from the middle."""
+        middle = np.stack([values["middle_x"], values["middle_y"]], axis=-1)[:, None]
+        offset = places - camera - middle
         square = (offset**2).sum(-1, keepdims=True)
         return places + values["radial"][:, None, None] * square * offset

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 import mujoco
+import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.effects.effect import Effect, Parameter
@@ -16,21 +17,22 @@ class OffcentreMass(Effect):
     parameters = (
         Parameter("offset_x", "m", -0.02, 0.02, 0.003, "centre of mass ahead of the middle before the hit"),
         Parameter("offset_y", "m", -0.02, 0.02, 0.003, "centre of mass to the left of the middle before it"),
+        Parameter("log_inertia", "1", -2.0, 1.0, 0.4, "log of the moment of inertia over that of a disc"),
     )
     physics = (
-        "A hit through the middle misses the centre of mass and makes the object spin; it then turns about\n"
-        "its centre of mass, of which the camera sees the middle go round, and presses harder on one side."
+        "A hit through the middle makes the object spin; it then turns about its centre of mass and presses\n"
+        "harder on one side. What moves the centre of mass (a slug) changes the moment of inertia as well."
     )
     source = "Goyal, Ruina and Papadopoulos 1991, Wear 143 (non-uniform pressure under a slider)"
 
     def edit(self, values: Mapping[str, float], spec: mujoco.MjSpec, info: SceneInfo) -> None:
-        """Move the body's inertial frame; mass and moment about the centre of mass stay."""
+        """Move the body's inertial frame; its mass stays."""
         model = spec.compile()
         compiled = model.body(info.object_body)
         body = spec.body(info.object_body)
         body.explicitinertial = True
         body.mass = float(compiled.mass[0])
-        body.inertia = compiled.inertia
+        body.inertia = compiled.inertia * np.exp(values["log_inertia"])
         body.iquat = compiled.iquat
         x, y, z = compiled.ipos
         body.ipos = (x + values["offset_x"], y + values["offset_y"], z)
@@ -38,3 +40,7 @@ class OffcentreMass(Effect):
     def centre_offset(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
         """In the frame of the object."""
         return values["offset_x"], values["offset_y"]
+
+    def log_inertia(self, values: Mapping[str, Array]) -> Array:
+        """About the centre of mass."""
+        return values["log_inertia"]

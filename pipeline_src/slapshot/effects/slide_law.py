@@ -88,7 +88,7 @@ def slide(
     Args:
         launches: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s) of the shape's centre.
         friction: (n, 3) mu_x, mu_y, and torsional in m.
-        radius: m; the moment of inertia is m radius^2 / 2.
+        radius: m; without effects the moment of inertia is m radius^2 / 2.
         duration: s that the tracks last.
         acting: effects and the hits that they act on.
         order: (n,) place in the recording, -1/2 to 1/2; None for 0.
@@ -111,7 +111,7 @@ def slide(
             places[alive, row] = law.shape_places(state)
             filled[alive] = row + 1
         a = law.acceleration(state, k * step, order)
-        left = _time_left(state, a, radius)
+        left = _time_left(state, a, law.inertia)
         done = left <= step
         if done.any():
             hits, ended = alive[done], _moved(state[:, done], left[done])
@@ -133,14 +133,32 @@ def slide(
     return Tracks(times, places, rests, durations)
 
 
+def accelerations(
+    states: Array, friction: Array, radius: float, acting: Sequence[ActiveEffect], times: Array, order: Array
+) -> Array:
+    """(n, 2) m/s^2 of n discs.
+
+    Args:
+        states: (n, 6) x, y (m), yaw (rad), vx, vy (m/s), spin (rad/s) of the shape's centre.
+        friction: (n, 3) mu_x, mu_y, and torsional in m.
+        radius: m.
+        acting: effects and the discs that they act on.
+        times: (n,) s since the launch.
+        order: (n,) place in the recording, -1/2 to 1/2.
+    """
+    law = _Law.of(len(states), friction, radius, acting)
+    state = states.astype(float).T.copy()
+    law.to_mass(state)
+    return law.acceleration(state, times, order)[:2].T
+
+
 def _moved(state: Array, left: Array) -> Array:
     """Over the time that is left the object moves by half of what it would without slowing down."""
     return np.concatenate([state[:3] + state[3:] * left / 2, state[3:]])
 
 
-def _time_left(state: Array, a: Array, radius: float) -> Array:
+def _time_left(state: Array, a: Array, inertia: Array) -> Array:
     """(n,) s until the kinetic energy is spent at the present rate; infinite while it grows."""
-    inertia = radius**2 / 2
     energy = state[3] ** 2 + state[4] ** 2 + inertia * state[5] ** 2
     rate = state[3] * a[0] + state[4] * a[1] + inertia * state[5] * a[2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -156,6 +174,7 @@ class _Law:
         square: (3, n) entries xx, xy, yy of M M.
         torsional: (n,) mu_t^2 in m^2.
         radius: m.
+        inertia: (n,) m^2, moment of inertia about the centre of mass over the mass.
         centre: (2, n) m from the shape's centre to the centre of mass at yaw 0; None for 0.
         acting: effects.
     """
@@ -163,6 +182,7 @@ class _Law:
     square: Array
     torsional: Array
     radius: float
+    inertia: Array
     centre: Array | None
     acting: Sequence[ActiveEffect]
 
@@ -170,18 +190,24 @@ class _Law:
     def of(cls, count: int, friction: Array, radius: float, acting: Sequence[ActiveEffect]) -> "_Law":
         cross = np.zeros(count)
         centre = np.zeros((2, count))
+        log_inertia = np.full(count, np.log(radius**2 / 2))
         moved = False
         for act in acting:
             part = act.effect.cross_anisotropy(act.values)
             if part is not None:
                 np.add.at(cross, act.rows, part)
+            factor = act.effect.log_inertia(act.values)
+            if factor is not None:
+                np.add.at(log_inertia, act.rows, factor)
             offset = act.effect.centre_offset(act.values)
             if offset is not None:
                 moved = True
                 for axis in range(2):
                     np.add.at(centre[axis], act.rows, offset[axis])
         square = _squared_tensor(np.log(friction[:, 0]), np.log(friction[:, 1]), cross)
-        return cls(square, friction[:, 2] ** 2, radius, centre if moved else None, acting)
+        return cls(
+            square, friction[:, 2] ** 2, radius, np.exp(log_inertia), centre if moved else None, acting
+        )
 
     def rows(self, keep: NDArray[np.bool_]) -> "_Law":
         place = np.cumsum(keep) - 1
@@ -189,6 +215,7 @@ class _Law:
             self.square[:, keep],
             self.torsional[keep],
             self.radius,
+            self.inertia[keep],
             None if self.centre is None else self.centre[:, keep],
             [act.of(keep, place) for act in self.acting],
         )
@@ -219,8 +246,8 @@ class _Law:
             return state[:2].T
         return (state[:2] - self._offset(state[2])).T
 
-    def acceleration(self, state: Array, time: float, order: Array) -> Array:
-        """(3, n): m/s^2 along x and y, rad/s^2."""
+    def acceleration(self, state: Array, time: Array | float, order: Array) -> Array:
+        """(3, n): m/s^2 along x and y, rad/s^2; `time` in s is (n,) or the same for all."""
         x, y, yaw, vx, vy, spin = state
         ax, ay, twist = self._dry(yaw, vx, vy, spin)
         log_factor: Array | None = None
@@ -229,7 +256,7 @@ class _Law:
             rows = act.rows
             if not len(rows):
                 continue
-            now = np.full(len(rows), time)
+            now = np.broadcast_to(time, x.shape)[rows]
             part = SlideState(x[rows], y[rows], yaw[rows], vx[rows], vy[rows], spin[rows], now, order[rows])
             factor = act.effect.log_friction(act.values, part)
             if factor is not None:
@@ -250,12 +277,13 @@ class _Law:
         """Dry friction with the nominal coefficients."""
         offset = np.zeros((2, 1)) if self.centre is None else self._offset(yaw)
         found = np.empty((3, len(vx)))
-        _dry_friction(yaw, vx, vy, spin, self.square, self.torsional, self.radius, offset, found)
+        law = self.square, self.torsional, self.radius, self.inertia
+        _dry_friction(yaw, vx, vy, spin, *law, offset, found)
         return found[0], found[1], found[2]
 
 
 @njit(cache=True, nogil=True)
-def _dry_friction(yaw, vx, vy, spin, square, torsional, radius, offset, found):  # type: ignore[no-untyped-def]
+def _dry_friction(yaw, vx, vy, spin, square, torsional, radius, inertia, offset, found):  # type: ignore[no-untyped-def]
     """Fills (3, n): m/s^2, m/s^2, rad/s^2; `offset` (2, n) m to the centre of mass, (2, 1) for none."""
     for k in range(len(vx)):
         cosine, sine = np.cos(yaw[k]), np.sin(yaw[k])
@@ -274,7 +302,7 @@ def _dry_friction(yaw, vx, vy, spin, square, torsional, radius, offset, found): 
             ay -= share * py
             twist -= share * (arm_x * py - arm_y * px + torsional[k] * spin[k])
             rx, ry = -ry, rx  # the next quarter of the rim
-        found[0, k], found[1, k], found[2, k] = ax, ay, twist / (radius**2 / 2)
+        found[0, k], found[1, k], found[2, k] = ax, ay, twist / inertia[k]
 
 
 def _squared_tensor(log_x: Array, log_y: Array, cross: Array) -> Array:

@@ -140,7 +140,7 @@ class Draws:
         return (noise + np.matmul(values, self._H)).transpose(1, 0, 2)
 
 
-def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> Array:
+def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]], least: float = 0.0) -> Array:
     """Hotelling's test of each group of columns on the segments' scores, as -log p; (..., groups).
 
     The sum of a group's scores is compared with their spread between segments, so that noise that is larger
@@ -150,13 +150,19 @@ def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]]) -> A
     t. The spread is assumed isotropic in units of the information. The nuisance contributes to the sum but
     not to the spread, as all segments share it; its contribution follows from the priors. A single segment is
     compared with the information alone. Groups without information have 0.
+
+    Args:
+        found: efficient scores, in units of the priors.
+        groups: indices of each group among the candidates.
+        least: information, in units of the priors, below which a direction is not tested: what would be seen
+            there is beyond belief.
     """
     statistic = []
     segments = found.segment.shape[-2]
     for group in groups:
         information = found.information[np.ix_(group, group)]
         eigenvalues, vectors = np.linalg.eigh(information)
-        keep = eigenvalues > 1e-8 * max(eigenvalues.max(), 1e-300)
+        keep = eigenvalues > max(1e-8 * eigenvalues.max(), 1e-308, least)
         white = vectors[:, keep] / np.sqrt(eigenvalues[keep])
         k = white.shape[1]
         nuisance = np.zeros(k)
@@ -222,7 +228,11 @@ class MismatchTest:
 
 
 def mismatch_test(
-    of: Scores, groups: Sequence[NDArray[np.intp]], rng: np.random.Generator, count: int = DRAWS
+    of: Scores,
+    groups: Sequence[NDArray[np.intp]],
+    rng: np.random.Generator,
+    count: int = DRAWS,
+    least: float = 0.0,
 ) -> MismatchTest:
     """Test all groups of candidate columns at once.
 
@@ -231,12 +241,13 @@ def mismatch_test(
         groups: indices of each group among the candidates.
         rng: for draws.
         count: of draws.
+        least: information below which a direction is not tested, see `group_statistics`.
     """
     eliminate = Elimination(of)
-    seen = group_statistics(eliminate(of.b), groups)
+    seen = group_statistics(eliminate(of.b), groups, least)
     draws = Draws(of, rng)
     largest = np.concatenate(
-        [group_statistics(eliminate(draws(part)), groups).max(-1) for part in _parts(count, 100)]
+        [group_statistics(eliminate(draws(part)), groups, least).max(-1) for part in _parts(count, 100)]
     )
     exceeding = int(np.sum(largest >= seen.max()))
     return MismatchTest((1 + exceeding) / (count + 1), seen, int(np.argmax(seen)))

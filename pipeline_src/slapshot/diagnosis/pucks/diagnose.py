@@ -10,25 +10,22 @@ from slapshot.diagnosis.pucks.diagnose_rests import diagnose_rests
 from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FREE_LAUNCH
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.headline import distrust, headline_of, names_hold, settled, undecided
-from slapshot.diagnosis.pucks.held_out import FittedScene, errors_of_scenes, split_hits
+from slapshot.diagnosis.pucks.held_out import errors_of_scenes, split_hits
+from slapshot.diagnosis.pucks.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.judgement import (
     found_effects,
     limits,
     location_of,
-    strongest,
 )
-from slapshot.diagnosis.pucks.launch_fit import launch_fitter
-from slapshot.diagnosis.pucks.level import Level, examine, refuted_notes
+from slapshot.diagnosis.pucks.launch import LaunchModel
+from slapshot.diagnosis.pucks.level import Level, examine, refuted_note
 from slapshot.diagnosis.pucks.next_hits import next_hits
 from slapshot.diagnosis.pucks.noise import CameraNoise, estimate_noise, timing_jitter
 from slapshot.diagnosis.pucks.result import Diagnosis, Setting
 from slapshot.diagnosis.pucks.rig_model import RigModel
 from slapshot.diagnosis.pucks.search import Search
 from slapshot.diagnosis.pucks.signatures import Signatures
-from slapshot.diagnosis.pucks.simulated import LaunchEvidence, launches_about
-from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.slide_model import Point, SlideModel
-from slapshot.diagnosis.pucks.spin import SimulatedSpin
 from slapshot.diagnosis.pucks.suitability import cannot_tell, untold
 from slapshot.diagnosis.pucks.tracks import PUSHED_AGAIN, HitTracks, hit_tracks
 from slapshot.diagnosis.pucks.trial import dropped_note, that_work
@@ -39,7 +36,6 @@ from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
 from slapshot.recordings.quality_warning import QualityWarning
 
-FIRST_S = 0.24  # s of a slide that launches are told from where the law of the slide was mended
 # Findings of a check that say of a hit that it is no single push followed by a slide to rest.
 NO_CLEAN_SLIDE = ("second_push", "moves_again", "not_slowing", "moving_at_start", "moving_at_end")
 
@@ -57,7 +53,7 @@ def diagnose(
     Args:
         recording: with tracks.
         setting: of the nominal scene.
-        seed: of the split into hits to use and to hold out, of sign flips and of bootstraps.
+        seed: of the split into hits to use and to hold out, of draws without a mismatch and of bootstraps.
         effects: the catalogue; None for all effects there are.
         threads: for simulations.
         signatures: of a pool that holds the recording's commands; None has them made.
@@ -76,85 +72,58 @@ def diagnose(
         return Diagnosis(untold(recording, tracks, findings, reason, tracks.notes), **shown)
     known, failed = that_work(known, tracks.start.mean(0), setting.friction, setting.radius)
     # Named in this order whatever the order in which the table lists them.
-    split_rng, flip_rng, resample_rng = np.random.default_rng(seed).spawn(3)
+    split_rng, draw_rng, resample_rng = np.random.default_rng(seed).spawn(3)
     kept, held = split_hits(tracks, split_rng)
     noise = _noise(tracks)
     everything = known | {effect.name: effect for effect in FREE_FORMS}
     fitter, test = (
-        SlideFitter(SlideModel(tracks.take(rows), everything, setting.radius, setting.camera, threads), noise)
+        HitFitter(SlideModel(tracks.take(rows), everything, setting.radius, setting.camera, threads), noise)
         for rows in (kept, held)
     )
+    free = [e.name for e in FREE_FORMS if e.name != FREE_LAUNCH or full]
+    search = Search(fitter, list(known), free, draw_rng)
     rig = None
     if full and setting.scene is not None:
-        # A first fit, because a launch hardly depends on friction.
+        # A first fit of the slides alone, because a launch hardly depends on friction.
         friction = np.exp(fitter.fit(fitter.start()).point.nuisance)
         rig = RigModel(
             recording, tracks, setting.scene, everything, setting.camera, friction, signatures, threads
         )
         dropped = rig.signatures.dropped
-        known = {n: e for n, e in known.items() if n not in dropped}
         failed = (*failed, *(dropped_note(name, why) for name, why in dropped.items()))
-        fitter.spin, test.spin = (SimulatedSpin(rig.launches(rows)) for rows in (kept, held))
-    slides = [n for n, e in known.items() if e.acts_on_slide or e.acts_on_camera]
-    free = [e.name for e in FREE_FORMS if e.name != FREE_LAUNCH]
-    search = Search(fitter, slides, free, flip_rng)
-    if rig is not None:
-        search.beside = LaunchEvidence(fitter, search.nominal().fit, rig, kept, everything)
-    levels = [level := examine(search)]
-    if rig is not None:
-        known_by_slides = level.final.fit.point.effects
-        first_s = FIRST_S if known_by_slides else np.inf
-        launches = launch_fitter(
-            fitter,
-            level.final.fit,
-            rig.about(known_by_slides).launches(kept).given(known_by_slides, level.final.fit.point.nuisance),
-            everything,
-            first_s,
+        simulated = rig.launches(kept)
+        fitter.launches = simulated
+        test.launches = rig.launches(held, simulated.execution)
+        search.catalogue = [n for n in known if n not in dropped]
+        search.about = lambda fit: fitter.about(
+            rig.about(fit.point.effects).launches(kept, simulated.execution)
         )
-        candidates = [
-            n for n, e in known.items() if (e.acts_on_launch or e.acts_on_camera) and n not in known_by_slides
-        ]
-        about = launches_about(fitter, level.final.fit, rig, kept, launches, first_s, everything)
-        levels.append(examine(Search(launches, candidates, [FREE_LAUNCH], flip_rng, about=about), level))
+    level = examine(search)
     used = set(tracks.hit.tolist())
     doubtful = [hit for hit in _hits_of(findings, *NO_CLEAN_SLIDE) if hit in used]
-    doubt = distrust(levels, tracks.hit[kept], doubtful)
-    notes = (*tracks.notes, *failed, *(note for part in levels for note in part.notes))
+    doubt = distrust(level, tracks.hit[kept], doubtful)
+    notes = (*tracks.notes, *failed, *level.notes)
     if doubt is not None:
         verdict = untold(recording, tracks, findings, doubt.reason, notes, doubt.hits)
         return Diagnosis(verdict, signatures=rig.signatures if rig is not None else None, **shown)
-    nominal = FittedScene(*(part.nominal.fit for part in levels))
     test.drop_jumps(_start_of(test, level.nominal.fit))
 
-    def errors(of: Sequence[Level]) -> dict[str, Errors]:
-        named = any(part.final.effects for part in of)
-        return errors_of_scenes(
-            test,
-            nominal,
-            FittedScene(*(part.final.fit for part in of)) if named else nominal,
-            setting.friction,
-            rig.about({n: v for part in of for n, v in part.final.fit.point.effects.items()}).launches(held)
-            if rig
-            else None,
-            resample_rng,
-        )
+    def errors(of: Level) -> dict[str, Errors]:
+        nominal, final = of.nominal.fit, of.final.fit
+        there = test
+        if rig is not None and isinstance(test.launches, LaunchModel):
+            there = test.about(rig.about(final.point.effects).launches(held, test.launches.execution))
+        return errors_of_scenes(there, nominal, final, setting.friction, resample_rng)
 
-    tried = levels
-    # The last level stands on those before it: its names go first.
-    for count in range(len(levels), -1, -1):
-        levels = [*tried[:count], *(part.without_names() for part in tried[count:])]
-        if names_hold(fit := errors(levels)):
-            break
-    notes = (*notes, *refuted_notes(tried, levels))
-    level = levels[0]
-    named_by_level = [found_effects(each.search, each.final) for each in levels]
-    named = tuple(sorted((e for part in named_by_level for e in part), key=lambda e: -e.shift_m))
-    hits = [next_hits(each, part, setting) for each, part in zip(levels, named_by_level, strict=True)]
-    unknown = max((part.unknown for part in levels), key=lambda u: (u.flagged, u.log_evidence))
-    mismatch = strongest([each.mismatch for each in levels])
+    tried, fit = level, errors(level)
+    if level.final.effects and not names_hold(fit):
+        level = level.without_names()
+        fit, notes = errors(level), (*notes, refuted_note(tried))
+    named = tuple(sorted(found_effects(search, level.final), key=lambda e: -e.shift_m))
+    unknown, mismatch = level.unknown, level.mismatch
     headline = headline_of(mismatch.found, bool(named), fit)
     if headline == "nothing_found":
-        doubt = undecided(levels, tracks.hit[kept], doubtful)
+        doubt = undecided(level, tracks.hit[kept], doubtful)
         if doubt is not None:
             verdict = untold(recording, tracks, findings, doubt.reason, notes, doubt.hits)
             return Diagnosis(verdict, signatures=rig.signatures if rig is not None else None, **shown)
@@ -170,9 +139,9 @@ def diagnose(
         noise_sd_m=noise.sd,
         noise_time_s=noise.time,
         noise_jitter_s=noise.jitter,
-        friction_scatter=level.final.fit.scatter,
+        friction_scatter=level.final.fit.scatter.friction,
         fit=fit,
-        next_hits=next((some for some in hits if some), ()),
+        next_hits=next_hits(level, named, setting),
     )
     return Diagnosis(
         verdict,
@@ -181,7 +150,6 @@ def diagnose(
         level.final,
         level.screen,
         test,
-        levels[1] if len(levels) > 1 else None,
         signatures=rig.signatures if rig is not None else None,
     )
 
@@ -197,7 +165,7 @@ def _noise(tracks: HitTracks) -> CameraNoise:
     return replace(noise, jitter=timing_jitter(tracks.times, tracks.places, tracks.valid, noise.sd))
 
 
-def _start_of(fitter: SlideFitter, fit: Fit) -> Point:
+def _start_of(fitter: HitFitter, fit: Fit) -> Point:
     """Launches of other hits under a fit's shared parameters."""
     start = fitter.start()
     return Point(start.latents, fit.point.nuisance, fit.point.effects)

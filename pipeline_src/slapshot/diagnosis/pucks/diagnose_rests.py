@@ -15,7 +15,7 @@ from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.headline import distrust, headline_of, names_hold, settled, undecided
 from slapshot.diagnosis.pucks.held_out import SURE, mean, root_mean, split_hits
 from slapshot.diagnosis.pucks.judgement import found_effects, limits, location_of
-from slapshot.diagnosis.pucks.level import Level, examine, refuted_notes
+from slapshot.diagnosis.pucks.level import Level, examine, refuted_note
 from slapshot.diagnosis.pucks.rest_fit import RestFitter
 from slapshot.diagnosis.pucks.result import Diagnosis, Setting
 from slapshot.diagnosis.pucks.rig_model import RigModel
@@ -53,7 +53,7 @@ def diagnose_rests(
     if reason is not None or setting.scene is None:
         return Diagnosis(untold(recording, tracks, findings, reason, tracks.notes))
     known, failed = that_work(known, tracks.start.mean(0), setting.friction, setting.radius)
-    split_rng, flip_rng, resample_rng = np.random.default_rng(seed).spawn(3)
+    split_rng, draw_rng, resample_rng = np.random.default_rng(seed).spawn(3)
     kept, held = split_hits(tracks, split_rng)
     effects = {**known, **{e.name: e for e in FREE_FORMS if e.name == FREE_LAUNCH}}
     friction = np.tile(setting.friction, (len(tracks.objects), 1))
@@ -71,21 +71,21 @@ def diagnose_rests(
     )
     # Where a clock is late, nobody sees it at rest.
     candidates = [n for n, e in known.items() if not (e.phase == "camera" and e.follows == "time")]
-    search = Search(fitter, candidates, [FREE_LAUNCH], flip_rng, refitted=REFITTED, most=1)
+    search = Search(fitter, candidates, [FREE_LAUNCH], draw_rng, refitted=REFITTED, most=1)
     level = examine(search)
-    doubt = distrust([level], tracks.hit[kept], ())
+    doubt = distrust(level, tracks.hit[kept], ())
     if doubt is not None:
         verdict = untold(
             recording, tracks, findings, doubt.reason, (*tracks.notes, *failed, *level.notes), doubt.hits
         )
         return Diagnosis(verdict, signatures=rig.signatures)
     tried, fit = level, _errors(test, level, setting, resample_rng)
-    if not names_hold(fit):
+    if level.final.effects and not names_hold(fit):
         level = level.without_names()
         fit = _errors(test, level, setting, resample_rng)
     named = tuple(_of_class(level, effect) for effect in found_effects(search, level.final))
     headline = headline_of(level.mismatch.found, bool(named), fit)
-    if headline == "nothing_found" and (doubt := undecided([level], tracks.hit[kept], ())) is not None:
+    if headline == "nothing_found" and (doubt := undecided(level, tracks.hit[kept], ())) is not None:
         verdict = untold(recording, tracks, findings, doubt.reason, (*tracks.notes, *failed), doubt.hits)
         return Diagnosis(verdict, signatures=rig.signatures)
     mismatch = settled(level.mismatch, headline)
@@ -98,7 +98,7 @@ def diagnose_rests(
         *failed,
         *(dropped_note(name, why) for name, why in dropped.items()),
         *level.notes,
-        *refuted_notes([tried], [level]),
+        *((refuted_note(tried),) if level is not tried else ()),
     )
     verdict = replace(
         untold(recording, tracks, findings, None, notes),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from slapshot.arrays import GRAVITY, Array
+from slapshot.arrays import GRAVITY
 from slapshot.diagnosis.pucks.slide_model import Point
 from slapshot.diagnosis.pucks.tracks import HitTracks
 
@@ -10,11 +10,10 @@ from slapshot.diagnosis.pucks.tracks import HitTracks
 NUISANCE_MEAN = np.log([0.35, 0.35, 0.01])
 
 
-def first_guess(tracks: HitTracks, spins: Array) -> Point:
-    """Launches from the first frames, friction from how far objects went; spins (n,) in rad/s as given."""
+def first_guess(tracks: HitTracks) -> Point:
+    """Launches from the first frames, without spin; friction from how far objects went."""
     count = len(tracks)
     latents = np.zeros((count, 6))
-    latents[:, 4] = spins
     for i in range(count):
         t, p = tracks.times[i][tracks.valid[i]], tracks.places[i][tracks.valid[i]]
         first = slice(0, max(4, min(7, len(t) // 3)))

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.marginal import Marginal
-from slapshot.diagnosis.pucks.slide_model import Column, Point, Values
+from slapshot.diagnosis.pucks.slide_model import Column, Effects, Point, Values
 from slapshot.effects.effect import Effect
 
 
@@ -28,8 +28,8 @@ class Fitter(Protocol):
     def starts(self, name: str) -> Sequence[Values]:
         """Values of an effect from which a fit may begin beside a screen's; none where fits are dear."""
 
-    def objective(self, point: Point, scatter: Any, effects: Sequence[str]) -> float:
-        """What a fit makes as small as it can, at a point."""
+    def start_misfit(self, fit: Fit, values: Effects) -> float:
+        """-2 log likelihood of what tells those starts apart, under other effects than those of a fit."""
 
     def quadratic(self, fit: Fit, effects: Sequence[str]) -> tuple[list[Column], Marginal, Array]:
         """Columns, hits marginalised over them, and (n, frames, 2, p) change of some frames in m."""

@@ -15,7 +15,11 @@ from slapshot.diagnosis.pucks.slide_model import Column, Point
 from slapshot.effects.effect import Effect, Parameter
 
 CONVERGED = 0.02  # of the objective (nats): differences that matter are of order 1
-MOST_DAMPING = 1e6
+FIELD = 4  # parameters; effects with more get a prior of the size that the recording asks for
+WORSE = 1.0  # of the objective, which a step may be
+# A fit that goes to and fro, and gains no more than this in so many steps, has arrived.
+NO_BETTER, PATIENCE = 0.5, 3
+MOST_DAMPING = 1e4
 # Of logarithms of mu_x, mu_y and of the torsional friction in m.
 NUISANCE_SD = np.array([1.0, 1.0, 1.0])
 NUISANCE_BOUNDS = np.log([[0.01, 3.0], [0.01, 3.0], [1e-5, 0.3]])
@@ -27,8 +31,8 @@ class Fit:
 
     Attributes:
         point: latents, nuisance and effects.
-        scatter: from hit to hit: sd of log friction for slides, (5, 5) covariance for launches, (2, 2) for
-            rest points over the distance.
+        scatter: from hit to hit: see `hit_fit.Scatter`; of rest points alone a (2, 2) covariance over the
+            distance.
         objective: -2 log marginal likelihood minus constants; lower is better.
         columns: of `covariance` and `marginal`.
         covariance: (p, p) of the shared parameters.
@@ -54,7 +58,11 @@ class GaussNewton(ABC):
     """
 
     iterations: int
-    first_scatter: Any
+
+    @property
+    @abstractmethod
+    def first_scatter(self) -> Any:
+        """What hits scatter by before it is estimated."""
 
     def __init__(self, effects: Mapping[str, Effect]) -> None:
         self.effects = effects
@@ -84,24 +92,27 @@ class GaussNewton(ABC):
         columns = self.columns(effects)
         mean, precision = self.prior(columns)
         scatter = self.first_scatter if scatter is None else scatter
-        damping, converged = 1e-3, False
+        damping, converged, behind = 1e-3, False, 0
         state = self.evaluate(point, columns, scatter)
-        objective = self._objective(state, point, columns)
+        objective = best = self._objective(state, point, columns)
         for _ in range(self.iterations):
             information = state.information.sum(0) + np.diag(precision)
             score = state.scores.sum(0) + precision * (mean - shared(point, columns))
             shift = np.linalg.solve(information + damping * np.diag(np.diag(information)), score)
             new = self._moved(point, columns, shift, state)
-            spread = self._scatter(new, state, scatter)
-            candidate = self.evaluate(new, columns, spread)
+            candidate = self.evaluate(new, columns, scatter)
             value = self._objective(candidate, new, columns)
-            # The scatter's own update may raise the objective by its bound alone; a little is let pass.
-            if value > objective + 1.0 and damping < MOST_DAMPING:
-                damping *= 10
+            # Wild hits change their weights with every step, which may raise the objective a little.
+            if value > objective + WORSE and damping < MOST_DAMPING:
+                damping *= 100
                 continue
-            change, damping = objective - value, max(damping / 5, 1e-6)
-            point, state, objective, scatter = new, candidate, value, spread
-            if abs(change) < CONVERGED:
+            damping, before = max(damping / 10, 1e-6), objective
+            spread = self._scatter(new, candidate, scatter)
+            point, scatter, state = new, spread, self.evaluate(new, columns, spread)
+            objective = self._objective(state, point, columns)
+            behind = 0 if objective < best - NO_BETTER else behind + 1
+            best = min(best, objective)
+            if max(abs(objective - before), abs(value - before)) < CONVERGED or behind == PATIENCE:
                 converged = True
                 break
         information = state.information.sum(0) + np.diag(precision)
@@ -115,11 +126,6 @@ class GaussNewton(ABC):
             float(state.squares.sum() / max(self.freedom().sum(), 1)),
             converged,
         )
-
-    def objective(self, point: Point, scatter: Any, effects: Sequence[str]) -> float:
-        """What a fit makes as small as it can, at a point; a hit's own unknowns being what they are there."""
-        columns = self.columns(effects)
-        return self._objective(self.evaluate(point, columns, scatter), point, columns)
 
     def prior(self, columns: Sequence[Column]) -> tuple[Array, Array]:
         """Mean and information (p,) of the shared parameters."""

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slapshot.diagnosis.pucks.hit_fit import FRICTION_SD, Scatter
 from slapshot.diagnosis.pucks.level import LEAST_SHIFT, P_VALUE, Level
-from slapshot.diagnosis.pucks.slide_fit import FRICTION_SD
 from slapshot.diagnosis.pucks.verdict import Errors, Headline, Mismatch
 
 MOST_BLAMED = 10  # hits that a reason names
@@ -35,31 +35,29 @@ class Distrust:
     hits: tuple[int, ...]
 
 
-def undecided(levels: Sequence[Level], hits: NDArray[np.int64], pushed: Sequence[int]) -> Distrust | None:
+def undecided(level: Level, hits: NDArray[np.int64], pushed: Sequence[int]) -> Distrust | None:
     """Why a recording that no test calls mismatched cannot be called matched either; None if it can.
 
     Under the nominal scene a Bayes factor exceeds k with a probability of at most 1/k (Markov's inequality).
-    Evidence beyond that, for an effect that would matter, which signs of whole hits do not confirm, is
-    carried by a few hits.
+    Evidence beyond that, for an effect that would matter, which the spread from hit to hit does not
+    confirm, is carried by a few hits.
 
     Args:
-        levels: as for `distrust`, as are the others.
+        level: as for `distrust`, as are the others.
         hits: (n,) numbers of the hits that were fitted.
         pushed: numbers of hits that are no clean slides.
     """
-    for level in levels:
-        mismatch = level.mismatch
-        most = np.log(len(level.screen.log_evidence) / P_VALUE) + level.feigned
-        if mismatch.found or mismatch.log_evidence <= most or mismatch.shift_m < LEAST_SHIFT:
-            continue
-        blamed = _blamed(level.nominal.fit, level, hits, pushed)
-        return Distrust(
-            f"the best description of what is left gains {mismatch.log_evidence:.0f} nats, which is no "
-            f"chance, but signs of whole hits do not confirm it (p = {mismatch.p_value:.2g}): a few hits "
-            f"carry it; record more hits, with repeats, and {_remedy(blamed)}",
-            blamed,
-        )
-    return None
+    mismatch = level.mismatch
+    most = np.log(len(level.screen.log_evidence) / P_VALUE)
+    if mismatch.found or mismatch.log_evidence <= most or mismatch.shift_m < LEAST_SHIFT:
+        return None
+    blamed = _blamed(level.nominal.fit, level, hits, pushed)
+    return Distrust(
+        f"the best description of what is left gains {mismatch.log_evidence:.0f} nats, which is no chance, "
+        f"but the spread from hit to hit does not confirm it (p = {mismatch.p_value:.2g}): a few hits carry "
+        f"it; record more hits, with repeats, and {_remedy(blamed)}",
+        blamed,
+    )
 
 
 def headline_of(found: bool, named: bool, errors: Mapping[str, Errors]) -> Headline:
@@ -99,25 +97,24 @@ def settled(mismatch: Mismatch, headline: Headline) -> Mismatch:
     return replace(mismatch, found=True, decided_by="tests" if mismatch.found else "held-out hits")
 
 
-def distrust(levels: Sequence[Level], hits: NDArray[np.int64], pushed: Sequence[int]) -> Distrust | None:
+def distrust(level: Level, hits: NDArray[np.int64], pushed: Sequence[int]) -> Distrust | None:
     """Why the fits of a diagnosis cannot be trusted; None if they can.
 
     Args:
-        levels: of slides, and of launches or of rest points alone.
+        level: of the hits, or of rest points alone.
         hits: (n,) numbers of the hits that were fitted.
         pushed: numbers of those that a check of the recording found to be no clean slides.
     """
-    for level in levels:
-        for what, fit in (("the nominal scene", level.nominal.fit), ("what was found", level.final.fit)):
-            if not fit.converged:
-                return Distrust(
-                    f"the fit of {what} did not converge, so that nothing that rests on it can be said; "
-                    f"{_remedy(blamed := _blamed(fit, level, hits, pushed))}",
-                    blamed,
-                )
-    slides = levels[0].final.fit
-    if isinstance(slides.scatter, float) and slides.scatter >= FRICTION_SD[1]:
-        blamed = _blamed(slides, levels[0], hits, pushed)
+    for what, fit in (("the nominal scene", level.nominal.fit), ("what was found", level.final.fit)):
+        if not fit.converged:
+            return Distrust(
+                f"the fit of {what} did not converge, so that nothing that rests on it can be said; "
+                f"{_remedy(blamed := _blamed(fit, level, hits, pushed))}",
+                blamed,
+            )
+    final = level.final.fit
+    if isinstance(final.scatter, Scatter) and final.scatter.friction >= FRICTION_SD[1]:
+        blamed = _blamed(final, level, hits, pushed)
         return Distrust(
             f"friction would have to differ from hit to hit by {100 * FRICTION_SD[1]:.0f} % or more, which "
             "hides whatever else there is; record repeats of one command, keep object and surface as they "

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
+from slapshot.diagnosis.pucks.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.launch import LaunchModel
-from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.slide_model import Point
 from slapshot.diagnosis.pucks.told import told_launches
 from slapshot.diagnosis.pucks.tracks import RESTED_S, HitTracks
@@ -23,19 +23,6 @@ HELD_OUT = 0.25  # share of commands
 SEEN_SHARE = 0.35  # of a hit's frames, from which its launch is told
 RESAMPLES = 1000
 LIKELY, SURE = 0.9, 0.99  # probability of an interval, and of one that a headline rests on
-
-
-@dataclass(frozen=True)
-class FittedScene:
-    """A fitted scene that predicts.
-
-    Attributes:
-        slides: fit of the slides of other hits.
-        launches: fit of their launches; None where commands are not known.
-    """
-
-    slides: Fit
-    launches: Fit | None = None
 
 
 @dataclass(frozen=True)
@@ -70,22 +57,21 @@ def split_hits(tracks: HitTracks, rng: np.random.Generator) -> tuple[NDArray[np.
     return np.flatnonzero(~mask), np.flatnonzero(mask)
 
 
-def predict_held_out(fitter: SlideFitter, scene: FittedScene, model: LaunchModel | None = None) -> HeldOut:
-    """Errors of a scene on the hits of `fitter`; `model` is that of their launches."""
-    valid, fit = fitter.valid, scene.slides
+def predict_held_out(fitter: HitFitter, fit: Fit) -> HeldOut:
+    """Errors of a fit of other hits on those of `fitter`."""
+    valid = fitter.valid
     shown = first_frames(valid)
-    point, covariance = told_launches(fitter, fit, shown)
+    point, covariance, _ = told_launches(fitter, fit, shown)
     predicted, by_latent = fitter.model.by_latents(point)
     ahead = valid & ~shown
     square = ((fitter.model.tracks.places - predicted) ** 2).sum(-1)
     spread = np.einsum("nfdu,nuv,nfdv->nf", by_latent, covariance, by_latent) + 2 * fitter.frame_sd**2
     rows, last = np.arange(len(valid)), valid.sum(1) - 1
     number = np.maximum(ahead.sum(1), 1)
-    full, _ = told_launches(fitter, fit, valid)
-    marginal = fitter.evaluate(full, [], fit.scatter)
+    _, _, marginal = told_launches(fitter, fit)
     from_command: tuple[Array, Array] | tuple[None, None] = (None, None)
-    if model is not None and scene.launches is not None:
-        from_command = _from_command(fitter, fit, model, scene.launches)
+    if isinstance(fitter.launches, LaunchModel):
+        from_command = _from_command(fitter, fit, fitter.launches)
     return HeldOut(
         track_square=(square * ahead).sum(1) / number,
         expected_track=(spread * ahead).sum(1) / number,
@@ -105,13 +91,12 @@ def first_frames(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return valid & (np.arange(valid.shape[1]) < shown)
 
 
-def _from_command(fitter: SlideFitter, fit: Fit, model: LaunchModel, launches: Fit) -> tuple[Array, Array]:
+def _from_command(fitter: HitFitter, fit: Fit, launches: LaunchModel) -> tuple[Array, Array]:
     """(n,) m^2 of the last frame, and what the scatter of launches, of friction and frames make of it."""
-    given = model.given(fit.point.effects, fit.point.nuisance)
-    mean, covariance = given.predicted(launches.point.effects, launches.scatter)
+    mean, covariance = launches.predicted(fit.point, fit.scatter.launch)
     latents = np.column_stack([mean, np.zeros(len(mean))])
     spread = np.zeros((len(mean), 6, 6))
-    spread[:, :5, :5], spread[:, 5, 5] = covariance, fit.scatter**2
+    spread[:, :5, :5], spread[:, 5, 5] = covariance, fit.scatter.friction**2
     tracks, last = fitter.model.tracks, fitter.valid.sum(1) - 1
     seen = tracks.places[np.arange(len(last)), last]
     # Long after every hit has come to rest, also those that should have gone farther.
@@ -161,24 +146,18 @@ def noise_floor(held: HeldOut, reference: Array, rng: np.random.Generator) -> Er
 
 
 def errors_of_scenes(
-    test: SlideFitter,
-    nominal: FittedScene,
-    final: FittedScene,
+    test: HitFitter,
+    nominal: Fit,
+    final: Fit,
     friction: tuple[float, float, float],
-    model: LaunchModel | None,
     rng: np.random.Generator,
 ) -> dict[str, Errors]:
     """Of the nominal scene as believed and refitted, of the final one, and what noise leaves of that."""
-    fit = nominal.slides
-    mu = np.tile(np.log(friction), (len(fit.point.nuisance), 1))
-    believed = FittedScene(replace(fit, point=Point(fit.point.latents, mu)), nominal.launches)
-    refitted = predict_held_out(test, nominal, model)
-    augmented = refitted if final is nominal else predict_held_out(test, final, model)
-    scenes = {
-        "nominal": predict_held_out(test, believed, model),
-        "refitted": refitted,
-        "augmented": augmented,
-    }
+    mu = np.tile(np.log(friction), (len(nominal.point.nuisance), 1))
+    believed = replace(nominal, point=Point(nominal.point.latents, mu))
+    refitted = predict_held_out(test, nominal)
+    augmented = refitted if final is nominal else predict_held_out(test, final)
+    scenes = {"nominal": predict_held_out(test, believed), "refitted": refitted, "augmented": augmented}
     found = {name: errors_of(held, refitted.loglik, rng) for name, held in scenes.items()}
     return found | {"noise_floor": noise_floor(augmented, refitted.loglik, rng)}
 

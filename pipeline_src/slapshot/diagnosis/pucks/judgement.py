@@ -1,7 +1,6 @@
 """From fits and evidence to sentences of a verdict: what is found, named, located, limited."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -37,12 +36,6 @@ def mismatch_of(screen: Screen, p_value: float, evidence: float, shift: float) -
     return Mismatch(
         found, "tests" if found else None, screen.p_value, screen.log_evidence[best], screen.shift[best]
     )
-
-
-def strongest(mismatches: Sequence[Mismatch]) -> Mismatch:
-    """The one that is found, with the smallest p-value and the most evidence; p-values are of all tests."""
-    first = min(mismatches, key=lambda m: (not m.found, m.p_value, -m.log_evidence))
-    return replace(first, p_value=min(1.0, len(mismatches) * first.p_value))
 
 
 def found_effects(search: Search[Any], final: Candidate) -> tuple[NamedEffect, ...]:

@@ -8,25 +8,30 @@ they see.
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.camera_view import camera_shift, start_shift
+from slapshot.diagnosis.pucks.camera_view import start_shift
 from slapshot.diagnosis.pucks.encoders import Encoders, each, value_at
 from slapshot.diagnosis.pucks.execution import Execution, Readings, pace_matrix
 from slapshot.diagnosis.pucks.free_form import launch_features
-from slapshot.diagnosis.pucks.on_the_way import shift_on_the_way
+from slapshot.diagnosis.pucks.launch_prior import LAUNCH, SPIN
+from slapshot.diagnosis.pucks.on_the_way import OnTheWay
 from slapshot.diagnosis.pucks.signatures import LOOK, Signatures
-from slapshot.diagnosis.pucks.slide_model import Column, Values
+from slapshot.diagnosis.pucks.slide_model import NUISANCE, NUISANCE_STEPS, Column, Point, Values
 from slapshot.effects.effect import Effect
 
 LEAST_SD = np.array([5e-4, 5e-4, 5e-3, 5e-3, 0.1])  # m, m/s, rad/s: contact is no better known than that
-FIRST_SD = np.array([0.02, 0.02, 0.15, 0.15, 2.0])
+EXPECTATIONS = 10  # steps of expectation maximisation within one of Gauss and Newton
 CONTACT = 0.01  # s for which a striker pushes
 TAILS = 6.0  # degrees of freedom of a launch: some hits go wrong
+SIMULATED_SPIN_SD = 0.6  # rad/s: three times by which a simulation of the hit errs
+FIRST_SD = np.array([0.02, 0.02, 0.15, 0.15, SIMULATED_SPIN_SD])
 
 
 class LaunchModel:
@@ -69,14 +74,13 @@ class LaunchModel:
             base: effects with which hits were simulated; None for the nominal scene.
             reference: execution whose scatter is taken for known; None to estimate it.
         """
-        # Whose mark on what the camera reports measured launches still bear.
-        self._seen = frozenset(name for name, effect in effects.items() if effect.acts_on_camera)
         self._effects, self._camera, self._starts = effects, camera, starts
         self._starts_seen = starts_seen[:, None]
         self._simulated, self._object, self._friction = simulated, objects, friction
         ahead = releases - signatures.contact[rows] - LOOK
         struck = np.where(np.isnan(contact), releases, contact)
-        self._free, self._order = np.maximum(releases - struck - CONTACT, 0.0), order
+        free = np.maximum(releases - struck - CONTACT, 0.0)
+        self._way = OnTheWay(simulated, free, order, friction)
         carry = np.tile(np.eye(5), (len(rows), 1, 1))
         carry[:, 0, 2] = carry[:, 1, 3] = ahead
         self._by_start = np.einsum("nij,njk->nik", carry, signatures.by_start[rows])
@@ -89,6 +93,7 @@ class LaunchModel:
         if readings is not None:
             changes = self._correct(signatures, rows, readings, by_joints, changes, reference)
         self._changes = {n: PchipInterpolator(signatures.values[n], c) for n, c in changes.items()}
+        # Hits were simulated with the objects where they really lay.
         for name, values in (base or {}).items():
             self.mean -= np.einsum("nij,nj->ni", self._by_start, self._start_shift(name, values))
         for name, value in each(base or {}):
@@ -143,6 +148,12 @@ class LaunchModel:
         )
         return changes
 
+    def without_encoders(self) -> "LaunchModel":
+        """The same launches, of hits whose swing nobody read."""
+        other = copy(self)
+        other.encoders = None
+        return other
+
     def sizes(self, name: str) -> list[Values]:
         """Values at which an effect was simulated, but for the neutral ones."""
         neutral = self._effects[name].neutral()
@@ -154,47 +165,76 @@ class LaunchModel:
             if value != neutral[parameter]
         ]
 
-    def means(self, effects: Mapping[str, Values]) -> Array:
-        """(n, 5) under effects."""
+    first_scatter = np.diag(FIRST_SD**2)
+
+    @property
+    def rows(self) -> int:
+        """Of the encoders; a launch is told by its prior as well as it is fitted."""
+        return 0 if self.encoders is None else self.encoders.white.shape[1]
+
+    def offsets(self, point: Point) -> Array:
+        """(n, 5) means less launches at a point."""
+        return self.means(point) - point.latents[:, :LAUNCH]
+
+    def simulated_spin(self, point: Point) -> tuple[Array, float]:
+        """(n,) rad/s, and its sd."""
+        return self.means(point)[:, SPIN], SIMULATED_SPIN_SD
+
+    def misfit(self, point: Point, measured: Array, noise: Array, scatter: Array) -> float:
+        """-2 log likelihood of launches (n, 5) that were measured with covariance (n, 5, 5)."""
+        whole = self._whole(scatter) + noise
+        offset = measured - self.means(point)
+        information = np.asarray(np.linalg.inv(whole), float)
+        distance = np.einsum("ni,nij,nj->n", offset, information, offset)
+        total = float(((TAILS + LAUNCH) * np.log1p(distance / TAILS)).sum())
+        read = self.encoder_rows([], point)
+        return total if read is None else total + float((read[0] ** 2).sum())
+
+    def means(self, point: Point) -> Array:
+        """(n, 5) under the effects and the friction of a point."""
         mean = self.mean.copy()
-        for name, value in each(effects):
+        for name, value in each(point.effects):
             if name in self._changes:
                 mean += value_at(self._changes[name], value)
-        for owner, values in effects.items():
+        for owner, values in point.effects.items():
             mean += self._known_shift(owner, values)
             mean += np.einsum("nij,nj->ni", self._by_start, self._start_shift(owner, values))
-        return mean
+        return mean + self._on_the_way(point)
 
-    def given(self, effects: Mapping[str, Values], log_friction: Array) -> "LaunchModel":
-        """The model under what slides were found to lack.
-
-        Args:
-            effects: whose mark on what the camera reports of a launch is corrected for.
-            log_friction: (objects, 3) of mu_x, mu_y and torsional friction in m.
-        """
-        other = copy(self)
-        other._seen = self._seen - effects.keys()
-        other.mean = other.means(effects) + self._on_the_way(effects, np.exp(log_friction)[self._object])
-        return other
-
-    def _on_the_way(self, effects: Mapping[str, Values], friction: Array) -> Array:
+    def _on_the_way(self, point: Point) -> Array:
         """(n, 5) by which the slide changes a launch between striker and release."""
-        sliding = [(self._effects[n], v) for n, v in effects.items() if self._effects[n].acts_on_slide]
-        both = self._friction, friction
-        return shift_on_the_way(sliding, self._simulated, self._free, self._order, both)
+        # What changes the scene's model was simulated on the way as well.
+        sliding = [
+            (self._effects[n], v)
+            for n, v in point.effects.items()
+            if self._effects[n].acts_on_slide and not self._effects[n].acts_on_launch
+        ]
+        by_friction = self._by_friction * (point.nuisance[self._object] - np.log(self._friction))[:, None]
+        shift = by_friction.sum(-1)
+        return shift + self._way.shift(sliding, self._friction) if sliding else shift
 
-    def predicted(self, effects: Mapping[str, Values], scatter: Array) -> tuple[Array, Array]:
-        """Means (n, 5) under effects, and their covariance (n, 5, 5) for a scatter (5, 5)."""
-        return self.means(effects), self._whole(scatter)
+    @cached_property
+    def _by_friction(self) -> Array:
+        """(n, 5, 3) of the means by the logarithms of friction: the way is short."""
+        steps = NUISANCE_STEPS * np.eye(len(NUISANCE_STEPS))
+        shifts = [self._way.shift([], self._friction * np.exp(step)) for step in steps]
+        return np.stack(shifts, axis=-1) / NUISANCE_STEPS
 
-    def slopes(self, columns: Sequence[Column], effects: Mapping[str, Values]) -> Array:
+    def predicted(self, point: Point, scatter: Array) -> tuple[Array, Array]:
+        """Means (n, 5) at a point, and their covariance (n, 5, 5) for a scatter (5, 5)."""
+        return self.means(point), self._whole(scatter)
+
+    def slopes(self, columns: Sequence[Column], point: Point) -> Array:
         """(n, 5, p) of the means by columns."""
         slopes = np.zeros((*self.mean.shape, len(columns)))
+        on_the_way = self._on_the_way(point)
         for c, column in enumerate(columns):
-            # Neither friction nor a description of the slide alone changes how objects are launched.
-            if column.object >= 0 or column.owner not in self._effects:
+            if column.object >= 0:
+                mine = self._object == column.object
+                slopes[mine, :, c] = self._by_friction[mine, :, NUISANCE.index(column.parameter)]
                 continue
-            values = dict(effects.get(column.owner) or self._effects[column.owner].neutral())
+            effect = self._effects[column.owner]
+            values = dict(point.effects.get(column.owner) or effect.neutral())
             change = self._changes.get(f"{column.owner}/{column.parameter}")
             if change is not None:
                 step = column.step
@@ -205,18 +245,15 @@ class LaunchModel:
             slopes[..., c] += (self._known_shift(column.owner, values) - known) / column.step
             shift = (self._start_shift(column.owner, values) - base) / column.step
             slopes[..., c] += np.einsum("nij,nj->ni", self._by_start, shift)
+            if effect.acts_on_slide and not effect.acts_on_launch:
+                moved = self._on_the_way(replace(point, effects={**point.effects, column.owner: values}))
+                slopes[..., c] += (moved - on_the_way) / column.step
         return slopes
 
     def _known_shift(self, owner: str, values: Values) -> Array:
-        """(n, 5) change of the launch as it is seen, that needs no simulation."""
-        effect = self._effects[owner]
-        total = np.zeros_like(self.mean)
-        change = effect.shift_launch(values, self._simulated)
-        if change is not None:
-            total += np.einsum("nij,nj->ni", self._turn, change)
-        if owner in self._seen and effect.acts_on_camera:
-            total += camera_shift(effect, values, self._simulated, self._camera)
-        return total
+        """(n, 5) change of the launch that needs no simulation."""
+        change = self._effects[owner].shift_launch(values, self._simulated)
+        return np.zeros_like(self.mean) if change is None else np.einsum("nij,nj->ni", self._turn, change)
 
     def _start_shift(self, owner: str, values: Values) -> Array:
         shift = start_shift(self._effects[owner], values, self._starts, self._camera)
@@ -227,47 +264,57 @@ class LaunchModel:
         """How hits were executed; None without encoders."""
         return None if self.encoders is None else self.encoders.execution
 
-    def encoder_rows(
-        self, columns: Sequence[Column], effects: Mapping[str, Values]
-    ) -> tuple[Array, Array] | None:
+    def encoder_rows(self, columns: Sequence[Column], point: Point) -> tuple[Array, Array] | None:
         """Whitened residuals (n, rows) and their derivatives (n, rows, p); None without encoders."""
         if self.encoders is None:
             return None
-        neutral = {column.owner: self._effects[column.owner].neutral() for column in columns}
-        return self.encoders.rows(columns, effects, neutral)
+        neutral = {
+            column.owner: self._effects[column.owner].neutral() for column in columns if column.object < 0
+        }
+        return self.encoders.rows(columns, point.effects, neutral)
 
-    def roots(self, scatter: Array, offset: Array, noise: Array) -> tuple[Array, Array]:
-        """Square root information (n, 5, 5) and log determinants (n,) of launches about their means.
+    def roots(self, scatter: Array, measured: Array, noise: Array) -> tuple[Array, Array]:
+        """Square root information (n, 5, 5) of launches, and log determinants (n,) of their covariance.
 
         Args:
             scatter: (5, 5) in the frame of the heading.
-            offset: (n, 5) launch less mean, by which wild hits are given less weight.
-            noise: (n, 5, 5) covariance with which launches were measured.
+            measured: (n, 5) means less launches as slides tell them, by which wild hits weigh less.
+            noise: (n, 5, 5) covariance with which slides tell them.
         """
-        covariance = self._whole(scatter) + noise
+        covariance = self._whole(scatter)
+        weight = self._weight(measured, np.asarray(np.linalg.inv(covariance + noise), float))
         information = np.asarray(np.linalg.inv(covariance), float)
-        weight = self._weight(offset, information)
         root = np.linalg.cholesky(information).transpose(0, 2, 1) * np.sqrt(weight)[:, None, None]
-        return root, np.linalg.slogdet(covariance)[1] - 5 * np.log(weight)
+        return root, np.linalg.slogdet(covariance)[1] - LAUNCH * np.log(weight)
 
-    def scatter(self, offset: Array, noise: Array, before: Array) -> Array:
+    def scatter(self, point: Point, measured: Array, noise: Array, before: Array) -> Array:
         """Expectation maximisation: scatter (5, 5) of true launches in the frame of the heading.
 
         What is smooth in the command is left out: it is to be explained, and no scatter.
+
+        Args:
+            point: of the means.
+            measured: (n, 5) launches as slides alone tell them.
+            noise: (n, 5, 5) covariance of those.
+            before: (5, 5) of the step before.
         """
-        whole = self._whole(before)
-        information = np.asarray(np.linalg.inv(whole + noise), float)
-        gain = whole @ information
-        smooth = np.einsum("nij,nj->ni", self._turn.transpose(0, 2, 1), offset)
-        smooth = np.einsum("nij,nj->ni", self._turn, self._smooth @ (self._smooth.T @ smooth))
-        rough = offset - smooth
-        weight = self._weight(rough, information)
-        true = np.einsum("nij,nj->ni", gain, rough)
-        local = np.einsum("nji,nj->ni", self._turn, true)
-        left = self._turn.transpose(0, 2, 1) @ (whole - gain @ whole - self.spread) @ self._turn
-        total = np.einsum("n,ni,nj->ij", weight, local, local) + left.sum(0)
-        values, vectors = np.linalg.eigh((total + total.T) / (2 * (len(offset) - self._smooth.shape[1])))
-        return (vectors * np.maximum(values, 0)) @ vectors.T + np.diag(LEAST_SD**2)
+        smooth = np.einsum("nji,nj->ni", self._turn, measured - self.means(point))
+        rough = np.einsum("nij,nj->ni", self._turn, smooth - self._smooth @ (self._smooth.T @ smooth))
+        scatter = before
+        for _ in range(EXPECTATIONS):
+            whole = self._whole(scatter)
+            information = np.asarray(np.linalg.inv(whole + noise), float)
+            gain = whole @ information
+            weight = self._weight(rough, information)
+            local = np.einsum("nji,njk,nk->ni", self._turn, gain, rough)
+            left = self._turn.transpose(0, 2, 1) @ (whole - gain @ whole - self.spread) @ self._turn
+            total = np.einsum("n,ni,nj->ij", weight, local, local) + left.sum(0)
+            values, vectors = np.linalg.eigh((total + total.T) / (2 * (len(rough) - self._smooth.shape[1])))
+            scatter = (vectors * np.maximum(values, 0)) @ vectors.T + np.diag(LEAST_SD**2)
+            # Places hardly tell how fast a round object spins: of that the scatter is what is believed.
+            scatter[SPIN], scatter[:, SPIN] = 0.0, 0.0
+            scatter[SPIN, SPIN] = SIMULATED_SPIN_SD**2
+        return scatter
 
     def _whole(self, scatter: Array) -> Array:
         """(n, 5, 5) in the world, with what encoders leave open."""

@@ -1,6 +1,5 @@
-"""One level of a diagnosis: slides, or launches given the slides; whether and what each of them lacks."""
+"""Whether a recording's hits show that something is missing, and what."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,22 +9,20 @@ from slapshot.diagnosis.pucks.trial import dropped_note
 from slapshot.diagnosis.pucks.verdict import Mismatch, Unknown
 
 LEAST_SHIFT = 0.003  # m, rms of rest points: less is not called missing physics
-P_VALUE = 0.002  # of slides, and of launches: one of two tests
+P_VALUE = 0.004
 LEAST_EVIDENCE = 2.0  # nats
 LEFT_OPEN = 0.08  # of the evidence for what was named: less is how effects differ from what they stand for
-LEAK_OF_FIELDS = 0.1  # of the evidence for fields, which hold what they stand for only coarsely
 
 
 @dataclass(frozen=True)
 class Level:
-    """One part of a diagnosis: slides, or launches given the slides.
+    """What was made of the hits: of their tracks, or of rest points alone.
 
     Attributes:
         search: with its fitter and all that was refitted.
         nominal, final: fits without and with the effects that were found.
         screen, leftover: of all hypotheses at those fits.
-        mismatch: of this part.
-        feigned: nats that what is wrong with the level before may feign in this one.
+        mismatch: whether anything is missing.
     """
 
     search: Search[Any]
@@ -34,7 +31,6 @@ class Level:
     screen: Screen
     leftover: Screen
     mismatch: Mismatch
-    feigned: float = 0.0
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -48,16 +44,10 @@ class Level:
     @property
     def unknown(self) -> Unknown:
         """What the catalogue does not explain."""
-        least = max(ADD + CLASS, LEFT_OPEN * self.final.log_evidence) + self.feigned
+        least = max(ADD + CLASS, LEFT_OPEN * self.final.log_evidence)
         if not self.mismatch.found:
             least = float("inf")
         return unknown_of(self.search, self.leftover, least, LEAST_SHIFT, self.stretched)
-
-    @property
-    def leak(self) -> float:
-        """Nats that what is wrong with this level's explanation may feign in the next one."""
-        share = LEAK_OF_FIELDS if any(self.search.is_field(n) for n in self.final.effects) else LEFT
-        return share * self.final.log_evidence
 
     @property
     def stretched(self) -> bool:
@@ -68,25 +58,22 @@ class Level:
         return len(fields) > 1 and free > max(evidence[n] for n in fields) + CLASS
 
 
-def examine(search: Search[Any], before: "Level | None" = None) -> Level:
-    """Whether something is missing, and if so what; `before` is the level that this one stands on."""
+def examine(search: Search[Any]) -> Level:
+    """Whether something is missing, and if so what."""
     nominal = search.seen.get(()) or search.nominal()
     screen = search.screen(nominal, [*search.catalogue, *search.free])
-    feigned = before.leak if before else 0.0
-    mismatch = mismatch_of(screen, P_VALUE, LEAST_EVIDENCE + feigned, LEAST_SHIFT)
+    mismatch = mismatch_of(screen, P_VALUE, LEAST_EVIDENCE, LEAST_SHIFT)
     final, leftover = nominal, screen
     if mismatch.found:
-        final, leftover = _search(search, nominal, screen, feigned)
+        final, leftover = _search(search, nominal, screen)
         final = search.settle(final)
-    return Level(search, nominal, final, screen, leftover, mismatch, feigned)
+    return Level(search, nominal, final, screen, leftover, mismatch)
 
 
-def _search(
-    search: Search[Any], nominal: Candidate, screen: Screen, feigned: float
-) -> tuple[Candidate, Screen]:
+def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Candidate, Screen]:
     """Add effects while the recording asks for them, then delete what became superfluous."""
     best = search.grow(nominal, screen, search.catalogue)[0]
-    if best.log_evidence < LEAST_EVIDENCE + feigned:
+    if best.log_evidence < LEAST_EVIDENCE:
         return nominal, screen
     leftover = search.screen_beyond(best)
     while len(best.effects) < search.most:
@@ -95,7 +82,7 @@ def _search(
             break
         strongest = leftover.best(further)[0]
         # A screen is linear: what falls short of ADD by a class may still gain it in a refit.
-        least = max(ADD, LEFT * best.log_evidence) + feigned
+        least = max(ADD, LEFT * best.log_evidence)
         asked = leftover.log_evidence[strongest] > least - CLASS and leftover.p_value < P_VALUE
         if not asked or leftover.shift[strongest] < LEAST_SHIFT:
             break
@@ -107,13 +94,10 @@ def _search(
     return best, leftover
 
 
-def refuted_notes(tried: Sequence[Level], kept: Sequence[Level]) -> tuple[str, ...]:
+def refuted_note(tried: Level) -> str:
     """A line on what was tried as a name and does not hold."""
-    names = [name for a, b in zip(tried, kept, strict=True) for name in a.final.effects if a is not b]
-    if not names:
-        return ()
-    said = " with ".join(name.replace("_", " ") for name in names)
+    said = " with ".join(name.replace("_", " ") for name in tried.final.effects)
     return (
         f"{said} fitted best, but with it held-out hits are predicted worse than by the nominal scene: "
-        "it is not named",
+        "it is not named"
     )

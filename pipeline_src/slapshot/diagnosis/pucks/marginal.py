@@ -28,6 +28,8 @@ class Marginal:
         step: (n, u) change of the latents that is best at d = 0.
         covariance: (n, u, u) of the latents given the shared parameters.
         gain: (n, u, p) by which the best latents change with d.
+        told: launches (n, 5) as slides alone tell them, and their covariance (n, 5, 5); None where no slide
+            was seen.
     """
 
     information: Array
@@ -37,6 +39,7 @@ class Marginal:
     step: Array
     covariance: Array
     gain: Array
+    told: tuple[Array, Array] | None = None
 
 
 def marginalise(

@@ -7,11 +7,11 @@ import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
-from slapshot.diagnosis.pucks.launch_fit import LaunchFitter
+from slapshot.diagnosis.pucks.hit_fit import HitFitter, Scatter
+from slapshot.diagnosis.pucks.launch import LaunchModel
 from slapshot.diagnosis.pucks.level import Level
 from slapshot.diagnosis.pucks.result import Setting
 from slapshot.diagnosis.pucks.search import Candidate
-from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.slide_model import Point, SlideModel
 from slapshot.diagnosis.pucks.tracks import HitTracks
 from slapshot.diagnosis.pucks.verdict import NamedEffect, NextHit
@@ -36,7 +36,7 @@ def next_hits(level: Level, named: Sequence[NamedEffect], setting: Setting) -> t
     """The best hits to record next for the first effect that has rivals; none where none has.
 
     Args:
-        level: of slides, or of launches.
+        level: of the hits.
         named: effects of that level.
         setting: of the scene.
     """
@@ -45,13 +45,12 @@ def next_hits(level: Level, named: Sequence[NamedEffect], setting: Setting) -> t
     pair = [level.search.seen.get(tuple(sorted((*rest, name)))) for name in rivals]
     if len(pair) < 2 or pair[0] is None or pair[1] is None:
         return ()
-    fitter = level.final.fitter
-    if isinstance(fitter, LaunchFitter):
-        trials = _Trials(fitter.measured, fitter.hits.tolist())
-        nats = pair[0].fitter.parted(pair[0].fit, pair[1].fitter, pair[1].fit)
+    fitter, scatter = level.final.fitter, level.final.fit.scatter
+    if isinstance(fitter.launches, LaunchModel):
+        trials, nats = _recorded(fitter, (pair[0], pair[1]), scatter)
     else:
-        trials = _recorded(fitter, level.final.fit) if setting.scene is not None else _grid(fitter)
-        nats = _parted(fitter, trials.launches, (pair[0], pair[1]), level.final.fit.scatter, setting)
+        trials = _recorded_slides(fitter, level.final.fit) if setting.scene is not None else _grid(fitter)
+        nats = _parted(fitter, trials.launches, (pair[0], pair[1]), scatter, setting)
     return _best(trials, nats, (rivals[0], rivals[1]))
 
 
@@ -70,16 +69,16 @@ def _best(trials: _Trials, nats: Array, rivals: tuple[str, str]) -> tuple[NextHi
 
 
 def _parted(
-    fitter: SlideFitter,
+    fitter: HitFitter,
     launches: Array,
     pair: tuple[Candidate, Candidate],
-    scatter: float,
+    scatter: Scatter,
     setting: Setting,
 ) -> Array:
     """(m,) nats by which the track of a launch under the first rival speaks against the second."""
     tracks = _tracks_of(fitter.model.tracks, launches)
     model = SlideModel(tracks, fitter.effects, setting.radius, setting.camera)
-    trial = SlideFitter(model, fitter.noise)
+    trial = HitFitter(model, fitter.noise)
     nuisance = [candidate.fit.point.nuisance[:1] for candidate in pair]
     first = model.predict(Point(launches, nuisance[0], pair[0].fit.point.effects))
     trial.model.tracks = replace(tracks, places=first)
@@ -88,8 +87,26 @@ def _parted(
     return trial.evaluate(second, [], scatter).squares / 2
 
 
-def _recorded(fitter: SlideFitter, fit: Fit) -> _Trials:
-    """One hit of every command that was recorded."""
+def _recorded(
+    fitter: HitFitter, pair: tuple[Candidate, Candidate], scatter: Scatter
+) -> tuple[_Trials, Array]:
+    """One hit of every command that was recorded, and nats (m,) by which it would part the rivals."""
+    first, second = (candidate.fit.point for candidate in pair)
+    begins = [
+        np.column_stack([candidate.fitter.launches.means(point), np.zeros(len(point.latents))])
+        for candidate, point in zip(pair, (first, second), strict=True)
+    ]
+    trial = pair[1].fitter.about(pair[1].fitter.launches.without_encoders())
+    trial.model = fitter.model.of(
+        replace(fitter.model.tracks, places=fitter.model.predict(replace(first, latents=begins[0])))
+    )
+    nats = trial.evaluate(replace(second, latents=begins[1]), [], scatter).squares / 2
+    _, rows = np.unique(fitter.model.tracks.command, return_index=True)
+    return _Trials(begins[0][rows], fitter.model.tracks.hit[rows].tolist()), nats[rows]
+
+
+def _recorded_slides(fitter: HitFitter, fit: Fit) -> _Trials:
+    """The same where launches are not simulated."""
     tracks = fitter.model.tracks
     _, first = np.unique(tracks.command, return_index=True)
     launches = fit.point.latents[first].copy()
@@ -97,7 +114,7 @@ def _recorded(fitter: SlideFitter, fit: Fit) -> _Trials:
     return _Trials(launches, tracks.hit[first].tolist())
 
 
-def _grid(fitter: SlideFitter) -> _Trials:
+def _grid(fitter: HitFitter) -> _Trials:
     """Hits of all headings, speeds and spins from the usual start."""
     grid = np.array([(h, v, w) for h in HEADINGS for v in SPEEDS for w in SPINS])
     launches = np.zeros((len(grid), 6))

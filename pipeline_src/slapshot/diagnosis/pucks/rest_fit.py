@@ -15,7 +15,7 @@ from slapshot.diagnosis.pucks.free_form import launch_features
 from slapshot.diagnosis.pucks.gauss_newton import Fit, GaussNewton
 from slapshot.diagnosis.pucks.launch import TAILS, LaunchModel
 from slapshot.diagnosis.pucks.marginal import Marginal
-from slapshot.diagnosis.pucks.slide_model import STEP_SHARE, Column, Point, SlideModel, Values
+from slapshot.diagnosis.pucks.slide_model import STEP_SHARE, Column, Effects, Point, SlideModel, Values
 from slapshot.effects.effect import Effect
 
 LEAST_SHARE = 0.005  # of the distance: what rest points scatter by at least
@@ -37,7 +37,6 @@ class RestFitter(GaussNewton):
     """Fits rest points of n hits whose commands are known."""
 
     iterations = 30
-    first_scatter = FIRST_SHARE**2 * np.eye(2)
 
     def __init__(
         self, slides: SlideModel, launches: LaunchModel, effects: Mapping[str, Effect], friction: Array
@@ -53,14 +52,17 @@ class RestFitter(GaussNewton):
         super().__init__(effects)
         self._slides = slides
         self._nuisance = np.tile(np.log(friction), (len(slides.tracks.objects), 1))
-        # Launches as they are, not as a camera would see them: none did.
-        seen = {name: e.neutral() for name, e in effects.items() if e.acts_on_camera}
-        self._launches = launches.given(seen, self._nuisance)
+        self._launches = launches
         self.measured = slides.tracks.places[:, 0]
         smooth = launch_features(self._launches.mean)
         self._smooth = np.linalg.qr(smooth)[0] if len(smooth) > 3 * smooth.shape[1] else smooth[:, :0]
         ends = self._launches.mean[:, None, :2], self.measured[:, None]
         self._way = (ends[0] + WAY[:, None] * (ends[1] - ends[0])).reshape(-1, 2)
+
+    @property
+    def first_scatter(self) -> Array:
+        """(2, 2) over the distance, along the way and across it."""
+        return FIRST_SHARE**2 * np.eye(2)
 
     def start(self) -> Point:
         """The nominal scene."""
@@ -84,6 +86,10 @@ class RestFitter(GaussNewton):
     def starts(self, name: str) -> Sequence[Values]:
         """None: a screen's estimate is as good as rest points can tell."""
         return ()
+
+    def start_misfit(self, fit: Fit, values: Effects) -> float:
+        """No starts need it."""
+        return 0.0
 
     def freedom(self) -> Array:
         """(n,) two coordinates each."""
@@ -142,12 +148,12 @@ class RestFitter(GaussNewton):
         return total / (len(rough) - self._smooth.shape[1]) + LEAST_SHARE**2 * np.eye(2)
 
     def _predicted(self, point: Point, columns: Sequence[Column]) -> _Rests:
-        begin = self._launches.given(point.effects, point.nuisance).mean
+        begin = self._launches.means(point)
         latents = np.column_stack([begin, np.zeros(len(begin))])
         at = Point(latents, point.nuisance, point.effects)
         if columns:
             predicted, by_latent, by_column = self._slides.derivatives(at, columns)
-            slopes = by_column[:, 0] + by_latent[:, 0, :, :5] @ self._launches.slopes(columns, point.effects)
+            slopes = by_column[:, 0] + by_latent[:, 0, :, :5] @ self._launches.slopes(columns, point)
         else:
             predicted, slopes = self._slides.predict(at), np.zeros((len(begin), 2, 0))
         way = predicted[:, 0] - begin[:, :2]

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from slapshot.arrays import Array
+from slapshot.diagnosis.pucks.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.level import Level
 from slapshot.diagnosis.pucks.search import Candidate, Screen, Search
 from slapshot.diagnosis.pucks.signatures import Signatures
-from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.verdict import Verdict
 from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene
@@ -41,7 +41,6 @@ class Diagnosis:
         nominal, final: fits without and with the effects that were found.
         screen: of all hypotheses at the nominal fit.
         held_out: fitter of the held-out hits.
-        launches: the same for launches; None where commands are not known.
         rests: the same for rest points, of a recording that has nothing else; None otherwise.
         signatures: of the commands, given or made; None likewise.
         recording: where nothing could be told, to show its hits.
@@ -49,12 +48,11 @@ class Diagnosis:
     """
 
     verdict: Verdict
-    search: Search[SlideFitter] | None = None
+    search: Search[HitFitter] | None = None
     nominal: Candidate | None = None
     final: Candidate | None = None
     screen: Screen | None = None
-    held_out: SlideFitter | None = None
-    launches: Level | None = None
+    held_out: HitFitter | None = None
     rests: Level | None = None
     signatures: Signatures | None = None
     recording: Recording | None = None
@@ -62,6 +60,6 @@ class Diagnosis:
 
     def values(self) -> dict[str, dict[str, float]]:
         """Effect -> parameter -> value of all effects that were found."""
-        finals = [self.final, *(level.final for level in (self.launches, self.rests) if level is not None)]
-        fits = [final.fit for final in finals if final is not None]
-        return {name: dict(own) for fit in fits for name, own in fit.point.effects.items()}
+        final = self.rests.final if self.rests is not None else self.final
+        effects = {} if final is None else final.fit.point.effects
+        return {name: dict(own) for name, own in effects.items()}

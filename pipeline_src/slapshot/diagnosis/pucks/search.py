@@ -13,22 +13,24 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
+from slapshot.diagnosis.inference.mismatch_test import Scores, mismatch_test
 from slapshot.diagnosis.pucks.evidence import LARGEST, SIZES, LinearEvidence, project
 from slapshot.diagnosis.pucks.fitter import Fitter
-from slapshot.diagnosis.pucks.gauss_newton import Fit
-from slapshot.diagnosis.pucks.slide_model import Column
+from slapshot.diagnosis.pucks.gauss_newton import FIELD, Fit
+from slapshot.diagnosis.pucks.law_error import with_law_errors
+from slapshot.diagnosis.pucks.marginal import Marginal
+from slapshot.diagnosis.pucks.slide_model import Column, Effects, Values
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.text import reason_of
 
-Effects = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
 F = TypeVar("F", bound=Fitter)
 
 REFITTED = 4
 CLASS = 3.0  # nats: a factor of 20 in probability
 ADD = 4.0  # nats that a further effect must add
 MOST = 3
-FIELD = 4  # parameters; effects with more get a prior of the size that the recording asks for
-FLIPS = 4000
+DRAWS = 499  # of scores under the null hypothesis
+TESTED = 1.0  # information in units of the priors, of a direction that is tested
 RIVAL = 0.4  # share of the best one's gain with which another may still win once both are exact
 RIVALS = 3  # at most so many
 STAYED = 0.1  # of a parameter's scale
@@ -44,7 +46,7 @@ class Screen:
     Attributes:
         log_evidence: hypothesis -> nats over no further effect.
         shift: hypothesis -> rms shift of the tracks in m that its best values make, where it is largest.
-        p_value: of the largest, by sign flips of whole hits.
+        p_value: of the largest, see `inference.mismatch_test`.
         direction: hypothesis -> best change of its parameters.
     """
 
@@ -106,10 +108,9 @@ class Search(Generic[F]):
         fitter: of the recording's hits.
         catalogue: names of effects that may be named.
         free: names of free forms.
-        rng: of the sign flips.
+        rng: of draws under the null hypothesis.
         seen: every set of effects that was refitted.
         failed: hypotheses that could not be refitted -> why.
-        beside: log evidence for a fit, over that for the nominal one, in data that the fitter does not use.
         about: a fitter that is linear about a fit, where the first one is exact near the nominal scene only.
         refitted: best of a screen that are refitted.
         most: effects that are named together.
@@ -121,7 +122,6 @@ class Search(Generic[F]):
     rng: np.random.Generator
     seen: dict[tuple[str, ...], Candidate] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
-    beside: Callable[[Fit], float] = lambda fit: 0.0
     about: Callable[[Fit], F] | None = None
     refitted: int = REFITTED
     most: int = MOST
@@ -157,10 +157,6 @@ class Search(Generic[F]):
         # Where the model leaves more than noise, all evidence shrinks alike.
         inflation = max(1.0, at.fit.dispersion)
         total = projected.scores.sum(0) / inflation
-        flipped = self.rng.choice([-1.0, 1.0], (FLIPS, len(projected.scores))) @ projected.scores / inflation
-        # Fields fit what chance left in many ways; what has few parameters is judged apart from them.
-        largest = {field: np.full(FLIPS, -np.inf) for field in (False, True)}
-        best = {False: -np.inf, True: -np.inf}
         log_evidence, shift, direction = {}, {}, {}
         # Beyond what another friction would have done to the track.
         others_at = np.setdiff1d(np.arange(len(columns)), fixed)
@@ -174,13 +170,22 @@ class Search(Generic[F]):
                 self.fitter.sizes[name] = judge.best_size(total[mine])
             estimate = judge.estimate(total[None, mine], self.fitter.sizes.get(name, LARGEST))[0]
             direction[name] = {column.parameter: v for column, v in zip(own, estimate, strict=True)}
-            wide = len(mine) > FIELD
-            largest[wide] = np.maximum(largest[wide], judge.log_ratio(flipped[:, mine]))
-            best[wide] = max(best[wide], log_evidence[name])
             shift[name] = largest_shift(moved[..., mine] @ estimate)
-        chance = [(1 + (largest[wide] >= best[wide]).sum()) / (1 + FLIPS) for wide in (False, True)]
-        p_value = min(1.0, 2 * float(min(chance)))
-        return Screen(log_evidence, shift, p_value, direction)
+        return Screen(log_evidence, shift, self._p_value(at, columns, marginal, hypotheses), direction)
+
+    def _p_value(
+        self, at: Candidate, columns: Sequence[Column], marginal: Marginal, hypotheses: Sequence[str]
+    ) -> float:
+        """That scores are as large by chance, their spread between hits being what it is."""
+        _, precision = self.fitter.prior(columns)
+        nuisance = np.array([column.owner not in hypotheses for column in columns])
+        sd = 1 / np.sqrt(precision)
+        of = Scores(marginal.scores * sd, marginal.information * np.outer(sd, sd), sd, nuisance)
+        sliding = [n for n in self.catalogue if self._effects[n].acts_on_slide and not self.is_field(n)]
+        of = with_law_errors(of, columns, sliding, float(at.fit.point.nuisance[:, :2].mean()))
+        others = [column.owner for column in columns if column.owner in hypotheses]
+        groups = [np.flatnonzero(np.array([owner == name for owner in others])) for name in hypotheses]
+        return mismatch_test(of, [group for group in groups if len(group)], self.rng, DRAWS, TESTED).p_value
 
     def screen_beyond(self, at: Candidate) -> Screen:
         """Judge all other effects and all free forms beyond those of a fit."""
@@ -197,7 +202,7 @@ class Search(Generic[F]):
         key = tuple(sorted(names))
         if key in self.seen:
             return self.seen[key]
-        effects = {}
+        effects: dict[str, Values] = {}
         for name in key:
             values = dict(at.fit.point.effects.get(name, self._effects[name].neutral()))
             if name not in at.fit.point.effects and name in direction:
@@ -205,16 +210,18 @@ class Search(Generic[F]):
                     start = values[parameter.name] + float(direction[name].get(parameter.name, 0.0))
                     values[parameter.name] = float(np.clip(start, parameter.low, parameter.high))
             effects[name] = values
-        begins = [replace(at.fit.point, effects=effects)]
         for name in set(key) - set(at.effects):
-            begins += [replace(begins[0], effects={**effects, name: v}) for v in self.fitter.starts(name)]
-        if len(begins) > 1:
-            begins.sort(key=lambda begin: self.fitter.objective(begin, at.fit.scatter, key))
-        fit = self.fitter.fit(begins[0], at.fit.scatter, key)
-        evidence = self._log_evidence(key, fit) + self.beside(fit)
+            effects = min(
+                (effects, *({**effects, name: values} for values in self.fitter.starts(name))),
+                key=lambda begin: self.fitter.start_misfit(at.fit, begin),
+            )
+        fit = self.fitter.fit(replace(at.fit.point, effects=effects), at.fit.scatter, key)
+        evidence = self._log_evidence(key, fit)
         if not np.isfinite(evidence):
             raise ArithmeticError("its fit is not finite")
-        self.seen[key] = Candidate(key, fit, evidence, self.fitter, final=self.about is None)
+        # What begins with the slide leaves launches as they were simulated.
+        launched = any(self._effects[n].acts_on_launch or self._effects[n].acts_on_camera for n in key)
+        self.seen[key] = Candidate(key, fit, evidence, self.fitter, final=self.about is None or not launched)
         return self.seen[key]
 
     def finish(self, candidate: Candidate) -> Candidate:
@@ -229,7 +236,7 @@ class Search(Generic[F]):
             fit = fitter.fit(fit.point, fit.scatter, candidate.effects)
             if self._stayed(before, fit.point.effects):
                 break
-        evidence = self._log_evidence(candidate.effects, fit) + self.beside(fit)
+        evidence = self._log_evidence(candidate.effects, fit)
         self.seen[candidate.effects] = Candidate(candidate.effects, fit, evidence, fitter)
         return self.seen[candidate.effects]
 
@@ -243,10 +250,9 @@ class Search(Generic[F]):
 
     def grow(self, at: Candidate, screen: Screen, hypotheses: Sequence[str]) -> list[Candidate]:
         """Refits of the best hypotheses of a screen added to a fit, best first."""
-        best = screen.best(hypotheses)[: self.refitted]
-        best = [n for n in best if screen.log_evidence[n] > screen.log_evidence[best[0]] - 8 * CLASS]
-        # A screen is blind to what is not linear; where refits cost little, all are tried.
-        best += [n for n in hypotheses if n not in best and self.fitter.starts(n)]
+        promise = {n: max(screen.log_evidence[n], self._start_gain(at, n)) for n in hypotheses}
+        best = sorted(hypotheses, key=lambda name: -promise[name])[: self.refitted]
+        best = [n for n in best if promise[n] > promise[best[0]] - max(8 * CLASS, RIVAL * promise[best[0]])]
         found = [c for name in best if (c := self._tried(at, name, screen.direction)) is not None]
         if not found:
             return [at]
@@ -255,6 +261,15 @@ class Search(Generic[F]):
         found.sort(key=lambda c: -c.log_evidence)
         found = [self.finish(c) if c.log_evidence > least and i < RIVALS else c for i, c in enumerate(found)]
         return sorted(found, key=lambda c: (not c.final, -c.log_evidence))
+
+    def _start_gain(self, at: Candidate, name: str) -> float:
+        """Nats that the best start of an effect promises, to which a linear screen is blind."""
+        starts = self.fitter.starts(name)
+        if not starts:
+            return -np.inf
+        here = at.fit.point.effects
+        least = min(self.fitter.start_misfit(at.fit, {**here, name: values}) for values in starts)
+        return (self.fitter.start_misfit(at.fit, here) - least) / 2 - CLASS
 
     def _tried(
         self, at: Candidate, name: str, direction: Mapping[str, Mapping[str, float]]

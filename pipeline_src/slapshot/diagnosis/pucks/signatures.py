@@ -27,7 +27,7 @@ from slapshot.scenes.scene import Scene
 from slapshot.text import reason_of
 
 LOOK = (
-    0.05  # s after first contact at which launches are compared: contact is over, friction has hardly acted
+    0.05  # s after an object is struck at which launches are compared: contact is over, friction hardly acted
 )
 READ_EVERY = 0.01  # s
 ONE_SIDED = (0.25, 0.75, 1.5, 3.0, 6.0)  # sizes in scales of the parameter
@@ -216,7 +216,7 @@ def make_signatures(
         if effect.name in dropped:
             continue
         try:
-            struck = simulate.strike(start, [(effect, {**effect.neutral(), parameter.name: value})])
+            struck = simulate.strike(start, [(effect, {**effect.neutral(), parameter.name: value})], contact)
         except (Exception, SystemExit) as error:  # an effect may be anybody's code
             dropped[effect.name] = reason_of(error)
             continue

@@ -14,6 +14,7 @@ from slapshot.effects.effect import Effect
 from slapshot.effects.slide_law import ActiveEffect, slide
 
 Values = Mapping[str, float]
+Effects = Mapping[str, Values]  # effect -> parameter -> value
 
 # Columns of a hit's own unknowns: x, y (m), vx, vy (m/s), spin (rad/s) at release, log friction factor.
 LATENTS = ("x", "y", "vx", "vy", "spin", "log_friction")
@@ -37,7 +38,7 @@ class Point:
 
     latents: Array
     nuisance: Array
-    effects: Mapping[str, Values] = field(default_factory=dict)
+    effects: Effects = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -182,10 +183,12 @@ class SlideModel:
                 times = times.copy()
                 times[rows] -= delay[:, None]
         places = tracks.at(times)
-        before = times < 0
-        if before.any():
-            back = np.minimum(times, 0.0)[..., None] * launches[:, None, 3:5]
-            places = places + np.where(before[..., None], back, 0.0)
+        back = np.minimum(times, 0.0)[..., None]
+        if (back < 0).any():
+            # A late camera shows what was before the release; the object was faster then.
+            first = tracks.places[:, :3]
+            slowing = (first[:, 2] - 2 * first[:, 1] + first[:, 0]) / (tracks.times[1] - tracks.times[0]) ** 2
+            places = places + back * launches[:, None, 3:5] + back**2 / 2 * slowing[:, None]
         for name, (rows, v) in values.items():
             if self.effects[name].acts_on_camera:
                 places[rows] = self.effects[name].see(v, places[rows], self.camera)

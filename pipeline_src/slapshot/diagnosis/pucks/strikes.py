@@ -12,7 +12,7 @@ import numpy as np
 from mujoco.batch import Batch
 from scipy.interpolate import CubicSpline
 
-from slapshot.arrays import Array
+from slapshot.arrays import GRAVITY, Array
 from slapshot.diagnosis.pucks.tracks import HitTracks
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording, joint_columns
@@ -74,6 +74,18 @@ def commands_through(rows: Sequence[Array], scene: Scene, until: float) -> Comma
     return Commands(positions, positions + info.servo_time * speeds, info.control_period)
 
 
+def _told_at(launches: Array, later: Array, slowing: Array) -> Array:
+    """Launches (n, 5) as they would have been `later` (n,) s, slowed by (n,) m/s^2 along their way."""
+    told = launches.copy()
+    speed = np.maximum(np.linalg.norm(launches[:, 2:4], axis=1), 1e-9)
+    # Only while it moves: an object that was not struck stays where it is.
+    moving = speed > slowing * np.maximum(later, 0.0)
+    change = np.where(moving, -slowing * later / speed, 0.0)[:, None] * launches[:, 2:4]
+    told[:, :2] += np.where(moving, later, 0.0)[:, None] * (launches[:, 2:4] + change / 2)
+    told[:, 2:4] += change
+    return told
+
+
 class Striker:
     """Simulates the hits of a recording on a scene, as it is or with effects."""
 
@@ -101,8 +113,21 @@ class Striker:
         self._scene, self._commands, self._releases = scene, commands, releases
         self._mass, self._friction, self._readings, self._threads = mass, friction, readings, threads
 
-    def strike(self, starts: Array, effects: Sequence[tuple[Effect, Mapping[str, float]]] = ()) -> Strikes:
-        """Simulate with the object at `starts` (n, 2) in m."""
+    def strike(
+        self,
+        starts: Array,
+        effects: Sequence[tuple[Effect, Mapping[str, float]]] = (),
+        struck_at: Array | None = None,
+    ) -> Strikes:
+        """Simulate with the object at `starts` (n, 2) in m.
+
+        Args:
+            starts: where objects lie.
+            effects: with their values.
+            struck_at: (n,) s at which objects are struck without effects. An object that is struck at another
+                moment is looked at as much later or earlier, and the launch is told as it would have been at
+                the release if nothing but friction had acted in between; None to look at the release.
+        """
         spec = mujoco.MjSpec.from_string(self._scene.xml)
         targets = self._commands.targets
         for effect, values in effects:
@@ -111,7 +136,7 @@ class Striker:
             targets = np.stack(changed)
         model = spec.compile()
         model.opt.timestep = TIMESTEP
-        return self._run(model, targets, starts, self._commands.positions[:, 0])
+        return self._run(model, targets, starts, self._commands.positions[:, 0], struck_at)
 
     def strike_displaced(self, starts: Array, offset: Array, slope: Array, contact: Array) -> Strikes:
         """Simulate with all joints moved by offset + slope (t - contact), offset (joints,) in rad."""
@@ -122,7 +147,14 @@ class Striker:
         targets = self._commands.targets + moved + self._scene.info.servo_time * slope
         return self._run(model, targets, starts, self._commands.positions[:, 0] + moved[:, 0])
 
-    def _run(self, model: mujoco.MjModel, targets: Array, starts: Array, poses: Array) -> Strikes:
+    def _run(
+        self,
+        model: mujoco.MjModel,
+        targets: Array,
+        starts: Array,
+        poses: Array,
+        struck_at: Array | None = None,
+    ) -> Strikes:
         info, count = self._scene.info, len(targets)
         arm_q = np.array([model.joint(j).qposadr[0] for j in info.joints])
         object_q = np.array([model.joint(j).qposadr[0] for j in info.object_joints])
@@ -137,7 +169,13 @@ class Striker:
         qpos[:, arm_q] = poses
         qpos[:, object_q[:2]] = starts - start
         substeps = round(info.control_period / model.opt.timestep)
-        ticks = np.ceil(self._releases / info.control_period).astype(int)
+        releases = self._releases.copy()
+        ticks = np.ceil(releases / info.control_period).astype(int)
+        # As long as it was not struck, an object may be struck any moment until commands end.
+        end = (targets.shape[1] - 1) * info.control_period
+        waits = None if struck_at is None else np.minimum(releases - struck_at, end)
+        if waits is not None:
+            ticks = np.full(count, targets.shape[1] - 1)
         rows = np.round(self._readings / info.control_period).astype(int)
         joints = np.zeros((count, len(rows), len(arm_q)))
         released, contact = np.zeros((count, 5)), np.full(count, np.nan)
@@ -150,10 +188,14 @@ class Striker:
                 joints[:, reading[tick]] = qpos[:, arm_q]
             state = np.concatenate([qpos[:, object_q[planar]], qvel[:, object_v[planar]]], axis=1)
             moving = np.hypot(state[:, 3], state[:, 4]) > 0.05
-            contact = np.where(np.isnan(contact) & moving, tick * info.control_period, contact)
+            fresh = np.isnan(contact) & moving
+            contact = np.where(fresh, tick * info.control_period, contact)
+            if waits is not None and fresh.any():
+                releases = np.where(fresh, np.minimum(contact + waits, end), releases)
+                ticks = np.where(fresh, np.ceil(releases / info.control_period).astype(int), ticks)
             now = np.flatnonzero(ticks == tick)
             if len(now):
-                share = (self._releases[now] / info.control_period - (tick - 1))[:, None]
+                share = (releases[now] / info.control_period - (tick - 1))[:, None]
                 at = (1 - share) * before[now] + share * state[now]
                 released[now] = at[:, [0, 1, 3, 4, 5]]
                 released[now, :2] += start
@@ -163,6 +205,9 @@ class Striker:
             ctrl[:, : len(arm_q)] = targets[:, min(tick, targets.shape[1] - 1)]
             running = ids[(ticks > tick)] if tick > rows.max(initial=0) else ids
             batch.step(ids=running, nstep=substeps)
+        if waits is not None:
+            mu = self._friction[:, :2].mean(1)
+            released = _told_at(released, self._releases - releases, GRAVITY * mu)
         return Strikes(released, joints, contact)
 
     def _dress(self, batch: Batch, model: mujoco.MjModel) -> None:

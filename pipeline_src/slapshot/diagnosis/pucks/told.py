@@ -1,4 +1,4 @@
-"""Launches told from some of the frames of each hit, the law of the slide being given."""
+"""Launches of hits that took no part in a fit, the laws that were fitted being given."""
 
 from dataclasses import replace
 
@@ -7,19 +7,27 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
-from slapshot.diagnosis.pucks.slide_fit import SlideFitter, bounded_step
+from slapshot.diagnosis.pucks.hit_fit import HitFitter, bounded_step
+from slapshot.diagnosis.pucks.marginal import Marginal
 from slapshot.diagnosis.pucks.slide_model import Point
 
 STEPS = 6  # of Gauss-Newton
 
 
-def told_launches(fitter: SlideFitter, fit: Fit, shown: NDArray[np.bool_]) -> tuple[Point, Array]:
-    """Latents from the frames shown, shared parameters held, and their covariance (n, 6, 6)."""
-    start = fitter.start()
-    point = Point(start.latents, fit.point.nuisance, fit.point.effects)
-    covariance = np.empty(0)
+def told_launches(
+    fitter: HitFitter, fit: Fit, shown: NDArray[np.bool_] | None = None
+) -> tuple[Point, Array, Marginal]:
+    """Latents with shared parameters held, their covariance (n, 6, 6), and the hits at the step before.
+
+    Args:
+        fitter: of the hits.
+        fit: of others.
+        shown: (n, frames) that tell launches by themselves; None for all frames and the commands.
+    """
+    point = Point(fitter.start().latents, fit.point.nuisance, fit.point.effects)
+    if shown is not None:
+        fitter = fitter.slides_alone(point, shown)
     for _ in range(STEPS):
-        marginal = fitter.evaluate(point, [], fit.scatter, shown)
+        marginal = fitter.evaluate(point, [], fit.scatter)
         point = replace(point, latents=bounded_step(point.latents, marginal.step))
-        covariance = marginal.covariance
-    return point, covariance
+    return point, marginal.covariance, marginal

@@ -35,7 +35,8 @@ class Mismatch:
         found: the verdict: by the test below, or because held-out hits are predicted worse than noise alone
             would.
         decided_by: which of both it was, tests first; None where nothing is found.
-        p_value: of the largest evidence, by sign flips of whole hits.
+        p_value: that what the hits say for any hypothesis is as large by chance, errors of the nominal laws
+            included.
         log_evidence: nats of the best hypothesis over the nominal scene.
         shift_m: rms shift of tracks by it where it is largest, beyond what another friction would do.
     """

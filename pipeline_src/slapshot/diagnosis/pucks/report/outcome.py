@@ -7,12 +7,13 @@ from typing import Any
 import pandas as pd
 
 from slapshot.arrays import Array
+from slapshot.diagnosis.pucks.hit_fit import HitFitter
+from slapshot.diagnosis.pucks.launch import LaunchModel
 from slapshot.diagnosis.pucks.level import Level
 from slapshot.diagnosis.pucks.report.predictions import Predicted, predict
 from slapshot.diagnosis.pucks.report.residuals import arrow_table
 from slapshot.diagnosis.pucks.result import Diagnosis
 from slapshot.diagnosis.pucks.search import Candidate, Screen, Search
-from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.diagnosis.pucks.verdict import Verdict
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
@@ -37,10 +38,10 @@ class Launches:
 
 @dataclass(frozen=True)
 class Part:
-    """Hypotheses about one part of a hit, and what was made of them.
+    """Hypotheses about hits, and what was made of them.
 
     Attributes:
-        name: slide or launch.
+        name: hit, or rest point.
         search: with all that was refitted.
         final: with the effects that were found.
         screen: of all hypotheses at the nominal fit.
@@ -54,19 +55,14 @@ class Part:
 
 @dataclass(frozen=True)
 class Outcome:
-    """As `Diagnosis`, nothing of it absent.
-
-    Attributes:
-        launch_level: of launches, where commands are known.
-    """
+    """As `Diagnosis`, nothing of it absent."""
 
     verdict: Verdict
-    search: Search[SlideFitter]
+    search: Search[HitFitter]
     nominal: Candidate
     final: Candidate
     screen: Screen
-    held_out: SlideFitter
-    launch_level: Level | None = None
+    held_out: HitFitter
 
     @classmethod
     def of(cls, diagnosis: Diagnosis) -> "Outcome | None":
@@ -74,10 +70,10 @@ class Outcome:
         d = diagnosis
         if not (d.search and d.nominal and d.final and d.screen and d.held_out):
             return None
-        return cls(d.verdict, d.search, d.nominal, d.final, d.screen, d.held_out, d.launches)
+        return cls(d.verdict, d.search, d.nominal, d.final, d.screen, d.held_out)
 
     @property
-    def fitter(self) -> SlideFitter:
+    def fitter(self) -> HitFitter:
         """Of the hits that took part in fitting."""
         return self.search.fitter
 
@@ -88,24 +84,22 @@ class Outcome:
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """Slides, and launches where commands are known."""
-        slides = Part("slide", self.search, self.final, self.screen)
-        level = self.launch_level
-        return (
-            (slides,) if level is None else (slides, Part("launch", level.search, level.final, level.screen))
-        )
+        """All of it."""
+        return (Part("hit", self.search, self.final, self.screen),)
 
     @cached_property
     def launches(self) -> Launches | None:
         """Of the hits that took part in fitting; None where commands are not known."""
-        if self.launch_level is None:
+        if not isinstance(self.fitter.launches, LaunchModel):
             return None
-        fitter, effects = self.launch_level.final.fitter, self.launch_level.final.fit.point.effects
+        told = self.final.fit.marginal.told
+        assert told is not None
+        augmented = self.final.fitter.launches.means(self.final.fit.point) if self.final.effects else None
         return Launches(
             order=self.fitter.model.tracks.order,
-            measured=fitter.measured,
-            nominal=fitter.launches.means({}),
-            augmented=fitter.launches.means(effects) if effects else None,
+            measured=told[0],
+            nominal=self.fitter.launches.means(self.nominal.fit.point),
+            augmented=augmented,
         )
 
     @cached_property
@@ -131,7 +125,7 @@ class Outcome:
         """Of the hits that took part in fitting."""
         return self._predict(self.fitter)
 
-    def _predict(self, fitter: SlideFitter) -> Predicted:
+    def _predict(self, fitter: HitFitter) -> Predicted:
         return predict(fitter, self.nominal.fit, self.final.fit if self.final.effects else None)
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.held_out import first_frames
-from slapshot.diagnosis.pucks.slide_fit import SlideFitter
+from slapshot.diagnosis.pucks.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.told import told_launches
 
 
@@ -55,7 +55,7 @@ class Predicted:
         return np.linalg.norm((places - self.recorded)[rows, self.last], axis=1)
 
 
-def predict(fitter: SlideFitter, nominal: Fit, augmented: Fit | None) -> Predicted:
+def predict(fitter: HitFitter, nominal: Fit, augmented: Fit | None) -> Predicted:
     """Predictions of the hits of a fitter by two fits, the second where effects were found."""
     tracks, valid = fitter.model.tracks, fitter.valid
     shown = first_frames(valid)
@@ -70,7 +70,7 @@ def predict(fitter: SlideFitter, nominal: Fit, augmented: Fit | None) -> Predict
     )
 
 
-def _from_first_frames(fitter: SlideFitter, fit: Fit, shown: NDArray[np.bool_]) -> Array:
+def _from_first_frames(fitter: HitFitter, fit: Fit, shown: NDArray[np.bool_]) -> Array:
     """(n, frames, 2) m: the launch is told from the frames shown, the shared parameters are held."""
-    point, _ = told_launches(fitter, fit, shown)
+    point, _, _ = told_launches(fitter, fit, shown)
     return fitter.model.predict(point)

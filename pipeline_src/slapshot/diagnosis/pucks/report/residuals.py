@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.evidence import LARGEST
 from slapshot.diagnosis.pucks.free_form import FreePlaceForce
+from slapshot.diagnosis.pucks.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.search import Candidate
-from slapshot.diagnosis.pucks.slide_fit import SlideFitter
 from slapshot.effects.bases import BOARD
 from slapshot.effects.effect import Effect, Follows, Parameter, SlideState
 
@@ -56,10 +56,10 @@ class Linear:
 
 
 def linear_estimate(
-    fitter: SlideFitter, at: Candidate, form: Effect, steps: Sequence[tuple[str, str]] = ()
+    fitter: HitFitter, at: Candidate, form: Effect, steps: Sequence[tuple[str, str]] = ()
 ) -> Linear:
     """The force of `form` that is left at a fit; `steps` are pairs of weights that are much alike."""
-    own = copy(fitter)
+    own = fitter.slides_alone(at.fit.point)
     own.model = copy(fitter.model)
     own.effects = own.model.effects = {**fitter.model.effects, form.name: form}
     columns, marginal, _ = own.quadratic(at.fit, [*at.effects, form.name])
@@ -78,7 +78,7 @@ def linear_estimate(
     return Linear(rows, covariance @ marginal.scores[:, mine].sum(0) / inflation, covariance)
 
 
-def force_at(fitter: SlideFitter, at: Candidate, places: Array) -> tuple[Array, Array]:
+def force_at(fitter: HitFitter, at: Candidate, places: Array) -> tuple[Array, Array]:
     """Push along world x and y at `places` (n, 2) m: value (n, 2) and covariance (n, 2, 2), m/s^2."""
     found = linear_estimate(fitter, at, FreePlaceForce())
     bumps = bump_shapes(places)
@@ -90,7 +90,7 @@ def force_at(fitter: SlideFitter, at: Candidate, places: Array) -> tuple[Array, 
     return phi @ found.mean, np.einsum("nap,pq,nbq->nab", phi, found.covariance, phi)
 
 
-def arrow_table(fitter: SlideFitter, at: Candidate) -> pd.DataFrame:
+def arrow_table(fitter: HitFitter, at: Candidate) -> pd.DataFrame:
     """A row a cell of the board: x_m, y_m, hits, ax and ay in m/s^2 with 90 % bounds, significant."""
     places, hits = cells(fitter)
     push, covariance = force_at(fitter, at, places)
@@ -105,7 +105,7 @@ def arrow_table(fitter: SlideFitter, at: Candidate) -> pd.DataFrame:
     return pd.DataFrame(table | {"significant": squared > limit})
 
 
-def along_at(fitter: SlideFitter, at: Candidate, places: Array) -> tuple[Array, Array]:
+def along_at(fitter: HitFitter, at: Candidate, places: Array) -> tuple[Array, Array]:
     """Push along the motion at `places` (n, 2) m: value and standard deviation (n,), m/s^2."""
     found = linear_estimate(fitter, at, _PlaceAlong())
     return found.at({f"along_{j}": bump for j, bump in enumerate(bump_shapes(places))})
@@ -118,7 +118,7 @@ def bump_shapes(places: Array) -> Array:
     return np.stack([BOARD.total(np.tile(row[:, None], len(x)), x, y) for row in one])
 
 
-def cells(fitter: SlideFitter) -> tuple[Array, NDArray[np.int64]]:
+def cells(fitter: HitFitter) -> tuple[Array, NDArray[np.int64]]:
     """Middles (n, 2) in m of squares that at least FEWEST hits passed, and how many did (n,)."""
     tracks = fitter.model.tracks
     hits = np.repeat(np.arange(len(tracks)), fitter.valid.sum(1))
@@ -129,7 +129,7 @@ def cells(fitter: SlideFitter) -> tuple[Array, NDArray[np.int64]]:
     return found[enough] * CELL, count[enough].astype(np.int64)
 
 
-def variable_of(fitter: SlideFitter, at: Candidate, variable: Follows) -> Array:
+def variable_of(fitter: HitFitter, at: Candidate, variable: Follows) -> Array:
     """(m,) the variable in every frame in which an object moves."""
     tracks, valid = fitter.model.tracks, fitter.valid
     places = fitter.model.predict(at.fit.point)
@@ -149,7 +149,7 @@ def variable_of(fitter: SlideFitter, at: Candidate, variable: Follows) -> Array:
 
 
 def against(
-    fitter: SlideFitter, at: Candidate, variable: Follows, edges: Array
+    fitter: HitFitter, at: Candidate, variable: Follows, edges: Array
 ) -> dict[str, tuple[Array, Array]]:
     """Push by bins of a variable, along the motion and to its left.
 

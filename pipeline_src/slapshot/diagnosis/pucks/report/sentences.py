@@ -106,7 +106,7 @@ def _mismatch(verdict: Verdict) -> str:
     mismatch = verdict.mismatch
     assert mismatch is not None
     facts = (
-        f"p = {mismatch.p_value:.2g} (signs of whole hits flipped), evidence {mismatch.log_evidence:.1f} "
+        f"p = {mismatch.p_value:.2g} (of draws without a mismatch), evidence {mismatch.log_evidence:.1f} "
         "nats for the best single hypothesis by the linear screen, which moves tracks by "
         f"{MM * mismatch.shift_m:.1f} mm (rms)"
     )

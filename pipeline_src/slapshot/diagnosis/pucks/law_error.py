@@ -1,0 +1,56 @@
+"""What the nominal laws are known to: errors of theirs that belong to the null hypothesis.
+
+A simulated swing is right to about one time step, and dry friction is the same at all speeds to about a
+hundredth. Columns of such errors stand beside those of friction as nuisance, with priors of that size. Of the
+law of friction only that counts as error which no catalogued law of the slide describes: those stay testable.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from slapshot.arrays import GRAVITY
+from slapshot.diagnosis.inference.mismatch_test import Scores
+from slapshot.diagnosis.pucks.slide_model import Column
+from slapshot.diagnosis.pucks.strikes import TIMESTEP
+
+STEP = ("command_delay", "delay")  # whose column is that of a swing one step late
+SPEED_FORM = "free_speed"  # whose bumps along the motion are those of friction by speed
+FRICTION_KNOWN_TO = 0.01
+
+
+def with_law_errors(of: Scores, columns: Sequence[Column], sliding: Sequence[str], log_mu: float) -> Scores:
+    """Scores with columns of law errors, in units of their priors, after those that are there.
+
+    Args:
+        of: scores in units of the priors; `columns` are theirs.
+        columns: of nuisance and hypotheses.
+        sliding: catalogued effects of the slide, to which errors of friction are made orthogonal.
+        log_mu: logarithm of the friction coefficient.
+    """
+    late = [c for c, column in enumerate(columns) if (column.owner, column.parameter) == STEP]
+    bent = [
+        c
+        for c, column in enumerate(columns)
+        if column.owner == SPEED_FORM and column.parameter.startswith("along")
+    ]
+    known = [c for c, column in enumerate(columns) if column.owner in sliding or of.nuisance[c]]
+    size = len(columns)
+    added = np.zeros((size, len(late) + len(bent)))
+    for k, c in enumerate(late):
+        added[c, k] = TIMESTEP / of.prior_sd[c]
+    if bent:
+        errors = len(late) + np.arange(len(bent))
+        total = of.H.sum(0)
+        inner = total[known][:, known] + 1e-6 * np.eye(len(known))
+        share = np.linalg.solve(inner, total[known][:, bent])
+        scale = FRICTION_KNOWN_TO * GRAVITY * np.exp(log_mu) / of.prior_sd[bent]
+        added[bent, errors] = scale
+        added[np.array(known)[:, None], errors] = -share * scale
+    turn = np.concatenate([np.eye(size), added], axis=1)
+    return Scores(
+        of.b @ turn,
+        turn.T @ of.H @ turn,
+        np.concatenate([of.prior_sd, np.ones(added.shape[1])]),
+        np.concatenate([of.nuisance, np.ones(added.shape[1], bool)]),
+    )

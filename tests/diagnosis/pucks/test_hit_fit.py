@@ -1,0 +1,175 @@
+"""The likelihood of a hit, against dense algebra and closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+from slapshot.arrays import GRAVITY
+from slapshot.diagnosis.inference.mismatch_test import Elimination, Scores, group_statistics, mismatch_test
+from slapshot.diagnosis.pucks.hit_fit import HitFitter, Scatter
+from slapshot.diagnosis.pucks.launch_prior import UnknownLaunch
+from slapshot.diagnosis.pucks.law_error import with_law_errors
+from slapshot.diagnosis.pucks.noise import CameraNoise
+from slapshot.diagnosis.pucks.slide_model import Column, Point, SlideModel
+from slapshot.diagnosis.pucks.strikes import TIMESTEP, _told_at
+from slapshot.diagnosis.pucks.tracks import hit_tracks
+from slapshot.effects.catalogue import catalogue
+
+from .synthetic import CAMERA, RADIUS, recording
+
+HITS = 6
+SCATTER = np.diag([0.004, 0.003, 0.05, 0.04, 0.5]) ** 2
+
+
+class KnownLaunch(UnknownLaunch):
+    """Launches whose means are given, and follow tilt along y by a tenth of a metre a second."""
+
+    def offsets(self, point):
+        means = self.means.copy()
+        means[:, 3] += 0.1 * point.effects.get("tilt", {"slope_y": 0.0})["slope_y"]
+        return means - point.latents[:, :5]
+
+    def slopes(self, columns, point):
+        slopes = np.zeros((self.count, 5, len(columns)))
+        slopes[:, 3, [c for c, column in enumerate(columns) if column.parameter == "slope_y"]] = 0.1
+        return slopes
+
+    def roots(self, scatter, measured, noise):
+        root = np.linalg.cholesky(np.linalg.inv(scatter)).T
+        return np.tile(root, (self.count, 1, 1)), np.full(self.count, np.linalg.slogdet(scatter)[1])
+
+    def scatter(self, point, measured, noise, before):
+        return before
+
+
+@pytest.fixture(scope="module")
+def fitter():
+    tracks = hit_tracks(recording(np.random.default_rng(5), HITS, spin_sd=0.5))
+    model = SlideModel(tracks, {"tilt": catalogue()["tilt"]}, RADIUS, CAMERA)
+    return HitFitter(model, CameraNoise(0.003, 0.0))
+
+
+def test_the_marginal_likelihood_is_that_of_dense_gaussians(fitter):
+    """Where all is linear, frames are N(f + H m, H P H' + R) once launches are integrated out."""
+    fit = fitter.fit(fitter.start())
+    launches = KnownLaunch(len(fit.point.latents))
+    object.__setattr__(launches, "means", fit.point.latents[:, :5] + [0.002, -0.001, 0.03, -0.02, 0.2])
+    own = fitter.about(launches)
+    z, h, _ = own._whitened(*own.model.derivatives(fit.point, []))
+    valid = own.valid.repeat(2, axis=1)
+    offset = np.column_stack([launches.offsets(fit.point), -fit.point.latents[:, 5]])
+
+    def dense(scatter):
+        spread = np.zeros((6, 6))
+        spread[:5, :5], spread[5, 5] = scatter.launch, scatter.friction**2
+        total = 0.0
+        for i in range(len(z)):
+            rows = valid[i]
+            covariance = h[i][rows] @ spread @ h[i][rows].T + np.eye(rows.sum())
+            total += -2 * multivariate_normal(h[i][rows] @ offset[i], covariance).logpdf(z[i][rows])
+            total -= rows.sum() * np.log(2 * np.pi)
+        return total
+
+    for scatter in (Scatter(0.03, SCATTER), Scatter(0.1, 9 * SCATTER), Scatter(0.01, 0.1 * SCATTER)):
+        marginal = own.evaluate(fit.point, [], scatter)
+        assert marginal.squares.sum() + marginal.log_volume.sum() == pytest.approx(dense(scatter), abs=1e-4)
+
+
+def test_scores_are_the_slope_of_the_likelihood(fitter):
+    """By central differences, launches that follow an effect included."""
+    fit = fitter.fit(fitter.start(), effects=["tilt"])
+    away = {"tilt": {name: value + 0.004 for name, value in fit.point.effects["tilt"].items()}}
+    fit = replace(fit, point=replace(fit.point, effects=away))
+    launches = KnownLaunch(len(fit.point.latents))
+    object.__setattr__(launches, "means", fit.point.latents[:, :5] + [0.002, -0.001, 0.03, -0.02, 0.2])
+    own = fitter.about(launches)
+    columns = own.columns(["tilt"])
+    scatter = Scatter(0.03, SCATTER)
+    for _ in range(3):
+        latents = fit.point.latents + own.evaluate(fit.point, [], scatter).step
+        fit = replace(fit, point=replace(fit.point, latents=latents))
+    at = own.evaluate(fit.point, columns, scatter)
+    c = [column.parameter for column in columns].index("slope_y")
+    step = 1e-4
+    sides = []
+    for sign in (1, -1):
+        values = dict(fit.point.effects["tilt"])
+        values["slope_y"] += sign * step
+        there = own.evaluate(Point(fit.point.latents, fit.point.nuisance, {"tilt": values}), [], scatter)
+        sides.append(float(there.squares.sum()))
+    assert -at.scores[:, c].sum() == pytest.approx((sides[0] - sides[1]) / (4 * step), rel=0.02)
+
+
+def test_a_late_camera_shows_the_faster_motion_before_the_release(fitter):
+    """x(t - d) = v (t - d) - mu g (t - d)^2 / 2 for a disc without spin, before the release as after it."""
+    effect = catalogue()["camera_time"]
+    tracks = fitter.model.tracks.take(np.arange(1))
+    model = SlideModel(tracks, {"camera_time": effect}, RADIUS, CAMERA)
+    mu, v, delay = 0.35, 2.0, 0.06
+    latents = np.array([[0.6, 0.0, v, 0.0, 0.0, 0.0]])
+    point = Point(latents, np.log([[mu, mu, 0.005]]), {"camera_time": {"delay": delay}})
+    moments = tracks.times[0][tracks.valid[0]] - delay
+    moments = moments[moments < 0.2]
+    expected = 0.6 + v * moments - mu * GRAVITY * moments**2 / 2
+    assert (moments < 0).sum() >= 2
+    np.testing.assert_allclose(model.predict(point)[0, : len(moments), 0], expected, atol=1e-4)
+
+
+def test_a_launch_is_told_at_another_moment_as_friction_would_have_it():
+    launches = np.array([[1.0, 0.0, 0.0, 2.0, 3.0], [0.5, 0.0, 0.0, 0.0, 0.0]])
+    later = _told_at(launches, np.array([0.1, 0.1]), np.array([4.0, 4.0]))
+    np.testing.assert_allclose(later[0], [1.0, 0.2 - 0.02, 0.0, 1.6, 3.0])
+    np.testing.assert_allclose(later[1], launches[1])  # lies still
+    there_and_back = _told_at(later, np.array([-0.1, 0.0]), np.array([4.0, 4.0]))
+    np.testing.assert_allclose(there_and_back, launches)
+
+
+def some_scores(rng, delay, hits=100):
+    """Scores of a delay (in s), of drag and of two bumps of friction by speed, all seen clearly."""
+    columns = [
+        Column("command_delay", "delay", -1, 1e-3),
+        Column("linear_drag", "rate", -1, 1e-2),
+        Column("free_speed", "along_0", -1, 1e-2),
+        Column("free_speed", "along_1", -1, 1e-2),
+    ]
+    prior_sd = np.array([0.03, 0.3, 0.3, 0.3])
+    design = rng.normal(size=(hits, 20, 4)) / np.array([1e-4, 0.1, 0.1, 0.1]) / np.sqrt(hits)
+    e = rng.normal(size=(hits, 20)) + design[..., 0] * delay
+    z = design * prior_sd
+    b, information = np.einsum("nrp,nr->np", z, e), z.transpose(0, 2, 1) @ z
+    return columns, Scores(b, information, prior_sd, np.zeros(4, bool))
+
+
+def test_a_delay_of_less_than_a_time_step_is_an_error_of_the_simulation():
+    groups = [np.array([0]), np.array([1]), np.array([2, 3])]
+    found = {}
+    for delay in (TIMESTEP, 20 * TIMESTEP):
+        columns, of = some_scores(np.random.default_rng(1), delay)
+        known = with_law_errors(of, columns, ["linear_drag"], np.log(0.3))
+        found[delay] = mismatch_test(known, groups, np.random.default_rng(2), 199).p_value
+        assert mismatch_test(of, groups, np.random.default_rng(2), 199).p_value < 0.02
+    assert found[TIMESTEP] > 0.05
+    assert found[20 * TIMESTEP] < 0.02
+
+
+def test_what_a_catalogued_law_describes_is_no_error_of_friction():
+    columns, of = some_scores(np.random.default_rng(3), 0.0)
+    known = with_law_errors(of, columns, ["linear_drag"], np.log(0.3))
+    before, after = Elimination(of), Elimination(known)
+    assert after.information[1, 1] == pytest.approx(before.information[1, 1], rel=1e-4)
+    # A bump of free form is as large by an error of the law as by a push.
+    assert after.information[2, 2] < 0.5 * before.information[2, 2]
+
+
+def test_directions_that_only_incredible_values_would_show_are_not_tested():
+    """A thousandth of the prior's information: even a score of ten sd means 300 times what is believed."""
+    rng = np.random.default_rng(4)
+    design = rng.normal(size=(50, 20, 2)) * np.array([1.0, 1e-3])
+    e = rng.normal(size=(50, 20)) + 1e4 * design[..., 1]
+    of = Scores(
+        np.einsum("nrp,nr->np", design, e), design.transpose(0, 2, 1) @ design, np.ones(2), np.zeros(2, bool)
+    )
+    found = Elimination(of)(of.b)
+    assert group_statistics(found, [np.array([1])])[0] > 20
+    assert group_statistics(found, [np.array([1])], least=1.0)[0] == 0
