@@ -254,3 +254,13 @@ def test_scores_that_spread_more_than_the_noise_says_are_told(scale):
 def test_one_segment_cannot_disagree():
     of = columns(7, segments=1)
     assert overdispersion(of.scores(3 * null_data(of, np.random.default_rng(8)))) == 1.0
+
+
+def test_scores_are_drawn_where_rounding_makes_information_indefinite():
+    """Two columns that are one but for single precision: draws have the variances of the scores."""
+    H = np.array([[[4.0, 4.0 * (1 + 1e-6)], [4.0 * (1 + 1e-6), 4.0]]])
+    assert np.linalg.eigvalsh(H).min() < -1e-8
+    of = Scores(np.zeros((1, 2)), H, np.ones(2), np.zeros(2, bool))
+    drawn = Draws(of, np.random.default_rng(0))(4000)
+    # The variance of 4000 draws is right to 3 sqrt(2 / 4000) of itself.
+    np.testing.assert_allclose(drawn[:, 0].var(axis=0), 4.0, rtol=3 * np.sqrt(2 / 4000))

@@ -129,7 +129,7 @@ class Draws:
         self._H, self._nuisance, self._rng = of.H, np.flatnonzero(of.nuisance), rng
         size = np.sqrt(np.maximum(np.einsum("spp->sp", of.H), 1e-300))
         alike = of.H / (size[:, :, None] * size[:, None, :]) + _ROUND * np.eye(of.H.shape[-1])
-        self._roots = size[:, :, None] * np.linalg.cholesky(alike)
+        self._roots = size[:, :, None] * _root(alike)
 
     def __call__(self, count: int) -> Array:
         """Further draws, (count, S, p)."""
@@ -138,6 +138,15 @@ class Draws:
         values[:, self._nuisance] = self._rng.standard_normal((count, len(self._nuisance)))
         noise = np.matmul(self._rng.standard_normal((S, count, p)), self._roots.transpose(0, 2, 1))
         return (noise + np.matmul(values, self._H)).transpose(1, 0, 2)
+
+
+def _root(covariance: Array) -> Array:
+    """(S, p, p) R with R Rᵀ the covariances, whose smallest eigenvalues may be negative by rounding."""
+    try:
+        return np.asarray(np.linalg.cholesky(covariance))
+    except np.linalg.LinAlgError:
+        eigenvalues, vectors = np.linalg.eigh(covariance)
+        return np.asarray(vectors * np.sqrt(np.maximum(eigenvalues, 0.0))[:, None])
 
 
 def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]], least: float = 0.0) -> Array:
