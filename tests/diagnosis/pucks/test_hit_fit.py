@@ -7,6 +7,8 @@ import pytest
 from scipy.stats import multivariate_normal
 from slapshot.arrays import GRAVITY
 from slapshot.diagnosis.inference.mismatch_test import Elimination, Scores, group_statistics, mismatch_test
+from slapshot.diagnosis.pucks.encoders import Encoders
+from slapshot.diagnosis.pucks.execution import Execution
 from slapshot.diagnosis.pucks.hit_fit import HitFitter, Scatter
 from slapshot.diagnosis.pucks.launch_prior import UnknownLaunch
 from slapshot.diagnosis.pucks.law_error import with_law_errors
@@ -114,6 +116,21 @@ def test_a_late_camera_shows_the_faster_motion_before_the_release(fitter):
     expected = 0.6 + v * moments - mu * GRAVITY * moments**2 / 2
     assert (moments < 0).sum() >= 2
     np.testing.assert_allclose(model.predict(point)[0, : len(moments), 0], expected, atol=1e-4)
+
+
+def test_encoders_add_as_many_expected_squares_as_they_have_readings():
+    """Whitening writes what lies within the basis twice: rows are more than squares."""
+    rng = np.random.default_rng(6)
+    hits, moments, joints, sd = 400, 20, 2, 1e-3
+    times, speeds = np.linspace(0.03, 0.6, moments), rng.normal(size=(hits, moments, joints))
+    noise = rng.normal(0, sd, (hits, moments, joints))
+    basis = Execution(times, noise, speeds).basis
+    residual = noise + np.einsum("nmjc,nc->nmj", basis, rng.normal(0, 0.01, (hits, basis.shape[-1])))
+    encoders = Encoders(execution := Execution(times, residual, speeds), execution.whiten(residual), {})
+    squares = (encoders.white**2).sum(1).mean()
+    assert encoders.readings == moments * joints < encoders.white.shape[1]
+    # Of n hits the mean of chi-squared with k degrees of freedom scatters by sqrt(2 k / n).
+    assert squares == pytest.approx(encoders.readings, abs=4 * np.sqrt(2 * encoders.readings / hits))
 
 
 def test_a_launch_is_told_at_another_moment_as_friction_would_have_it():

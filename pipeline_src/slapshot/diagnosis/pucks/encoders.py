@@ -25,6 +25,11 @@ class Encoders:
     white: Array
     changes: Mapping[str, PchipInterpolator]
 
+    @property
+    def readings(self) -> int:
+        """Readings of one hit: what is whitened has more rows, since its part within a basis comes twice."""
+        return self.execution.residual[0].size
+
     def rows(
         self,
         columns: Sequence[Column],

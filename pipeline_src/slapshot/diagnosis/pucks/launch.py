@@ -165,12 +165,15 @@ class LaunchModel:
             if value != neutral[parameter]
         ]
 
-    first_scatter = np.diag(FIRST_SD**2)
+    @property
+    def first_scatter(self) -> Array:
+        """(5, 5) before it is estimated."""
+        return np.diag(FIRST_SD**2)
 
     @property
     def rows(self) -> int:
-        """Of the encoders; a launch is told by its prior as well as it is fitted."""
-        return 0 if self.encoders is None else self.encoders.white.shape[1]
+        """Of the encoders' readings; a launch is told by its prior as well as it is fitted."""
+        return 0 if self.encoders is None else self.encoders.readings
 
     def offsets(self, point: Point) -> Array:
         """(n, 5) means less launches at a point."""
@@ -324,4 +327,4 @@ class LaunchModel:
     def _weight(offset: Array, information: Array) -> Array:
         """(n,) of a Student's t."""
         distance = np.einsum("ni,nij,nj->n", offset, information, offset)
-        return np.minimum((TAILS + 5) / (TAILS + distance), 1.0)
+        return np.minimum((TAILS + LAUNCH) / (TAILS + distance), 1.0)
