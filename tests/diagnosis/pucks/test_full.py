@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from slapshot.arrays import GRAVITY
 from slapshot.command import Run
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.report import REST_FIGURES, write_report
 from slapshot.diagnosis.pucks.result import Setting
-from slapshot.diagnosis.pucks.signatures import make_signatures
+from slapshot.diagnosis.pucks.signatures import LOOK, make_signatures
 from slapshot.diagnosis.pucks.strikes import Striker, commands_through
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.slide_law import slide
@@ -21,6 +22,7 @@ HITS, DURATION, RATE = 40, 0.6, 50.0
 FRICTION = (0.35, 0.32, 0.005)
 NAMES = ("blade_yaw", "restitution", "tilt")
 KNOWN = {name: catalogue()[name] for name in NAMES}
+DELAY = catalogue()["command_delay"]
 TRUE_YAW = 0.05  # rad
 POOL = {
     "domain": "hockey", "seed": 5, "count": HITS, "heading_rad": 1.2, "speed_m_s": [0.8, 2.0],
@@ -117,6 +119,33 @@ def turned(record):
     return record({"blade_yaw": {"angle": TRUE_YAW}}, 1)
 
 
+def test_an_object_that_is_struck_late_is_looked_at_late(scene, commands):
+    """A delay of whole control periods shifts the swing: the launch is the one without it, told earlier.
+
+    It is longer than LOOK after the contact, so that at the nominal moment nothing was struck yet.
+    """
+    period = scene.info.control_period
+    delay = round(1.4 * LOOK / period) * period
+    held = commands_through(commands, scene, DURATION + 4 * LOOK)
+    start = np.tile(np.array(scene.info.start), (HITS, 1))
+    mass, friction = np.full(HITS, 0.1), np.tile(FRICTION, (HITS, 1))
+
+    def striker(releases):
+        return Striker(scene, held, releases, mass, friction, np.zeros(1), 2)
+
+    contact = striker(np.full(HITS, DURATION + 0.1)).strike(start).contact
+    at = striker(contact + LOOK)
+    nominal, late = (at.strike(start, effects, contact) for effects in ([], [(DELAY, {"delay": delay})]))
+    assert late.contact == pytest.approx(contact + delay, abs=period)
+    slowing = GRAVITY * np.mean(FRICTION[:2])
+    speed = np.linalg.norm(nominal.released[:, 2:4], axis=1)
+    told = np.linalg.norm(late.released[:, 2:4], axis=1)
+    # Contact doubles what rounding makes of the same swing: the median of hits is what counts.
+    assert np.median(np.abs(told - speed - slowing * delay)) < 0.01
+    way = np.linalg.norm(late.released[:, :2] - nominal.released[:, :2], axis=1)
+    assert np.median(np.abs(way - (speed * delay + slowing * delay**2 / 2))) < 0.002
+
+
 def test_a_turned_blade_is_named_with_its_angle_and_better_rest_points(turned, verdict_of):
     found = verdict_of(turned)
     verdict = found.verdict
@@ -153,3 +182,12 @@ def test_rest_points_and_commands_alone_tell_a_turned_blade(turned, verdict_of, 
     told = (tmp_path / "verdict.md").read_text()
     assert "rest from command RMSE" in told
     assert "track RMSE" not in told
+
+
+def test_signatures_without_a_parameter_of_today_are_made_again(signatures):
+    """As those of an older catalogue, whose launches would silently not follow it."""
+    assert signatures.holds(KNOWN)
+    kept = {name: sizes for name, sizes in dict(signatures.values).items() if "yaw" not in name}
+    older = replace(signatures, values=kept)
+    assert not older.holds(KNOWN)
+    assert older.holds({name: e for name, e in KNOWN.items() if name != "blade_yaw"})

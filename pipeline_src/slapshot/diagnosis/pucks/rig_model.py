@@ -42,7 +42,8 @@ class RigModel:
             effects: that may act.
             camera: (2,) m, point of the plane that the camera looks at.
             friction: (objects, 3) as fitted to the slides.
-            signatures: of a pool that holds the commands; None, or one that lacks some, has them made.
+            signatures: of a pool that holds the commands; None, or one that lacks some command or effect, has
+                them made.
             threads: for simulations.
         """
         self._tracks, self._effects, self._camera = tracks, effects, camera
@@ -154,7 +155,7 @@ def _signatures(
 ) -> tuple[Signatures, NDArray[np.int64]]:
     """Signatures that hold the commands, and the row of each hit's."""
     pool, digests = pool_of(commands)
-    if given is not None:
+    if given is not None and given.holds(effects):
         rows = given.rows_of(digests)
         if rows is not None:
             return given, rows

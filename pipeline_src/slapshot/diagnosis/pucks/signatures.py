@@ -72,6 +72,17 @@ class Signatures:
             return None
         return np.array([place[d] for d in digests], np.int64)
 
+    def holds(self, effects: Mapping[str, Effect]) -> bool:
+        """Whether every one of the effects was simulated, with all parameters that it has today."""
+        wanted = {
+            f"{effect.name}/{parameter.name}"
+            for effect in effects.values()
+            if _is_simulated(effect) and effect.name not in self.dropped
+            for parameter in effect.parameters
+            if sizes_of(parameter)
+        }
+        return wanted <= self.values.keys()
+
     def swing(
         self, rows: NDArray[np.int64], times: Array, effects: Mapping[str, Mapping[str, float]] | None = None
     ) -> tuple[Array, Array]:

@@ -171,10 +171,9 @@ class Striker:
         substeps = round(info.control_period / model.opt.timestep)
         releases = self._releases.copy()
         ticks = np.ceil(releases / info.control_period).astype(int)
-        # As long as it was not struck, an object may be struck any moment until commands end.
+        waits = None if struck_at is None else releases - struck_at
         end = (targets.shape[1] - 1) * info.control_period
-        waits = None if struck_at is None else np.minimum(releases - struck_at, end)
-        if waits is not None:
+        if waits is not None:  # an object that was not struck yet may be struck until commands end
             ticks = np.full(count, targets.shape[1] - 1)
         rows = np.round(self._readings / info.control_period).astype(int)
         joints = np.zeros((count, len(rows), len(arm_q)))
