@@ -17,8 +17,8 @@ from slapshot.effects.effect import Effect, Parameter
 CONVERGED = 0.02  # of the objective (nats): differences that matter are of order 1
 FIELD = 4  # parameters; effects with more get a prior of the size that the recording asks for
 WORSE = 1.0  # of the objective, which a step may be
-# A fit that goes to and fro, and gains no more than this in so many steps, has arrived.
-NO_BETTER, PATIENCE = 0.5, 3
+# A fit whose objective stays within so little over so many steps only goes to and fro: it has arrived.
+TO_AND_FRO, PATIENCE = 1.0, 4
 MOST_DAMPING = 1e4
 # Of logarithms of mu_x, mu_y and of the torsional friction in m.
 NUISANCE_SD = np.array([1.0, 1.0, 1.0])
@@ -92,9 +92,10 @@ class GaussNewton(ABC):
         columns = self.columns(effects)
         mean, precision = self.prior(columns)
         scatter = self.first_scatter if scatter is None else scatter
-        damping, converged, behind = 1e-3, False, 0
+        damping, converged = 1e-3, False
         state = self.evaluate(point, columns, scatter)
-        objective = best = self._objective(state, point, columns)
+        objective = self._objective(state, point, columns)
+        passed = [objective]
         for _ in range(self.iterations):
             information = state.information.sum(0) + np.diag(precision)
             score = state.scores.sum(0) + precision * (mean - shared(point, columns))
@@ -110,9 +111,9 @@ class GaussNewton(ABC):
             spread = self._scatter(new, candidate, scatter)
             point, scatter, state = new, spread, self.evaluate(new, columns, spread)
             objective = self._objective(state, point, columns)
-            behind = 0 if objective < best - NO_BETTER else behind + 1
-            best = min(best, objective)
-            if max(abs(objective - before), abs(value - before)) < CONVERGED or behind == PATIENCE:
+            passed = [*passed[-PATIENCE:], objective]
+            arrived = len(passed) > PATIENCE and max(passed) - min(passed) < TO_AND_FRO
+            if max(abs(objective - before), abs(value - before)) < CONVERGED or arrived:
                 converged = True
                 break
         information = state.information.sum(0) + np.diag(precision)
