@@ -287,10 +287,25 @@ class Search(Generic[F]):
             fewer = tuple(n for n in candidate.effects if n != name)
             if not fewer:
                 continue
-            without = self.finish(self.refit(candidate, fewer, {}))
+            without = self._without(candidate, fewer)
             if without.log_evidence > candidate.log_evidence - ADD:
                 return self.prune(without)
         return candidate
+
+    def _without(self, candidate: Candidate, fewer: tuple[str, ...]) -> Candidate:
+        """Fewer effects than a candidate's, fitted anew: simulated where it is, or the best that is known.
+
+        Where simulations about an earlier fit were not exact, an effect that is added seems to explain what
+        only the new simulation does.
+        """
+        point = candidate.fit.point
+        kept = {name: point.effects[name] for name in fewer}
+        fit = candidate.fitter.fit(replace(point, effects=kept), candidate.fit.scatter, fewer)
+        found = Candidate(fewer, fit, self._log_evidence(fewer, fit), candidate.fitter, candidate.final)
+        known = self.seen.get(fewer)
+        if known is None or not known.final or known.log_evidence < found.log_evidence:
+            self.seen[fewer] = found
+        return self.seen[fewer]
 
     def _judge(self, name: str, columns: Sequence[Column], information: Array) -> LinearEvidence:
         parameters = {p.name: p for p in self._effects[name].parameters}
