@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.result import Setting
+from slapshot.diagnosis.pucks.search import DRAWS
 from slapshot.effects.catalogue import catalogue
 
 from .synthetic import CAMERA, RADIUS, recording
@@ -35,7 +36,7 @@ def test_nothing_is_found_where_nothing_is_missing():
 
 def test_drag_is_named_with_what_cannot_be_told_from_it(dragged):
     (found,) = dragged.effects
-    assert dragged.mismatch.p_value == 1 / 500  # the least of 499 draws
+    assert dragged.mismatch.p_value == 1 / (DRAWS + 1)  # the least that there is
     assert "linear_drag" in found.members
     assert set(found.members) <= {"linear_drag", "quadratic_drag", "stribeck_friction"}
     assert sum(found.members.values()) == pytest.approx(1)
