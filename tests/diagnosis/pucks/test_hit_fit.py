@@ -25,16 +25,16 @@ SCATTER = np.diag([0.004, 0.003, 0.05, 0.04, 0.5]) ** 2
 
 
 class KnownLaunch(UnknownLaunch):
-    """Launches whose means are given, and follow tilt along y by a tenth of a metre a second."""
+    """Launches whose means are given, and follow a slope along y as after a second on it."""
 
     def offsets(self, point):
         means = self.means.copy()
-        means[:, 3] += 0.1 * point.effects.get("tilt", {"slope_y": 0.0})["slope_y"]
+        means[:, 3] -= GRAVITY * point.effects.get("tilt", {"slope_y": 0.0})["slope_y"]
         return means - point.latents[:, :5]
 
     def slopes(self, columns, point):
         slopes = np.zeros((self.count, 5, len(columns)))
-        slopes[:, 3, [c for c, column in enumerate(columns) if column.parameter == "slope_y"]] = 0.1
+        slopes[:, 3, [c for c, column in enumerate(columns) if column.parameter == "slope_y"]] = -GRAVITY
         return slopes
 
     def roots(self, scatter, measured, noise):
