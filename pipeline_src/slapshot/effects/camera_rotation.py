@@ -19,6 +19,7 @@ class CameraRotation(Effect):
         "All headings turn by one angle, and places far from that point shift most."
     )
     source = "Hartley and Zisserman, Multiple View Geometry, section 2.4"
+    known_to = 0.0
 
     def see(self, values: Mapping[str, Array], places: Array, camera: Array) -> Array:
         """Turned about the camera's foot, and shifted."""

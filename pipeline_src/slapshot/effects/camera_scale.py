@@ -22,6 +22,7 @@ class CameraScale(Effect):
         "Speeds and distances grow alike, so that only what is known otherwise (start, commands) tells it."
     )
     source = "Hartley and Zisserman, Multiple View Geometry, section 6.1"
+    known_to = 0.0
 
     def see(self, values: Mapping[str, Array], places: Array, camera: Array) -> Array:
         """Stretched about the camera's foot, and shifted."""

@@ -16,6 +16,7 @@ class CameraTime(Effect):
         "The object seems to start late; how it then moves does not change."
     )
     source = "Furgale, Rehder and Siegwart 2013, Unified temporal and spatial calibration (IROS)"
+    known_to = 0.0
 
     def camera_delay(self, values: Mapping[str, Array]) -> Array:
         """The same for all frames."""

@@ -80,6 +80,7 @@ class Effect:
         parameters: with their neutral values.
         physics: what it is, in two lines.
         source: where that stands.
+        known_to: share of what it does by which its law may err.
     """
 
     name: ClassVar[str]
@@ -88,6 +89,7 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]]
     physics: ClassVar[str]
     source: ClassVar[str]
+    known_to: ClassVar[float] = 0.15
 
     # --- Swing and contact
 

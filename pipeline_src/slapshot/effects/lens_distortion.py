@@ -22,6 +22,7 @@ class LensDistortion(Effect):
         "Scale depends on the place, so that speeds seem to change along a path."
     )
     source = "Brown 1966, Decentering distortion of lenses, Photogrammetric Engineering 32(3)"
+    known_to = 0.0
 
     def see(self, values: Mapping[str, Array], places: Array, camera: Array) -> Array:
         """Along the radius from the middle."""

@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 from slapshot.arrays import GRAVITY
 from slapshot.diagnosis.inference.mismatch_test import Elimination, Scores, group_statistics, mismatch_test
+from slapshot.diagnosis.pucks.camera_view import start_shift
 from slapshot.diagnosis.pucks.encoders import Encoders
 from slapshot.diagnosis.pucks.execution import Execution
 from slapshot.diagnosis.pucks.hit_fit import HitFitter, Scatter
@@ -116,6 +117,23 @@ def test_a_late_camera_shows_the_faster_motion_before_the_release(fitter):
     expected = 0.6 + v * moments - mu * GRAVITY * moments**2 / 2
     assert (moments < 0).sum() >= 2
     np.testing.assert_allclose(model.predict(point)[0, : len(moments), 0], expected, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("camera_scale", {"log_scale": -0.09, "shift_x": 0.02}),
+        ("camera_rotation", {"angle": 0.2, "shift_y": -0.03}),
+        ("lens_distortion", {"radial": 0.05, "middle_x": 0.3}),
+    ],
+)
+def test_where_an_object_really_lay_the_camera_sees_it_where_it_was_seen(name, values):
+    effect = catalogue()[name]
+    given = {**effect.neutral(), **values}
+    seen = np.array([[0.55, 0.0], [0.6, -0.04]])
+    real = seen + start_shift(effect, given, seen, CAMERA)
+    each = {key: np.full(len(seen), value) for key, value in given.items()}
+    np.testing.assert_allclose(effect.see(each, real[:, None], CAMERA)[:, 0], seen, atol=1e-6)
 
 
 def test_encoders_add_as_many_expected_squares_as_they_have_readings():

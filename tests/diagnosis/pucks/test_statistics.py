@@ -162,6 +162,12 @@ def test_the_execution_is_told_apart_from_encoder_noise(executed):
     assert np.corrcoef(coefficients[:, 0], pace)[0, 1] > 0.9
 
 
+def test_a_late_swing_is_no_encoder_noise(executed):
+    times, residual, speed, _ = executed
+    late = residual - 0.03 * speed * (times > 0.1)[:, None]
+    assert Execution(times, late, speed).sd == pytest.approx(1e-3, rel=0.1)
+
+
 def test_whitened_readings_have_the_products_of_their_covariance(executed):
     times, residual, speed, _ = executed
     execution = Execution(times, residual, speed)

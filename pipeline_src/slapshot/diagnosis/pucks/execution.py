@@ -11,6 +11,7 @@ same to all hits.
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import comb
 
 import numpy as np
 import pandas as pd
@@ -22,6 +23,8 @@ from slapshot.recordings.format import joint_columns
 POWERS = (1, 2, 3)
 ROUNDS = 6  # of expectation maximisation
 LEAST_SD = 1e-5  # rad, of a coefficient
+DIFFERENCES = 4  # in time, that tell noise from what moves smoothly
+NORMAL_MEDIAN = 0.6745  # of the absolute value of a standard normal variable
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,7 @@ class Execution:
             residual if replayed is None else residual + np.einsum("nmjc,nc->nmj", basis, replayed)
         )
         flat, r = basis.reshape(n, m * joints, -1), self.residual.reshape(n, -1)
-        self.sd: float = _noise_beside(flat, r) if reference is None else reference.sd
+        self.sd: float = _noise_beside(flat, r, m) if reference is None else reference.sd
         self._gram = np.einsum("nab,nac->nbc", flat, flat) / self.sd**2
         self.covariance: Array = self._estimate(r) if reference is None else reference.covariance
 
@@ -158,8 +161,15 @@ class Execution:
         return offset, np.einsum("njk,nk->nj", drift, rates) - pace * speeds
 
 
-def _noise_beside(basis: Array, residual: Array) -> float:
-    """Sd of what the basis (n, rows, c), which fits what is smooth, leaves of residuals (n, rows)."""
+def _noise_beside(basis: Array, residual: Array, ticks: int) -> float:
+    """Sd of white noise in residuals (n, ticks * joints) that have anything smooth beside it.
+
+    From differences of a high order, which what a servo does wrong hardly enters; where there are too few
+    ticks for that, from what the basis (n, ticks * joints, c) leaves, which counts it as noise.
+    """
+    if ticks > 2 * DIFFERENCES:
+        differences = np.diff(residual.reshape(len(residual), ticks, -1), n=DIFFERENCES, axis=1)
+        return float(np.median(np.abs(differences)) / NORMAL_MEDIAN / np.sqrt(comb(2 * DIFFERENCES, DIFFERENCES)))
     fitted = [f @ np.linalg.lstsq(f, y, rcond=None)[0] for f, y in zip(basis, residual, strict=True)]
     left = (residual - np.stack(fitted)) ** 2
     return float(np.sqrt(np.median(left.sum(1) / (basis.shape[1] - basis.shape[2]))))

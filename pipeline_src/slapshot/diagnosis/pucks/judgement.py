@@ -23,7 +23,6 @@ from slapshot.effects.effect import Effect
 Word = TypeVar("Word", bound=str)
 
 Z90, Z95 = 1.645, 1.96
-LEFT = 0.02  # of the evidence for what was named: less is no further effect
 AGREED = 0.8  # of the probability of a class, to say where it acts
 MOST_PARAMETERS = 4  # of an effect that are listed one by one
 

@@ -3,7 +3,9 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-from slapshot.diagnosis.pucks.judgement import LEFT, mismatch_of, unknown_of
+import numpy as np
+
+from slapshot.diagnosis.pucks.judgement import mismatch_of, unknown_of
 from slapshot.diagnosis.pucks.search import ADD, CLASS, Candidate, Screen, Search
 from slapshot.diagnosis.pucks.trial import dropped_note
 from slapshot.diagnosis.pucks.verdict import Mismatch, Unknown
@@ -11,7 +13,7 @@ from slapshot.diagnosis.pucks.verdict import Mismatch, Unknown
 LEAST_SHIFT = 0.003  # m, rms of rest points: less is not called missing physics
 P_VALUE = 0.004
 LEAST_EVIDENCE = 2.0  # nats
-LEFT_OPEN = 0.08  # of the evidence for what was named: less is how effects differ from what they stand for
+LINEAR = 0.5  # of the shift that a refit finds may be missing from what a linear screen promises
 
 
 @dataclass(frozen=True)
@@ -44,10 +46,9 @@ class Level:
     @property
     def unknown(self) -> Unknown:
         """What the catalogue does not explain."""
-        least = max(ADD + CLASS, LEFT_OPEN * self.final.log_evidence)
-        if not self.mismatch.found:
-            least = float("inf")
-        return unknown_of(self.search, self.leftover, least, LEAST_SHIFT, self.stretched)
+        least = ADD + CLASS if self.mismatch.found else float("inf")
+        shift = least_shift(self.search, self.final)
+        return unknown_of(self.search, self.leftover, least, shift, self.stretched)
 
     @property
     def stretched(self) -> bool:
@@ -70,6 +71,23 @@ def examine(search: Search[Any]) -> Level:
     return Level(search, nominal, final, screen, leftover, mismatch)
 
 
+def least_shift(search: Search[Any], at: Candidate, beside: str = "") -> float:
+    """m, rms of tracks, that something beside a fit's effects must move: their own laws may err by less."""
+    effects = search.fitter.effects
+    errors = [effects[n].known_to * search.shift(at, n) for n in at.effects if n != beside]
+    return float(np.hypot(LEAST_SHIFT, np.linalg.norm(errors)))
+
+
+def without_hidden(search: Search[Any], at: Candidate) -> Candidate:
+    """A fit without those effects that what the others' laws err by would hide."""
+    if len(at.effects) == 1:
+        return at
+    for name in at.effects:
+        if search.shift(at, name) < least_shift(search, at, name):
+            return without_hidden(search, search.without(at, name))
+    return at
+
+
 def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Candidate, Screen]:
     """Add effects while the recording asks for them, then delete what became superfluous."""
     best = search.grow(nominal, screen, search.catalogue)[0]
@@ -77,19 +95,21 @@ def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Ca
         return nominal, screen
     leftover = search.screen_beyond(best)
     while len(best.effects) < search.most:
-        further = [n for n in search.catalogue if n not in best.effects]
-        if not further:
+        least = least_shift(search, best)
+        moving = [n for n, moved in leftover.shift.items() if moved > LINEAR * least]
+        further = [n for n in search.catalogue if n in moving and n not in best.effects]
+        if not further or leftover.p_value > P_VALUE:
             break
-        strongest = leftover.best(further)[0]
         # A screen is linear: what falls short of ADD by a class may still gain it in a refit.
-        least = max(ADD, LEFT * best.log_evidence)
-        asked = leftover.log_evidence[strongest] > least - CLASS and leftover.p_value < P_VALUE
-        if not asked or leftover.shift[strongest] < LEAST_SHIFT:
+        if leftover.log_evidence[leftover.best(further)[0]] < ADD - CLASS:
             break
         grown = search.grow(best, leftover, further)[0]
-        if grown.log_evidence < best.log_evidence + least:
+        if grown.log_evidence < best.log_evidence + ADD:
             break
-        best = search.prune(grown)
+        pruned = without_hidden(search, search.prune(grown))
+        if set(pruned.effects) <= set(best.effects):
+            break
+        best = pruned
         leftover = search.screen_beyond(best)
     return best, leftover
 

@@ -34,7 +34,7 @@ TESTED = 1.0  # information in units of the priors, of a direction that is teste
 RIVAL = 0.4  # share of the best one's gain with which another may still win once both are exact
 RIVALS = 3  # at most so many
 STAYED = 0.1  # of a parameter's scale
-FINISHED = 2  # most rounds of fitting about the last fit
+FINISHED = 4  # most rounds of fitting about the last fit
 CONTINUED = 5  # times that a fit which stopped before it had converged goes on
 CREEP = 20.0  # of the objective: as many steps as a fit takes, each of which may raise it by 1
 
@@ -212,16 +212,16 @@ class Search(Generic[F]):
             effects[name] = values
         for name in set(key) - set(at.effects):
             effects = min(
-                (effects, *({**effects, name: values} for values in self.fitter.starts(name))),
-                key=lambda begin: self.fitter.start_misfit(at.fit, begin),
+                (effects, *({**effects, name: values} for values in at.fitter.starts(name))),
+                key=lambda begin: at.fitter.start_misfit(at.fit, begin),
             )
-        fit = self.fitter.fit(replace(at.fit.point, effects=effects), at.fit.scatter, key)
+        fit = at.fitter.fit(replace(at.fit.point, effects=effects), at.fit.scatter, key)
         evidence = self._log_evidence(key, fit)
         if not np.isfinite(evidence):
             raise ArithmeticError("its fit is not finite")
         # What begins with the slide leaves launches as they were simulated.
         launched = any(self._effects[n].acts_on_launch or self._effects[n].acts_on_camera for n in key)
-        self.seen[key] = Candidate(key, fit, evidence, self.fitter, final=self.about is None or not launched)
+        self.seen[key] = Candidate(key, fit, evidence, at.fitter, final=self.about is None or not launched)
         return self.seen[key]
 
     def finish(self, candidate: Candidate) -> Candidate:
@@ -264,12 +264,12 @@ class Search(Generic[F]):
 
     def _start_gain(self, at: Candidate, name: str) -> float:
         """Nats that the best start of an effect promises, to which a linear screen is blind."""
-        starts = self.fitter.starts(name)
+        starts = at.fitter.starts(name)
         if not starts:
             return -np.inf
         here = at.fit.point.effects
-        least = min(self.fitter.start_misfit(at.fit, {**here, name: values}) for values in starts)
-        return (self.fitter.start_misfit(at.fit, here) - least) / 2 - CLASS
+        least = min(at.fitter.start_misfit(at.fit, {**here, name: values}) for values in starts)
+        return (at.fitter.start_misfit(at.fit, here) - least) / 2 - CLASS
 
     def _tried(
         self, at: Candidate, name: str, direction: Mapping[str, Mapping[str, float]]
@@ -283,21 +283,21 @@ class Search(Generic[F]):
 
     def prune(self, candidate: Candidate) -> Candidate:
         """Delete effects while the evidence for the rest is no smaller by more than ADD."""
+        if len(candidate.effects) == 1:
+            return candidate
         for name in candidate.effects:
-            fewer = tuple(n for n in candidate.effects if n != name)
-            if not fewer:
-                continue
-            without = self._without(candidate, fewer)
+            without = self.without(candidate, name)
             if without.log_evidence > candidate.log_evidence - ADD:
                 return self.prune(without)
         return candidate
 
-    def _without(self, candidate: Candidate, fewer: tuple[str, ...]) -> Candidate:
-        """Fewer effects than a candidate's, fitted anew: simulated where it is, or the best that is known.
+    def without(self, candidate: Candidate, name: str) -> Candidate:
+        """A candidate's other effects, fitted anew: simulated where it is, or the best that is known.
 
         Where simulations about an earlier fit were not exact, an effect that is added seems to explain what
         only the new simulation does.
         """
+        fewer = tuple(n for n in candidate.effects if n != name)
         point = candidate.fit.point
         kept = {name: point.effects[name] for name in fewer}
         fit = candidate.fitter.fit(replace(point, effects=kept), candidate.fit.scatter, fewer)

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.recordings.format import Recording
 
-# m from the start at which the striker has let go: contact lasts for 3 to 8 cm, and who is followed for
-# longer by a soft or slow striker shows it in the first frames (see RELEASED).
+# m from the start at which a striker has let go, unless the object still gains speed: contact lasts for 3 to 8 cm.
 RELEASE_DISTANCE = 0.12
+SPEED_FRAMES = 4  # over which speed is told
+FASTER = 4.0  # sd of noise by which an object must be faster later to count as pushed until then
 MOVING_DISTANCE = 0.02  # m from the start at which an object has begun to move, above any camera's noise
 FEWEST_FRAMES = 8  # of a slide that is used
 RESTED_S = 6.0  # s after the release
@@ -191,11 +192,26 @@ def _cut(times: Array, places: Array) -> tuple[int, int, int] | str:
     first = _last(away <= RELEASE_DISTANCE) + 1
     # Two frames later friction has stopped it.
     last = _last(np.linalg.norm(smooth - end, axis=1) > MOVING_DISTANCE / 2) + 3
+    if last < len(times) - FEWEST_FRAMES:
+        first = _slows_down(times[:last], smooth[:last], first, float(np.std(smooth[last:] - end)))
     if last - first < FEWEST_FRAMES:
         return TOO_SHORT_A_SLIDE
     if last >= len(times):
         return NEVER_RESTED
     return begin, first, last
+
+
+def _slows_down(times: Array, smooth: Array, first: int, sd: float) -> int:
+    """Row, `first` or later, at which a striker ceases to speed an object up; places have noise of sd in m."""
+    ways = np.linalg.norm(smooth[SPEED_FRAMES:] - smooth[:-SPEED_FRAMES], axis=1)
+    speeds = (ways / (times[SPEED_FRAMES:] - times[:-SPEED_FRAMES]))[first:]
+    if len(speeds) == 0:
+        return first
+    noise = FASTER * 2 * sd / (times[first + SPEED_FRAMES] - times[first])
+    # What gains speed after it lost some is pulled by something else than the striker.
+    lost = speeds < np.maximum.accumulate(speeds) - noise
+    fastest = int(np.argmax(speeds[: np.argmax(lost)] if lost.any() else speeds))
+    return first + fastest + SPEED_FRAMES // 2 if speeds[fastest] > speeds[0] + noise else first
 
 
 def _last(condition: NDArray[np.bool_]) -> int:

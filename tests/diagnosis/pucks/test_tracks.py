@@ -1,0 +1,72 @@
+"""Where a slide begins: not before its striker has let go of the object, and not later."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from slapshot.diagnosis.pucks.tracks import RELEASE_DISTANCE, hit_tracks
+from .synthetic import CAMERA, RADIUS, recording
+
+RATE = 50.0
+NOISE = 0.001  # m
+SLOWING = 3.0  # m/s^2
+CONTACT = 0.5  # s
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(4)
+
+
+def of_paths(rng, paths):
+    """Recording of ways (frames,) in m along x."""
+    made = recording(rng, hits=len(paths))
+    tracks = [
+        pd.DataFrame(
+            {
+                "hit": hit,
+                "t": np.arange(len(path)) / RATE,
+                "x": path + rng.normal(0, NOISE, len(path)),
+                "y": rng.normal(0, NOISE, len(path)),
+                "yaw": np.nan,
+            }
+        )
+        for hit, path in enumerate(paths)
+    ]
+    return replace(made, tracks=pd.concat(tracks, ignore_index=True))
+
+
+def pushed(length, speed):
+    """An object that is sped up evenly over a length in m to a speed in m/s, and then slows down."""
+    pushing = 2 * length / speed
+    t = np.arange(0, CONTACT + pushing + speed / SLOWING + 1.0, 1 / RATE)
+    push = np.clip(t - CONTACT, 0, pushing)
+    slide = np.clip(t - CONTACT - pushing, 0, speed / SLOWING)
+    return speed * push**2 / (2 * pushing) + speed * slide - SLOWING * slide**2 / 2
+
+
+@pytest.mark.parametrize("length", [0.25, 0.4])
+def test_an_object_that_is_followed_for_long_is_released_where_it_begins_to_slow_down(rng, length):
+    speeds = np.linspace(1.2, 2.0, 20)
+    tracks = hit_tracks(of_paths(rng, [pushed(length, speed) for speed in speeds]))
+    released = CONTACT + 2 * length / speeds[tracks.hit]
+    # Speed is told over four frames, of which the fastest lie about the release.
+    assert np.abs(tracks.release - released).max() < 4 / RATE
+
+
+def test_a_struck_object_is_released_at_a_fixed_distance(rng):
+    speeds = np.linspace(1.2, 2.2, 200)
+    tracks = hit_tracks(of_paths(rng, [pushed(0.03, speed) for speed in speeds]))
+    assert len(tracks) == len(speeds)
+    # Within two frames, of which one belongs to the median.
+    assert (tracks.places[:, 0, 0] > RELEASE_DISTANCE - 3 * NOISE).all()
+    assert (tracks.places[:, 0, 0] < RELEASE_DISTANCE + 3 * NOISE + 2 * speeds / RATE).all()
+
+
+def test_what_gains_speed_after_it_slowed_down_was_released_before(rng):
+    slide = pushed(0.03, 1.5)
+    half = int((CONTACT + 0.35) * RATE)
+    pulled = np.concatenate([slide[:half], slide[half] + pushed(0.1, 2.5)[int(CONTACT * RATE) :]])
+    tracks = hit_tracks(of_paths(rng, [pulled]))
+    assert tracks.places[0, 0, 0] < RELEASE_DISTANCE + 0.06
