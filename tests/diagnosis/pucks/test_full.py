@@ -7,11 +7,15 @@ import pandas as pd
 import pytest
 from slapshot.arrays import GRAVITY
 from slapshot.command import Run
+from slapshot.diagnosis.pucks import signatures as signatures_module
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.report import REST_FIGURES, write_report
 from slapshot.diagnosis.pucks.result import Setting
+from slapshot.diagnosis.pucks.rig_model import RigModel
 from slapshot.diagnosis.pucks.signatures import LOOK, make_signatures
+from slapshot.diagnosis.pucks.slide_model import Point
 from slapshot.diagnosis.pucks.strikes import Striker, commands_through
+from slapshot.diagnosis.pucks.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.slide_law import slide
 from slapshot.lab.commands import Pool
@@ -20,6 +24,7 @@ from slapshot.trajectories import demonstrations
 
 HITS, DURATION, RATE = 40, 0.6, 50.0
 FRICTION = (0.35, 0.32, 0.005)
+CAMERA = np.array([1.65, 0.0])
 NAMES = ("blade_yaw", "restitution", "tilt")
 KNOWN = {name: catalogue()[name] for name in NAMES}
 DELAY = catalogue()["command_delay"]
@@ -106,7 +111,7 @@ def record(scene, commands):
 
 @pytest.fixture(scope="module")
 def verdict_of(scene, signatures):
-    setting = Setting(scene.info.object_radius, np.array([1.65, 0.0]), (0.5, 0.5, 0.01), scene)
+    setting = Setting(scene.info.object_radius, CAMERA, (0.5, 0.5, 0.01), scene)
 
     def told(recording):
         return diagnose(recording, setting, effects=KNOWN, threads=2, signatures=signatures)
@@ -117,6 +122,33 @@ def verdict_of(scene, signatures):
 @pytest.fixture(scope="module")
 def turned(record):
     return record({"blade_yaw": {"angle": TRUE_YAW}}, 1)
+
+
+def test_near_a_slug_launches_change_with_its_inertia_as_simulated(scene, commands, record, monkeypatch):
+    """What inertia does to a launch depends on where the centre of mass is: alone it does nothing."""
+    monkeypatch.setattr(signatures_module, "TWO_SIDED", (-1.5, 1.5))  # few sizes are simulated faster
+    known = {"offcentre_mass": catalogue()["offcentre_mass"]}
+    pool = make_signatures(scene, commands_through(commands, scene, DURATION + 0.1), known, 2)
+    recording = record({}, 4)
+    friction = np.array([FRICTION])
+    rig = RigModel(recording, hit_tracks(recording), scene, known, CAMERA, friction, pool, 2)
+    rows = np.arange(len(hit_tracks(recording)))
+    slug = {"offset_x": -0.008, "offset_y": 0.004, "log_inertia": -0.4}
+
+    def launches(values, fitted=False):
+        return rig.about({"offcentre_mass": values}).launches(rows, fitted=fitted)
+
+    def means(model, values):
+        return model.means(Point(np.zeros((len(rows), 6)), np.log(friction), {"offcentre_mass": values}))
+
+    heavier = slug | {"log_inertia": -0.2}
+    simulated = means(launches(heavier), heavier)
+    change = simulated - means(launches(slug), slug)
+    linear = means(launches(slug, fitted=True), heavier) - simulated
+    alone = means(launches(slug), heavier) - simulated
+    # A step of the derivative is half as long again; what is left is curvature and contact's own scatter.
+    assert np.sqrt((linear**2).mean(0))[2:].max() < 0.35 * np.sqrt((change**2).mean(0))[2:].max()
+    assert np.sqrt((alone**2).mean(0))[2:].max() > 0.9 * np.sqrt((change**2).mean(0))[2:].max()
 
 
 def test_an_object_that_is_struck_late_is_looked_at_late(scene, commands):

@@ -112,7 +112,7 @@ def diagnose(
         nominal, final = of.nominal.fit, of.final.fit
         there = test
         if rig is not None and isinstance(test.launches, LaunchModel):
-            there = test.about(rig.about(final.point.effects).launches(held, test.launches.execution))
+            there = test.about(rig.about(final.point.effects).launches(held, test.launches.execution, False))
         return errors_of_scenes(there, nominal, final, setting.friction, resample_rng)
 
     tried, fit = level, errors(level)

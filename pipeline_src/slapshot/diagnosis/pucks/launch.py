@@ -8,7 +8,7 @@ they see.
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +34,30 @@ SIMULATED_SPIN_SD = 0.6  # rad/s: three times by which a simulation of the hit e
 FIRST_SD = np.array([0.02, 0.02, 0.15, 0.15, SIMULATED_SPIN_SD])
 
 
+@dataclass(frozen=True)
+class LocalChange:
+    """How n launches change from one value of a parameter to another nearby.
+
+    Attributes:
+        here, there: the values.
+        change: (n, 5).
+    """
+
+    here: float
+    there: float
+    change: Array
+
+    def take(self, rows: NDArray[np.int64]) -> "LocalChange":
+        """Of some of the launches."""
+        return replace(self, change=self.change[rows])
+
+    @property
+    def line(self) -> PchipInterpolator:
+        """Through both."""
+        both = sorted([(self.here, np.zeros_like(self.change)), (self.there, self.change)], key=lambda e: e[0])
+        return PchipInterpolator([value for value, _ in both], np.stack([change for _, change in both]))
+
+
 class LaunchModel:
     """Prior of the launches of n hits."""
 
@@ -54,6 +78,7 @@ class LaunchModel:
         readings: Readings | None,
         base: Mapping[str, Values] | None = None,
         reference: Execution | None = None,
+        local: Mapping[str, LocalChange] | None = None,
     ) -> None:
         """Of n hits.
 
@@ -73,6 +98,7 @@ class LaunchModel:
             readings: of the encoders, if there are any.
             base: effects with which hits were simulated; None for the nominal scene.
             reference: execution whose scatter is taken for known; None to estimate it.
+            local: effect/parameter -> its change about `base`, instead of that of the signatures.
         """
         self._effects, self._camera, self._starts = effects, camera, starts
         self._starts_seen = starts_seen[:, None]
@@ -93,6 +119,7 @@ class LaunchModel:
         if readings is not None:
             changes = self._correct(signatures, rows, readings, by_joints, changes, reference)
         self._changes = {n: PchipInterpolator(signatures.values[n], c) for n, c in changes.items()}
+        self._changes |= {name: change.line for name, change in (local or {}).items()}
         # Hits were simulated with the objects where they really lay.
         for name, values in (base or {}).items():
             self.mean -= np.einsum("nij,nj->ni", self._by_start, self._start_shift(name, values))

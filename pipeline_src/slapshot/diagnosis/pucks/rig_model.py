@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from copy import copy
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.camera_view import start_shift
 from slapshot.diagnosis.pucks.execution import Execution, Readings, readings_of, replay
-from slapshot.diagnosis.pucks.launch import LaunchModel
+from slapshot.diagnosis.pucks.launch import LaunchModel, LocalChange
 from slapshot.diagnosis.pucks.signatures import LOOK, Signatures, digest_of, make_signatures
 from slapshot.diagnosis.pucks.slide_model import Values
 from slapshot.diagnosis.pucks.strikes import Commands, Striker, commands_of
@@ -17,6 +18,8 @@ from slapshot.diagnosis.pucks.tracks import HitTracks
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene
+
+LOCAL_STEP = 0.5  # of a parameter's scale
 
 
 class RigModel:
@@ -94,8 +97,10 @@ class RigModel:
             shift = start_shift(effect, values, self._starts, self._camera)
             starts += np.where(self._starts_seen[:, None], shift, 0.0)
         self._readings: Readings | None = None
+        self._local: dict[str, LocalChange] | None = None
         if self._joints is None:
-            self._struck = self._striker(self._commands).strike(starts, acting)
+            self._strike = partial(self._striker(self._commands).strike, starts)
+            self._struck = self._strike(acting)
             return
         times, period = self._times, self._commands.period
         swing, speeds = self.signatures.swing(self._rows, times, self._base)
@@ -105,11 +110,39 @@ class RigModel:
         positions = replay(self._commands.positions, period, float(times[-1]), replayed)
         rates = np.gradient(positions, period, axis=1)
         executed = Commands(positions, positions + self._servo_time * rates, period)
-        self._struck = self._striker(executed).strike(starts, acting)
+        self._strike = partial(self._striker(executed).strike, starts)
+        self._struck = self._strike(acting)
         self._readings = Readings(times, self._joints, self._struck.joints, replayed)
 
-    def launches(self, rows: NDArray[np.int64], reference: Execution | None = None) -> LaunchModel:
-        """Launches that the commands of some of the hits should give; `reference` as in LaunchModel."""
+    def _local_changes(self) -> dict[str, LocalChange]:
+        """How launches change about the effects they were simulated with, where one has several parameters.
+
+        What each of those does depends on the others, which signatures, made one by one, do not know.
+        """
+        if self._local is None:
+            self._local = {}
+            for owner, values in self._base.items():
+                mine = [p for p in self._effects[owner].parameters if f"{owner}/{p.name}" in self.signatures.values]
+                for p in mine if len(mine) > 1 else []:
+                    here, step = values[p.name], LOCAL_STEP * p.scale
+                    there = here + step if here + step <= p.high else here - step
+                    changed = {**self._base, owner: {**values, p.name: there}}
+                    struck = self._strike([(self._effects[name], of) for name, of in changed.items()])
+                    self._local[f"{owner}/{p.name}"] = LocalChange(
+                        here, there, struck.released - self._struck.released
+                    )
+        return self._local
+
+    def launches(
+        self, rows: NDArray[np.int64], reference: Execution | None = None, fitted: bool = True
+    ) -> LaunchModel:
+        """Launches that the commands of some of the hits should give.
+
+        Args:
+            rows: of the hits.
+            reference: as in LaunchModel.
+            fitted: whether effects are to be fitted to them, not only looked at where they are.
+        """
         readings = self._readings
         if readings is not None:
             readings = Readings(
@@ -131,6 +164,7 @@ class RigModel:
             readings,
             self._base,
             reference,
+            {name: change.take(rows) for name, change in self._local_changes().items()} if fitted else {},
         )
 
 
