@@ -38,4 +38,7 @@ class Fitter(Protocol):
         """Mean and information (p,) of shared parameters."""
 
     def shift(self, fit: Fit, name: str) -> float:
-        """Root mean square change of tracks in m, where it is largest, if an effect of a fit were absent."""
+        """Root mean square change of tracks in m by an effect of a fit, where it is largest.
+
+        Beyond what another friction would do to them.
+        """

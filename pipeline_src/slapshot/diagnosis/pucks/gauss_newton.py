@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.evidence import LARGEST
+from slapshot.diagnosis.pucks.evidence import LARGEST, project
 from slapshot.diagnosis.pucks.first_guess import NUISANCE_MEAN
 from slapshot.diagnosis.pucks.marginal import Marginal
 from slapshot.diagnosis.pucks.slide_model import Column, Point
@@ -127,6 +127,32 @@ class GaussNewton(ABC):
             float(state.squares.sum() / max(self.freedom().sum(), 1)),
             converged,
         )
+
+    @abstractmethod
+    def quadratic(self, fit: Fit, effects: Sequence[str]) -> tuple[list[Column], Marginal, Array]:
+        """See `fitter.Fitter`."""
+
+    @abstractmethod
+    def _moved_by(self, fit: Fit, name: str) -> Array:
+        """(n, frames, 2) m by which an effect of a fit moves those frames that `quadratic` shows."""
+
+    def shift(self, fit: Fit, name: str) -> float:
+        """See `fitter.Fitter`."""
+        neutral, values = self.effects[name].neutral(), fit.point.effects[name]
+        nuisance = np.array([c for c, column in enumerate(fit.columns) if column.object >= 0], np.int64)
+        own = np.array([c for c, column in enumerate(fit.columns) if column.owner == name], np.int64)
+        both = np.concatenate([nuisance, own])
+        _, precision = self.prior([fit.columns[c] for c in nuisance])
+        weights = project(
+            fit.marginal.information.sum(0)[np.ix_(both, both)],
+            fit.marginal.scores[:, both],
+            np.arange(len(nuisance)),
+            np.diag(precision),
+        ).weights
+        parameters = [fit.columns[c].parameter for c in own]
+        compensation = weights @ np.array([values[p] - neutral[p] for p in parameters])
+        moved = self._moved_by(fit, name) - self.quadratic(fit, [])[2] @ compensation
+        return float(np.sqrt((moved**2).sum(-1).mean(0).max()))
 
     def prior(self, columns: Sequence[Column]) -> tuple[Array, Array]:
         """Mean and information (p,) of the shared parameters."""

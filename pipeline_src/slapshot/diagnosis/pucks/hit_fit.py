@@ -149,14 +149,13 @@ class HitFitter(GaussNewton):
         frames = np.round(last[:, None] * np.arange(1, SHOWN + 1) / SHOWN).astype(np.int64)
         return np.arange(len(last))[:, None], frames
 
-    def shift(self, fit: Fit, name: str) -> float:
-        """Root mean square change of tracks in m if one effect were absent."""
+    def _moved_by(self, fit: Fit, name: str) -> Array:
         point = fit.point
         without = replace(point, effects={n: v for n, v in point.effects.items() if n != name})
         latents = point.latents.copy()
         latents[:, :LAUNCH] += self.launches.offsets(without) - self.launches.offsets(point)
         moved = self.model.predict(point) - self.model.predict(replace(without, latents=latents))
-        return float(np.sqrt((moved[self._some_frames()] ** 2).sum(-1).mean(0).max()))
+        return moved[self._some_frames()]
 
     def freedom(self) -> Array:
         """(n,) expected squares of each hit: its data less what fits its own unknowns."""

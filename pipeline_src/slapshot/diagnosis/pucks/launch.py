@@ -51,6 +51,10 @@ class LocalChange:
         """Of some of the launches."""
         return replace(self, change=self.change[rows])
 
+    def about(self, value: float) -> "LocalChange":
+        """The same change about another value."""
+        return replace(self, here=value, there=self.there - self.here + value)
+
     @property
     def line(self) -> PchipInterpolator:
         """Through both."""

@@ -101,11 +101,10 @@ class RestFitter(GaussNewton):
         rests = self._predicted(fit.point, columns)
         return columns, self._marginal(rests, fit.scatter), rests.slopes[:, None]
 
-    def shift(self, fit: Fit, name: str) -> float:
-        """Root mean square change of rest points in m if one effect were absent."""
+    def _moved_by(self, fit: Fit, name: str) -> Array:
         without = {n: v for n, v in fit.point.effects.items() if n != name}
         moved = self.predict(fit.point) - self.predict(replace(fit.point, effects=without))
-        return float(np.sqrt((moved**2).sum(-1).mean()))
+        return moved[:, None]
 
     def predict(self, point: Point) -> Array:
         """(n, 2) m where objects should come to rest."""

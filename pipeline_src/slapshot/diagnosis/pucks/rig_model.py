@@ -15,11 +15,11 @@ from slapshot.diagnosis.pucks.signatures import LOOK, Signatures, digest_of, mak
 from slapshot.diagnosis.pucks.slide_model import Values
 from slapshot.diagnosis.pucks.strikes import Commands, Striker, commands_of
 from slapshot.diagnosis.pucks.tracks import HitTracks
-from slapshot.effects.effect import Effect
+from slapshot.effects.effect import Effect, Parameter
 from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene
 
-LOCAL_STEP = 0.5  # of a parameter's scale
+LOCAL_STEP = 0.5  # of a parameter's scale: within it launches change linearly
 
 
 class RigModel:
@@ -73,6 +73,8 @@ class RigModel:
         self._striker = lambda executed: Striker(scene, executed, *arguments)
         self._servo_time = scene.info.servo_time
         self._base: Mapping[str, Values] = {}
+        # Effect -> where changes about it were simulated last, and those; nearby they are the same.
+        self._local: dict[str, tuple[Mapping[str, float], dict[str, LocalChange]]] = {}
         self._simulate()
 
     def about(self, effects: Mapping[str, Values]) -> "RigModel":
@@ -97,7 +99,6 @@ class RigModel:
             shift = start_shift(effect, values, self._starts, self._camera)
             starts += np.where(self._starts_seen[:, None], shift, 0.0)
         self._readings: Readings | None = None
-        self._local: dict[str, LocalChange] | None = None
         if self._joints is None:
             self._strike = partial(self._striker(self._commands).strike, starts)
             self._struck = self._strike(acting)
@@ -119,19 +120,24 @@ class RigModel:
 
         What each of those does depends on the others, which signatures, made one by one, do not know.
         """
-        if self._local is None:
-            self._local = {}
-            for owner, values in self._base.items():
-                mine = [p for p in self._effects[owner].parameters if f"{owner}/{p.name}" in self.signatures.values]
-                for p in mine if len(mine) > 1 else []:
-                    here, step = values[p.name], LOCAL_STEP * p.scale
-                    there = here + step if here + step <= p.high else here - step
-                    changed = {**self._base, owner: {**values, p.name: there}}
-                    struck = self._strike([(self._effects[name], of) for name, of in changed.items()])
-                    self._local[f"{owner}/{p.name}"] = LocalChange(
-                        here, there, struck.released - self._struck.released
-                    )
-        return self._local
+        found: dict[str, LocalChange] = {}
+        for owner, values in self._base.items():
+            mine = [p for p in self._effects[owner].parameters if f"{owner}/{p.name}" in self.signatures.values]
+            if len(mine) < 2:
+                continue
+            at, changes = self._local.get(owner, ({}, {}))
+            if not at or any(abs(values[p.name] - at[p.name]) > LOCAL_STEP * p.scale for p in mine):
+                changes = {p.name: self._local_change(owner, p) for p in mine}
+                self._local[owner] = values, changes
+            found |= {f"{owner}/{name}": changes[name].about(values[name]) for name in changes}
+        return found
+
+    def _local_change(self, owner: str, parameter: Parameter) -> LocalChange:
+        here, step = self._base[owner][parameter.name], LOCAL_STEP * parameter.scale
+        there = here + step if here + step <= parameter.high else here - step
+        changed = {**self._base, owner: {**self._base[owner], parameter.name: there}}
+        struck = self._strike([(self._effects[name], values) for name, values in changed.items()])
+        return LocalChange(here, there, struck.released - self._struck.released)
 
     def launches(
         self, rows: NDArray[np.int64], reference: Execution | None = None, fitted: bool = True

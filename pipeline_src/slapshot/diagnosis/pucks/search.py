@@ -192,7 +192,7 @@ class Search(Generic[F]):
         return self.screen(at, [n for n in (*self.catalogue, *self.free) if n not in at.effects])
 
     def shift(self, at: Candidate, name: str) -> float:
-        """Root mean square change of the tracks in m, where it is largest, if an effect were absent."""
+        """See `Fitter.shift`."""
         return float(at.fitter.shift(at.fit, name))
 
     def refit(
