@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.diagnosis.pucks.tracks import RELEASE_DISTANCE, hit_tracks
-from .synthetic import CAMERA, RADIUS, recording
+
+from .synthetic import recording
 
 RATE = 50.0
 NOISE = 0.001  # m

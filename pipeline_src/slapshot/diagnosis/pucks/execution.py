@@ -169,7 +169,8 @@ def _noise_beside(basis: Array, residual: Array, ticks: int) -> float:
     """
     if ticks > 2 * DIFFERENCES:
         differences = np.diff(residual.reshape(len(residual), ticks, -1), n=DIFFERENCES, axis=1)
-        return float(np.median(np.abs(differences)) / NORMAL_MEDIAN / np.sqrt(comb(2 * DIFFERENCES, DIFFERENCES)))
+        gain = np.sqrt(comb(2 * DIFFERENCES, DIFFERENCES))
+        return float(np.median(np.abs(differences)) / NORMAL_MEDIAN / gain)
     fitted = [f @ np.linalg.lstsq(f, y, rcond=None)[0] for f, y in zip(basis, residual, strict=True)]
     left = (residual - np.stack(fitted)) ** 2
     return float(np.sqrt(np.median(left.sum(1) / (basis.shape[1] - basis.shape[2]))))

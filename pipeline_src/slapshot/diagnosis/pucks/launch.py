@@ -58,8 +58,9 @@ class LocalChange:
     @property
     def line(self) -> PchipInterpolator:
         """Through both."""
-        both = sorted([(self.here, np.zeros_like(self.change)), (self.there, self.change)], key=lambda e: e[0])
-        return PchipInterpolator([value for value, _ in both], np.stack([change for _, change in both]))
+        values, changes = [self.here, self.there], [np.zeros_like(self.change), self.change]
+        ascending = np.argsort(values)
+        return PchipInterpolator(np.array(values)[ascending], np.stack(changes)[ascending])
 
 
 class LaunchModel:

@@ -122,7 +122,8 @@ class RigModel:
         """
         found: dict[str, LocalChange] = {}
         for owner, values in self._base.items():
-            mine = [p for p in self._effects[owner].parameters if f"{owner}/{p.name}" in self.signatures.values]
+            parameters = self._effects[owner].parameters
+            mine = [p for p in parameters if f"{owner}/{p.name}" in self.signatures.values]
             if len(mine) < 2:
                 continue
             at, changes = self._local.get(owner, ({}, {}))

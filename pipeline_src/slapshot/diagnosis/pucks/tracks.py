@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.recordings.format import Recording
 
-# m from the start at which a striker has let go, unless the object still gains speed: contact lasts for 3 to 8 cm.
+# m from the start at which a striker has let go, unless the object still gains speed: contact lasts for
+# 3 to 8 cm.
 RELEASE_DISTANCE = 0.12
 SPEED_FRAMES = 4  # over which speed is told
 FASTER = 4.0  # sd of noise by which an object must be faster later to count as pushed until then
@@ -202,7 +203,7 @@ def _cut(times: Array, places: Array) -> tuple[int, int, int] | str:
 
 
 def _slows_down(times: Array, smooth: Array, first: int, sd: float) -> int:
-    """Row, `first` or later, at which a striker ceases to speed an object up; places have noise of sd in m."""
+    """Row, `first` or later, at which a striker ceases to push; places have noise of `sd` in m."""
     ways = np.linalg.norm(smooth[SPEED_FRAMES:] - smooth[:-SPEED_FRAMES], axis=1)
     speeds = (ways / (times[SPEED_FRAMES:] - times[:-SPEED_FRAMES]))[first:]
     if len(speeds) == 0:

@@ -1,7 +1,5 @@
 """Hidden effects of the camera: distorted positions and delayed times."""
 
-from typing import Any
-
 import numpy as np
 
 from slapshot.arrays import Array
@@ -23,7 +21,7 @@ class CameraScale(HiddenEffect):
         0.3,
     )
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"sign": float(rng.choice((-1.0, 1.0))), "about_m": _near_foot(nominal, rng)}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -42,7 +40,7 @@ class CameraRotation(HiddenEffect):
     parameter_match = "same"
     unit, amplitude, typical_amplitude, max_amplitude = "rad", "size of the angle", 0.03, 0.3
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"sign": float(rng.choice((-1.0, 1.0))), "about_m": _near_foot(nominal, rng)}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -63,7 +61,7 @@ class CameraTime(HiddenEffect):
     unit, amplitude, typical_amplitude, max_amplitude = "s", "mean delay", 0.02, 0.08
     observed_in = "track"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"drift_share": float(rng.uniform(-0.3, 0.3))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -80,7 +78,7 @@ class LensDistortion(HiddenEffect):
     phase = "camera"
     unit, amplitude, typical_amplitude, max_amplitude = "1/m^2", "size of k1", 0.015, 0.1
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {
             "sign": float(rng.choice((-1.0, 1.0))),
             "k2_share_per_m2": float(rng.uniform(-0.15, 0.15)),

@@ -1,7 +1,5 @@
 """Hidden effects of the contact between striker and object."""
 
-from typing import Any
-
 import mujoco
 import numpy as np
 
@@ -27,7 +25,7 @@ class CompliantBlade(HiddenEffect):
     min_amplitude = 1e-3  # needs steps of 10 microseconds
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {
             # Three take steps seven times finer than two.
             "segments": int(rng.choice([2, 2, 2, 3])),
@@ -66,7 +64,7 @@ class Restitution(HiddenEffect):
     )
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {
             "sign": float(rng.choice((-1.0, 1.0))),
             "speed_power": float(rng.uniform(0.05, 0.25)),
@@ -95,7 +93,7 @@ class BladeFriction(HiddenEffect):
     )
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"sign": float(rng.choice((-1.0, 1.0)))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -117,7 +115,7 @@ class BladeYaw(HiddenEffect):
     unit, amplitude, typical_amplitude, max_amplitude = "rad", "size of the angle about the stick", 0.05, 0.3
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"sign": float(rng.choice((-1.0, 1.0))), "roll_share": float(rng.uniform(-0.3, 0.3))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -147,7 +145,7 @@ class CurvedBlade(HiddenEffect):
     unit, amplitude, typical_amplitude, max_amplitude = "1/m", "curvature of the face", 1.0, 6.0
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"apex_m": float(rng.uniform(-0.02, 0.02))}
 
     def edit(self, amplitude: float, shape: Shape, spec: mujoco.MjSpec, scene: Scene) -> None:

@@ -68,7 +68,7 @@ class HiddenEffect:
     observed_in: ClassVar[Literal["rest", "track"]] = "rest"
     changes_launch: ClassVar[bool] = False
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         """Draw the shape."""
         return {}
 

@@ -1,7 +1,5 @@
 """Hidden effects on the slide that vary with the position on the board or with time."""
 
-from typing import Any
-
 import numpy as np
 
 from slapshot.arrays import Array
@@ -21,7 +19,7 @@ class UnevenBoard(HiddenEffect):
     parameter_match = None
     unit, amplitude, typical_amplitude, max_amplitude = "m/m", "rms slope", 0.01, 0.08
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"waves": draw_height(1.0, _WAVELENGTHS, _WAVES, rng).tolist()}
 
     def ground(self, amplitude: float, shape: Shape, ground: Ground) -> Ground:
@@ -41,7 +39,7 @@ class PlaceFriction(HiddenEffect):
         1.0,
     )
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         what = str(rng.choice(["waves", "lane", "patch"]))
         if what == "waves":
             return {"what": what, "waves": draw_log_friction(1.0, _WAVELENGTHS, _WAVES, rng).tolist()}
@@ -85,7 +83,7 @@ class AttractingSpot(HiddenEffect):
         1.8,
     )
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         place, _ = _on_the_way(nominal, rng, 0.3, 0.7)
         return {
             "place_m": place.tolist(),
@@ -111,7 +109,7 @@ class Tether(HiddenEffect):
     parameter_match = None
     unit, amplitude, typical_amplitude, max_amplitude = "1/s^2", "stiffness over mass", 2.0, 60.0
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         start = np.array(nominal.scene.info.start)
         anchor = start + rng.normal(0, 0.15, 2)
         travel = np.median(np.linalg.norm(nominal.rests - anchor, axis=1))
@@ -143,7 +141,7 @@ class PulsingFan(HiddenEffect):
         0.9,
     )
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         what = str(rng.choice(["jet", "gusts", "both"]))
         place, ahead = _on_the_way(nominal, rng, 0.4, 0.8)
         side = ahead + rng.choice((-1.0, 1.0)) * rng.uniform(1.1, 2.0)
@@ -205,7 +203,7 @@ class FrictionDrift(HiddenEffect):
         1.5,
     )
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {
             "sign": float(rng.choice((-1.0, 1.0))),
             "saturation": float(rng.uniform(0.25, 1.0)),

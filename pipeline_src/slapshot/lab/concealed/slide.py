@@ -1,7 +1,5 @@
 """Hidden effects on the slide that depend on speed, heading or spin."""
 
-from typing import Any
-
 import mujoco
 import numpy as np
 
@@ -24,7 +22,7 @@ class Tilt(HiddenEffect):
         0.1,
     )
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {
             "towards_rad": float(rng.uniform(0, 2 * np.pi)),
             "bow_share_per_m": float(rng.uniform(-0.3, 0.3)),
@@ -49,7 +47,7 @@ class _Drag(HiddenEffect):
     phase = "slide"
     _powers = (1.0, 1.0)
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"power": float(rng.uniform(*self._powers))}
 
     def ground(self, amplitude: float, shape: Shape, ground: Ground) -> Ground:
@@ -98,7 +96,7 @@ class StribeckFriction(HiddenEffect):
         3.0,
     )
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         lorentzian = bool(rng.uniform() < 0.4)
         power, speed = rng.uniform(0.7, 1.4), np.exp(rng.uniform(np.log(0.15), np.log(0.7)))
         return {"speed_m_s": float(speed), "power": 0.0 if lorentzian else float(power)}
@@ -128,7 +126,7 @@ class TurnedAnisotropy(HiddenEffect):
         0.5,
     )
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         # Far enough from the axes, along which a ratio of the two frictions would be the same.
         angle = rng.choice((-1.0, 1.0)) * rng.uniform(np.pi / 6, np.pi / 3)
         return {"angle_rad": float(angle)}
@@ -154,7 +152,7 @@ class Curl(HiddenEffect):
         1.0,
     )
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"sign": float(rng.choice((-1.0, 1.0))), "saturation_rad_s": float(rng.uniform(0.4, 2.0))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -183,7 +181,7 @@ class OffcentreMass(HiddenEffect):
     )
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {
             "towards_rad": float(rng.uniform(0, 2 * np.pi)),
             "slug_share": float(rng.uniform(0.4, 0.6)),

@@ -26,7 +26,7 @@ class CommandDelay(HiddenEffect):
     observed_in = "track"
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"jitter_share": float(rng.uniform(0.02, 0.1))}
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
@@ -48,7 +48,7 @@ class TrackingLag(HiddenEffect):
     observed_in = "track"
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         shares = np.exp(rng.normal(0, 0.25, len(nominal.scene.info.joints)))
         return {"damping_ratio": float(rng.uniform(0.6, 1.2)), "joints": (shares / shares.mean()).tolist()}
 
@@ -86,7 +86,7 @@ class ServoGain(HiddenEffect):
     observed_in = "track"
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         shares = 1 + rng.uniform(-0.5, 0.5, len(nominal.scene.info.joints))
         sign = float(rng.choice((-1.0, 1.0)))
         return {
@@ -121,7 +121,7 @@ class JointElasticity(HiddenEffect):
     )
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         chosen = _some_joints(len(nominal.scene.info.joints), 3, 5, rng)
         shares = np.exp(rng.normal(0, 0.4, len(chosen)))
         weights = np.zeros(len(nominal.scene.info.joints))
@@ -162,7 +162,7 @@ class Backlash(HiddenEffect):
     observed_in = "track"
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         chosen = _some_joints(len(nominal.scene.info.joints), 2, 4, rng)
         shares = rng.uniform(0.5, 1.5, len(chosen))
         weights = np.zeros(len(nominal.scene.info.joints))
@@ -207,7 +207,7 @@ class CrookedArm(HiddenEffect):
     )
     changes_launch = True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         joints = len(nominal.scene.info.joints)
         chosen = np.zeros((joints, 4), bool)
         chosen[rng.choice(np.arange(1, joints), 3, replace=False), :3] = True

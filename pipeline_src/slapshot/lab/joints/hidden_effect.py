@@ -145,7 +145,7 @@ class HiddenEffect:
         """Whether the effect applies to a rig and is observable."""
         return True
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         """Draw the shape; "joint" or "body" is where the effect applies, if anywhere."""
         raise NotImplementedError
 

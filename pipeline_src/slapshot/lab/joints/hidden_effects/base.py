@@ -31,7 +31,7 @@ class GravityTilt(HiddenEffect):
     def fits(self, rig: Rig) -> bool:
         return bool(rig.loaded)
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         # Where level axes are alike, gravity must lean across them to show.
         lean = np.pi / 3 if nominal.rig.turns == "slide" else np.pi
         return {"towards_rad": float(rng.uniform(-lean, lean) + np.pi * rng.integers(2))}
@@ -60,7 +60,7 @@ class BaseCompliance(HiddenEffect):
     def fits(self, rig: Rig) -> bool:
         return bool(rig.loaded) and rig.drive != "mocap"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {
             "body": nominal.rig.base,
             "ratio": float(np.exp(rng.uniform(-0.7, 0.7))),
@@ -104,7 +104,7 @@ class SlippingBase(HiddenEffect):
     def fits(self, rig: Rig) -> bool:
         return bool(rig.loaded) and rig.drive != "mocap"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {
             "body": nominal.rig.base,
             "direction": nominal.rig.turns,

@@ -1,7 +1,5 @@
 """Hidden effects between command and actuator torque."""
 
-from typing import Any
-
 import numpy as np
 
 from slapshot.arrays import Array
@@ -34,7 +32,7 @@ class ActuatorGain(_OfActuators):
     name = "actuator_gain"
     unit, amplitude = "1", "size of what is added to a gain of 1"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         joint = draw_joint(nominal.rig, rng)
         return {
             "joint": joint,
@@ -70,7 +68,7 @@ class ActuatorLag(_OfActuators):
     name = "actuator_lag"
     unit, amplitude = "s", "mean of the time constants of a rise and a fall"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"joint": draw_joint(nominal.rig, rng), "slower_fall": float(rng.uniform(0.0, 0.15))}
 
     def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
@@ -104,7 +102,7 @@ class CommandDelay(_OfActuators):
     name = "command_delay"
     unit, amplitude = "s", "mean delay"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"joint": draw_joint(nominal.rig, rng), "stream": int(rng.integers(2**32))}
 
     def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
@@ -157,7 +155,7 @@ class Saturation(_OfActuators):
     name = "saturation"
     unit, amplitude = "1", "share of the peak torque that is cut off"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         joint = draw_joint(nominal.rig, rng)
         peak = nominal.peak(nominal.rig.joints.index(joint))
         return {"joint": joint, "peak_n_m": peak, "sharpness": float(rng.uniform(8, 24))}
@@ -188,7 +186,7 @@ class TorqueRipple(HiddenEffect):
     name = "torque_ripple"
     unit, amplitude = "N m", "rms of the table"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         harmonics = np.array((1.0, rng.uniform(0, 0.5), rng.uniform(0, 0.3)))
         phases = rng.uniform(0, 2 * np.pi, 3)
         angle = 2 * np.pi * np.arange(_TABLE) / _TABLE
@@ -232,7 +230,7 @@ class Foldback(_OfActuators):
     catalogued = False
     unit, amplitude = "1", "share of the peak torque above which heat gathers"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         joint = draw_joint(nominal.rig, rng)
         return {
             "joint": joint,

@@ -3,8 +3,6 @@
 The recorded encoder sits on the link. Servo and controller read another one, which is correct.
 """
 
-from typing import Any
-
 import numpy as np
 
 from slapshot.arrays import Array
@@ -24,7 +22,7 @@ class EncoderScale(HiddenEffect):
     name = "encoder_scale"
     unit, amplitude = "1", "size of what is added to a scale of 1"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {
             "joint": draw_joint(nominal.rig, rng),
             "sign": draw_sign(rng),
@@ -50,7 +48,7 @@ class EncoderDelay(HiddenEffect):
     name = "encoder_delay"
     unit, amplitude = "s", "mean delay"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {
             "joint": draw_joint(nominal.rig, rng),
             "wander_share": float(rng.uniform(0.0, 0.15)),
@@ -78,7 +76,7 @@ class StickySensor(HiddenEffect):
     catalogued = False
     unit, amplitude = "rad", "change that it takes"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"joint": draw_joint(nominal.rig, rng)}
 
     def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:

@@ -11,7 +11,6 @@ of sliding friction, in which the effects differ.
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -78,7 +77,7 @@ class DryLaw(Law):
         torque[:, self._dof] += self._bristles.torque(speed, self._level(speed, state.load[:, self._joint]))
 
 
-def _draw_bristles(nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+def _draw_bristles(nominal: NominalMotion, rng: np.random.Generator) -> Shape:
     return {
         "joint": draw_joint(nominal.rig, rng),
         "bend_rad": float(np.exp(rng.uniform(*np.log((3e-4, 1e-3))))),
@@ -103,7 +102,7 @@ class ViscousFriction(HiddenEffect):
     name = "viscous_friction"
     unit, amplitude = "N m s/rad", "torque over speed of a slow joint"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         joint = draw_joint(nominal.rig, rng)
         speed = nominal.speed(nominal.rig.joints.index(joint))
         return {
@@ -147,7 +146,7 @@ class CoulombFriction(HiddenEffect):
     name = "coulomb_friction"
     unit, amplitude = "N m", "sliding friction"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return _draw_bristles(nominal, rng)
 
     def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
@@ -166,10 +165,11 @@ class StribeckFriction(HiddenEffect):
     name = "stribeck_friction"
     unit, amplitude = "N m", "sliding friction of a fast joint"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         shape = _draw_bristles(nominal, rng)
         speed = nominal.speed(nominal.rig.joints.index(shape["joint"]))
-        return shape | {
+        return {
+            **shape,
             "static_over_sliding": float(rng.uniform(1.8, 3.5)),
             "stribeck_rad_s": speed * float(rng.uniform(0.1, 0.4)),
             "power": float(rng.uniform(0.7, 2.0)),
@@ -204,9 +204,9 @@ class LoadFriction(HiddenEffect):
     def fits(self, rig: Rig) -> bool:
         return rig.drive != "mocap"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         shape = _draw_bristles(nominal, rng)
-        return shape | {"scale_n_m": nominal.force(nominal.rig.joints.index(shape["joint"]))}
+        return {**shape, "scale_n_m": nominal.force(nominal.rig.joints.index(shape["joint"]))}
 
     def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return Bounds(0.05, 0.0, 0.9)
@@ -230,8 +230,8 @@ class DirectionFriction(HiddenEffect):
     name = "direction_friction"
     unit, amplitude = "N m", "mean of the sliding friction in both directions"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
-        return _draw_bristles(nominal, rng) | {"difference": draw_sign(rng) * float(rng.uniform(0.5, 0.95))}
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
+        return {**_draw_bristles(nominal, rng), "difference": draw_sign(rng) * float(rng.uniform(0.5, 0.95))}
 
     def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
         return _force_bounds(nominal, shape)
@@ -257,7 +257,7 @@ class FrictionDrift(HiddenEffect):
     name = "friction_drift"
     unit, amplitude = "N m", "friction in the first episode at the joint's usual speed"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         joint = draw_joint(nominal.rig, rng)
         speed = nominal.speed(nominal.rig.joints.index(joint))
         return {

@@ -2,7 +2,6 @@
 
 from functools import cache
 from itertools import product
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -37,7 +36,7 @@ class JointElasticity(_Geared):
     name = "joint_elasticity"
     unit, amplitude = "rad/(N m)", "compliance of the spring"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"joint": draw_joint(nominal.rig, rng), "damping_ratio": float(rng.uniform(0.1, 0.3))}
 
     def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
@@ -61,7 +60,7 @@ class Backlash(_Geared):
     name = "backlash"
     unit, amplitude = "rad", "gap from end to end"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {
             "joint": draw_joint(nominal.rig, rng),
             "damping_ratio": float(rng.uniform(0.3, 0.8)),
@@ -125,7 +124,7 @@ class Armature(HiddenEffect):
     name = "armature"
     unit, amplitude = "kg m^2", "size of the difference, reflected through the gear"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"joint": draw_joint(nominal.rig, rng), "sign": draw_sign(rng)}
 
     def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
@@ -148,7 +147,7 @@ class LinkMass(HiddenEffect):
     name = "link_mass"
     unit, amplitude = "1", "size of the logarithm of true over believed mass"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         # The first link of an upright axis turns on the spot.
         links = [
             b for b, j in zip(nominal.rig.links, nominal.rig.joints, strict=True) if _weighs(nominal.rig, j)
@@ -182,7 +181,7 @@ class Payload(HiddenEffect):
     name = "payload"
     unit, amplitude = "kg", "mass"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         away = rng.normal(size=3)
         return {
             "body": nominal.rig.tip[0],
@@ -218,7 +217,7 @@ class JointOffset(HiddenEffect):
     def fits(self, rig: Rig) -> bool:
         return bool(rig.loaded)
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         return {"joint": draw_joint(nominal.rig, rng, nominal.rig.loaded), "sign": draw_sign(rng)}
 
     def bounds(self, nominal: NominalMotion, shape: Shape) -> Bounds:
@@ -237,7 +236,7 @@ class Spring(HiddenEffect):
     name = "spring"
     unit, amplitude = "N m/rad", "stiffness at the rest angle"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         joint = draw_joint(nominal.rig, rng)
         angles = nominal.positions[..., nominal.rig.joints.index(joint)]
         middle, spread = angles.mean(), angles.std()

@@ -1,7 +1,5 @@
 """Hidden effects of the surroundings: pushes, a cable, a magnet, an obstacle."""
 
-from typing import Any
-
 import numpy as np
 
 from slapshot.arrays import Array
@@ -29,7 +27,7 @@ class ExternalPulse(HiddenEffect):
     name = "external_pulse"
     unit, amplitude = "N m", "torque at the height of a push"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         count = max(1, round(nominal.episodes / 3))
         episodes = np.sort(rng.permutation(nominal.episodes)[:count])
         lasts = rng.uniform(0.05, 0.3, count)
@@ -81,7 +79,7 @@ class SlackCable(HiddenEffect):
     catalogued = False
     unit, amplitude = "N/m", "stiffness of the taut cable"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         away = rng.normal(size=3)
         middle = nominal.tip.reshape(-1, 3).mean(0)
         hook = middle + away / np.linalg.norm(away) * rng.uniform(0.3, 0.6)
@@ -150,7 +148,7 @@ class Magnet(HiddenEffect):
     catalogued = False
     unit, amplitude = "N", "largest force"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         path = nominal.tip.reshape(-1, 3)
         away = rng.normal(size=3)
         near = path[rng.integers(len(path))] + away / np.linalg.norm(away) * rng.uniform(0.01, 0.05)
@@ -194,7 +192,7 @@ class SoftObstacle(HiddenEffect):
     catalogued = False
     unit, amplitude = "N/m^1.5", "Hertz's stiffness"
 
-    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> dict[str, Any]:
+    def draw(self, nominal: NominalMotion, rng: np.random.Generator) -> Shape:
         path = nominal.tip.reshape(-1, 3)
         radius = float(rng.uniform(0.06, 0.12))
         best, miss = path[0], np.inf
