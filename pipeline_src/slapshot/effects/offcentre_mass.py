@@ -1,6 +1,7 @@
 """Off-centre mass: the object's centre of mass is not its middle."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -8,6 +9,8 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.scenes.scene import SceneInfo
+
+LEAST_OFFSET = 1e-3  # m: what moves the centre of mass by less is no slug, whatever it does to inertia
 
 
 class OffcentreMass(Effect):
@@ -32,7 +35,7 @@ class OffcentreMass(Effect):
         body = spec.body(info.object_body)
         body.explicitinertial = True
         body.mass = float(compiled.mass[0])
-        body.inertia = compiled.inertia * np.exp(values["log_inertia"])
+        body.inertia = compiled.inertia * np.exp(float(_moved_log_inertia(values)))
         body.iquat = compiled.iquat
         x, y, z = compiled.ipos
         body.ipos = (x + values["offset_x"], y + values["offset_y"], z)
@@ -43,4 +46,10 @@ class OffcentreMass(Effect):
 
     def log_inertia(self, values: Mapping[str, Array]) -> Array:
         """About the centre of mass."""
-        return values["log_inertia"]
+        return _moved_log_inertia(values)
+
+
+def _moved_log_inertia(values: Mapping[str, Any]) -> Array:
+    """Log of the factor on inertia: none while the centre of mass is where it was."""
+    offset = np.hypot(values["offset_x"], values["offset_y"])
+    return np.asarray(values["log_inertia"] * -np.expm1(-((offset / LEAST_OFFSET) ** 2)))

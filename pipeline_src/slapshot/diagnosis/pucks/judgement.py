@@ -44,15 +44,13 @@ def found_effects(search: Search[Any], final: Candidate) -> tuple[NamedEffect, .
         rest = tuple(n for n in final.effects if n != name)
         members = _class(search, final, rest, name)
         effect = search.fitter.effects[name]
-        without = search.seen.get(tuple(sorted(rest)))
-        gain = final.log_evidence - (without.log_evidence if without else 0.0)
         found.append(
             NamedEffect(
                 name=name,
                 phase=effect.phase,
                 variable=effect.follows,
                 members=members,
-                log_evidence=gain,
+                log_evidence=search.gain(final, name),
                 shift_m=search.shift(final, name),
                 parameters=parameters_of(search, final.fit, name),
                 physics=" ".join(effect.physics.split("\n")),

@@ -73,17 +73,25 @@ def examine(search: Search[Any]) -> Level:
 
 def least_shift(search: Search[Any], at: Candidate, beside: str = "") -> float:
     """m, rms of tracks, that something beside a fit's effects must move: their own laws may err by less."""
-    effects = search.fitter.effects
-    errors = [effects[n].known_to * search.shift(at, n) for n in at.effects if n != beside]
+    errors = [search.known_to(n) * search.shift(at, n) for n in at.effects if n != beside]
     return float(np.hypot(LEAST_SHIFT, np.linalg.norm(errors)))
+
+
+def least_gain(search: Search[Any], at: Candidate, beside: str = "") -> float:
+    """Nats that something beside a fit's effects must add: what their laws err by leaves less.
+
+    Evidence is a square: of a law that errs by a share, it leaves the square of that share.
+    """
+    return max(ADD, sum(search.known_to(n) ** 2 * search.gain(at, n) for n in at.effects if n != beside))
 
 
 def without_hidden(search: Search[Any], at: Candidate) -> Candidate:
     """A fit without those effects that what the others' laws err by would hide."""
     if len(at.effects) == 1:
         return at
-    for name in at.effects:
-        if search.shift(at, name) < least_shift(search, at, name):
+    for name in sorted(at.effects, key=lambda n: search.gain(at, n)):
+        moves = search.shift(at, name) > least_shift(search, at, name)
+        if not moves or search.gain(at, name) < least_gain(search, at, name):
             return without_hidden(search, search.without(at, name))
     return at
 
@@ -104,7 +112,7 @@ def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Ca
         if leftover.log_evidence[leftover.best(further)[0]] < ADD - CLASS:
             break
         grown = search.grow(best, leftover, further)[0]
-        if grown.log_evidence < best.log_evidence + ADD:
+        if grown.log_evidence < best.log_evidence + least_gain(search, best):
             break
         pruned = without_hidden(search, search.prune(grown))
         if set(pruned.effects) <= set(best.effects):

@@ -19,7 +19,7 @@ from slapshot.effects.effect import Effect, Parameter
 from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene
 
-LOCAL_STEP = 0.5  # of a parameter's scale: within it launches change linearly
+LOCAL_STEP = 1.0  # of a parameter's scale: less is lost in the scatter of contact
 
 
 class RigModel:

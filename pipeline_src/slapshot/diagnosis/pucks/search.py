@@ -34,7 +34,7 @@ TESTED = 1.0  # information in units of the priors, of a direction that is teste
 RIVAL = 0.4  # share of the best one's gain with which another may still win once both are exact
 RIVALS = 3  # at most so many
 STAYED = 0.1  # of a parameter's scale
-FINISHED = 4  # most rounds of fitting about the last fit
+FINISHED = 6  # most rounds of fitting about the last fit
 CONTINUED = 5  # times that a fit which stopped before it had converged goes on
 CREEP = 20.0  # of the objective: as many steps as a fit takes, each of which may raise it by 1
 
@@ -194,6 +194,15 @@ class Search(Generic[F]):
     def shift(self, at: Candidate, name: str) -> float:
         """See `Fitter.shift`."""
         return float(at.fitter.shift(at.fit, name))
+
+    def known_to(self, name: str) -> float:
+        """Share of what an effect does by which its law may err."""
+        return self._effects[name].known_to
+
+    def gain(self, at: Candidate, name: str) -> float:
+        """Nats that an effect adds to the others of a fit, as far as those were fitted alone."""
+        rest = tuple(n for n in at.effects if n != name)
+        return at.log_evidence - (self.seen[rest].log_evidence if rest in self.seen else 0.0)
 
     def refit(
         self, at: Candidate, names: Sequence[str], direction: Mapping[str, Mapping[str, float]]
