@@ -172,4 +172,9 @@ class Effect:
     @property
     def acts_on_camera(self) -> bool:
         """Whether it changes what the camera reports."""
-        return type(self).see is not Effect.see or type(self).camera_delay is not Effect.camera_delay
+        return type(self).see is not Effect.see or self.delays
+
+    @property
+    def delays(self) -> bool:
+        """Whether it changes when the camera saw what it reports."""
+        return type(self).camera_delay is not Effect.camera_delay

@@ -82,6 +82,7 @@ def slide(
     acting: Sequence[ActiveEffect] = (),
     order: Array | None = None,
     step: float = STEP,
+    longest: float = LONGEST,
 ) -> Tracks:
     """Slide n flat solid discs to rest.
 
@@ -93,6 +94,7 @@ def slide(
         acting: effects and the hits that they act on.
         order: (n,) place in the recording, -1/2 to 1/2; None for 0.
         step: s, of Heun's method.
+        longest: s after which discs that still move, as in a hollow, are left where they are.
     """
     law = _Law.of(len(launches), friction, radius, acting)
     state = launches.astype(float).T.copy()
@@ -102,10 +104,10 @@ def slide(
     times = np.linspace(0, (rows - 1) * step * SAVE_EVERY, rows)
     places = np.empty((count, len(times), 2))
     filled = np.zeros(count, np.int64)
-    rests, durations = np.full((count, 2), np.nan), np.full(count, LONGEST)
+    rests, durations = np.full((count, 2), np.nan), np.full(count, longest)
     alive = np.arange(count)
     order = np.zeros(count) if order is None else order
-    for k in range(round(LONGEST / step)):
+    for k in range(round(longest / step)):
         if k % SAVE_EVERY == 0 and k // SAVE_EVERY < len(times):
             row = k // SAVE_EVERY
             places[alive, row] = law.shape_places(state)

@@ -61,7 +61,8 @@ def diagnose(
     known = dict(effects if effects is not None else catalogue())
     full = recording.commands is not None and setting.scene is not None
     if not full:
-        known = {name: e for name, e in known.items() if e.acts_on_slide or e.acts_on_camera}
+        # Where nobody knows when an object should move, a clock that is late changes nothing.
+        known = {n: e for n, e in known.items() if e.acts_on_slide or (e.acts_on_camera and not e.delays)}
     if recording.tracks is None:
         return diagnose_rests(recording, setting, seed, known, threads, signatures)
     findings = quality_warnings(recording)

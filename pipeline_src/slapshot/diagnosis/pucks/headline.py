@@ -79,14 +79,14 @@ def predicted_to_the_floor(errors: Errors) -> bool:
 
 
 def names_hold(errors: Mapping[str, Errors]) -> bool:
-    """Whether what was named makes no measure of held-out hits worse by more than its interval."""
+    """Whether what was named makes no measure of held-out hits worse than its interval without it."""
     before, after = errors["refitted"], errors["augmented"]
     pairs = (
         (before.track_rmse_m, after.track_rmse_m),
         (before.rest_rmse_m, after.rest_rmse_m),
         (before.command_rest_rmse_m, after.command_rest_rmse_m),
     )
-    worse = any(b is not None and a is not None and a.low > b.high for b, a in pairs)
+    worse = any(b is not None and a is not None and a.value > b.high for b, a in pairs)
     return not worse and after.loglik_per_hit.high >= 0
 
 

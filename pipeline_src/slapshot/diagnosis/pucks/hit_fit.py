@@ -184,7 +184,10 @@ class HitFitter(GaussNewton):
             return self.model.derivatives(point, columns)
         names = [(columns[c].owner, columns[c].parameter) for c in wide]
         values = np.array([point.effects[owner][parameter] for owner, parameter in names])
-        scales = np.array([self._parameter(columns[c]).scale for c in wide])
+        # Of fields as large as the recording asks for.
+        scales = np.array(
+            [self._parameter(columns[c]).scale * self.sizes.get(columns[c].owner, 1.0) for c in wide]
+        )
         kept = self._wide
         if kept is None or kept[0] != names or np.any(np.abs(values - kept[1]) > NEAR * scales):
             found = self.model.derivatives(point, columns)

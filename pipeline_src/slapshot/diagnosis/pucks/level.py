@@ -46,7 +46,7 @@ class Level:
     @property
     def unknown(self) -> Unknown:
         """What the catalogue does not explain."""
-        least = ADD + CLASS if self.mismatch.found else float("inf")
+        least = CLASS + least_gain(self.search, self.final) if self.mismatch.found else float("inf")
         shift = least_shift(self.search, self.final)
         return unknown_of(self.search, self.leftover, least, shift, self.stretched)
 
@@ -99,7 +99,8 @@ def without_hidden(search: Search[Any], at: Candidate) -> Candidate:
 def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Candidate, Screen]:
     """Add effects while the recording asks for them, then delete what became superfluous."""
     best = search.grow(nominal, screen, search.catalogue)[0]
-    if best.log_evidence < LEAST_EVIDENCE:
+    moved = [search.shift(best, name) for name in best.effects]
+    if best.log_evidence < LEAST_EVIDENCE or max(moved, default=0.0) < LEAST_SHIFT:
         return nominal, screen
     leftover = search.screen_beyond(best)
     while len(best.effects) < search.most:

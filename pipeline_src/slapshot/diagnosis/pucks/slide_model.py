@@ -175,7 +175,9 @@ class SlideModel:
         friction = np.exp(log_mu)
         friction[:, :2] *= np.exp(latents[:, 5:6])
         launches = np.column_stack([latents[:, :2], np.zeros(len(latents)), latents[:, 2:5]])
-        tracks = slide(launches, friction, self.radius, self._duration, slides, self.tracks.order[hits])
+        # Nobody looks at what moves on after the last frame.
+        until = {"duration": self._duration, "longest": self._duration}
+        tracks = slide(launches, friction, self.radius, acting=slides, order=self.tracks.order[hits], **until)
         times = self.tracks.times[hits]
         for name, (rows, v) in values.items():
             delay = self.effects[name].camera_delay(v)
