@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from slapshot.arrays import GRAVITY
 from slapshot.effects.linear_drag import LinearDrag
-from slapshot.effects.offcentre_mass import OffcentreMass
+from slapshot.effects.offcentre_mass import LEAST_OFFSET, OffcentreMass
 from slapshot.effects.slide_law import STEP, ActiveEffect, slide
 from slapshot.effects.tilt import Tilt
 from slapshot.effects.turned_anisotropy import TurnedAnisotropy
@@ -115,10 +115,18 @@ def test_an_object_whose_mass_is_off_centre_turns_about_its_centre_of_mass():
 def test_a_slug_stops_spinning_as_its_moment_of_inertia_says():
     """Friction's torque on a disc that spins in place, mu_t >> mu r, takes omega I / torque seconds."""
     inertia = np.exp(-0.7) * RADIUS**2 / 2
-    slug = everywhere(OffcentreMass(), 1, offset_x=0.0, offset_y=0.0, log_inertia=-0.7)
-    launch = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 10.0]])
+    # Far enough from the middle to be a slug: inertia is as it says but for exp(-9).
+    slug = everywhere(OffcentreMass(), 1, offset_x=3 * LEAST_OFFSET, offset_y=0.0, log_inertia=-0.7)
+    # About the centre of mass, which lies still.
+    launch = np.array([[0.0, 0.0, 0.0, 0.0, -10.0 * 3 * LEAST_OFFSET, 10.0]])
     stopped = slide(launch, friction(1, 1e-6, 1e-6, 0.01), RADIUS, 0.5, [slug]).durations[0]
     assert stopped == pytest.approx(10.0 * inertia / (0.01 * GRAVITY), rel=1e-3)
+
+
+def test_what_does_not_move_the_centre_of_mass_has_no_inertia_of_its_own(launches):
+    even = slide(launches, friction(40), RADIUS, 3.0).rests
+    slug = everywhere(OffcentreMass(), 40, offset_x=0.0, offset_y=0.0, log_inertia=-0.7)
+    np.testing.assert_allclose(slide(launches, friction(40), RADIUS, 3.0, [slug]).rests, even, atol=1e-12)
 
 
 def test_places_between_rows_are_interpolated_and_stay_after_rest(launches):

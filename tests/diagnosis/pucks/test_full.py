@@ -133,7 +133,7 @@ def test_near_a_slug_launches_change_with_its_inertia_as_simulated(scene, comman
     friction = np.array([FRICTION])
     rig = RigModel(recording, hit_tracks(recording), scene, known, CAMERA, friction, pool, 2)
     rows = np.arange(len(hit_tracks(recording)))
-    slug = {"offset_x": -0.008, "offset_y": 0.004, "log_inertia": -0.4}
+    slug = {"offset_x": -0.012, "offset_y": 0.006, "log_inertia": -0.4}
 
     def launches(values, fitted=False):
         return rig.about({"offcentre_mass": values}).launches(rows, fitted=fitted)
@@ -141,14 +141,17 @@ def test_near_a_slug_launches_change_with_its_inertia_as_simulated(scene, comman
     def means(model, values):
         return model.means(Point(np.zeros((len(rows), 6)), np.log(friction), {"offcentre_mass": values}))
 
-    heavier = slug | {"log_inertia": -0.2}
-    simulated = means(launches(heavier), heavier)
-    change = simulated - means(launches(slug), slug)
-    linear = means(launches(slug, fitted=True), heavier) - simulated
-    alone = means(launches(slug), heavier) - simulated
-    # A step of the derivative is half as long again; what is left is curvature and contact's own scatter.
-    assert np.sqrt((linear**2).mean(0))[2:].max() < 0.35 * np.sqrt((change**2).mean(0))[2:].max()
-    assert np.sqrt((alone**2).mean(0))[2:].max() > 0.9 * np.sqrt((change**2).mean(0))[2:].max()
+    # The derivative is of a step the other way: what is left is curvature and the scatter of contact.
+    lighter = slug | {"log_inertia": -0.8}
+    simulated = means(launches(lighter), lighter)
+
+    def along(change):
+        """Root mean square of changes (n, 5) in the velocity along x."""
+        return np.sqrt((change[:, 2] ** 2).mean())
+
+    change = along(simulated - means(launches(slug), slug))
+    assert along(means(launches(slug, fitted=True), lighter) - simulated) < 0.6 * change
+    assert along(means(launches(slug), lighter) - simulated) > 0.9 * change
 
 
 def test_an_object_that_is_struck_late_is_looked_at_late(scene, commands):

@@ -140,7 +140,8 @@ def test_encoders_add_as_many_expected_squares_as_they_have_readings():
     """Whitening writes what lies within the basis twice: rows are more than squares."""
     rng = np.random.default_rng(6)
     hits, moments, joints, sd = 400, 20, 2, 1e-3
-    times, speeds = np.linspace(0.03, 0.6, moments), rng.normal(size=(hits, moments, joints))
+    times = np.linspace(0.03, 0.6, moments)
+    speeds = np.sin(3 * times[:, None] + rng.uniform(0, 6, (hits, 1, joints)))
     noise = rng.normal(0, sd, (hits, moments, joints))
     basis = Execution(times, noise, speeds).basis
     residual = noise + np.einsum("nmjc,nc->nmj", basis, rng.normal(0, 0.01, (hits, basis.shape[-1])))
