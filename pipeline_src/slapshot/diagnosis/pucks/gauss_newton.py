@@ -20,6 +20,7 @@ WORSE = 1.0  # of the objective, which a step may be
 # A fit whose objective stays within so little over so many steps only goes to and fro: it has arrived.
 TO_AND_FRO, PATIENCE = 1.0, 4
 MOST_DAMPING = 1e4
+DISTRUST = 0.25  # by which the steps of a hit shorten that made it worse
 # Of logarithms of mu_x, mu_y and of the torsional friction in m.
 NUISANCE_SD = np.array([1.0, 1.0, 1.0])
 NUISANCE_BOUNDS = np.log([[0.01, 3.0], [0.01, 3.0], [1e-5, 0.3]])
@@ -94,14 +95,18 @@ class GaussNewton(ABC):
         scatter = self.first_scatter if scatter is None else scatter
         damping, converged = 1e-3, False
         state = self.evaluate(point, columns, scatter)
+        trust = np.ones(len(state.squares))
         objective = self._objective(state, point, columns)
         passed = [objective]
         for _ in range(self.iterations):
             information = state.information.sum(0) + np.diag(precision)
             score = state.scores.sum(0) + precision * (mean - shared(point, columns))
             shift = np.linalg.solve(information + damping * np.diag(np.diag(information)), score)
-            new = self._moved(point, columns, shift, state)
+            new = self._moved(point, columns, shift, state, trust)
             candidate = self.evaluate(new, columns, scatter)
+            # A hit whose own unknowns went too far is one of many, and does not show in the sum.
+            worse = candidate.squares + candidate.log_volume > state.squares + state.log_volume + CONVERGED
+            trust = np.where(worse, trust * DISTRUST, np.minimum(trust / np.sqrt(DISTRUST), 1.0))
             value = self._objective(candidate, new, columns)
             # Wild hits change their weights with every step, which may raise the objective a little.
             if value > objective + WORSE and damping < MOST_DAMPING:
@@ -173,7 +178,9 @@ class GaussNewton(ABC):
         prior = float((precision * (shared(point, columns) - mean) ** 2).sum())
         return float(state.squares.sum() + state.log_volume.sum()) + prior
 
-    def _moved(self, point: Point, columns: Sequence[Column], shift: Array, state: Marginal) -> Point:
+    def _moved(
+        self, point: Point, columns: Sequence[Column], shift: Array, state: Marginal, trust: Array
+    ) -> Point:
         nuisance = point.nuisance.copy()
         effects = {name: dict(values) for name, values in point.effects.items()}
         for c, column in enumerate(columns):
@@ -184,10 +191,13 @@ class GaussNewton(ABC):
                 p = self._parameter(column)
                 value = effects[column.owner][column.parameter] + shift[c]
                 effects[column.owner][column.parameter] = float(np.clip(value, p.low, p.high))
-        return Point(self._moved_latents(point, shift, state), nuisance, effects)
+        return Point(self._moved_latents(point, shift, state, trust), nuisance, effects)
 
-    def _moved_latents(self, point: Point, shift: Array, state: Marginal) -> Array:
-        """A hit's own unknowns after a step of the shared parameters; where there are none, none move."""
+    def _moved_latents(self, point: Point, shift: Array, state: Marginal, trust: Array) -> Array:
+        """A hit's own unknowns after a step of the shared parameters; where there are none, none move.
+
+        Of the step that they would take by themselves they take a share, `trust` (n,).
+        """
         return point.latents
 
     def _parameter(self, column: Column) -> Parameter:

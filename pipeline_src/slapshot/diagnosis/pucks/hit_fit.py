@@ -250,8 +250,8 @@ class HitFitter(GaussNewton):
         launch = self.launches.scatter(point, *state.told, before.launch)
         return Scatter(float(np.clip(np.sqrt(square), *FRICTION_SD)), launch)
 
-    def _moved_latents(self, point: Point, shift: Array, state: Marginal) -> Array:
-        return bounded_step(point.latents, state.step + state.gain @ shift)
+    def _moved_latents(self, point: Point, shift: Array, state: Marginal, trust: Array) -> Array:
+        return bounded_step(point.latents, trust[:, None] * state.step + state.gain @ shift)
 
 
 def _told_by_slides(point: Point, z: Array, h: Array, friction_sd: float) -> tuple[Array, Array]:

@@ -194,7 +194,9 @@ def _cut(times: Array, places: Array) -> tuple[int, int, int] | str:
     # Two frames later friction has stopped it.
     last = _last(np.linalg.norm(smooth - end, axis=1) > MOVING_DISTANCE / 2) + 3
     if last < len(times) - FEWEST_FRAMES:
-        first = _slows_down(times[:last], smooth[:last], first, float(np.std(smooth[last:] - end)))
+        first = _slows_down(
+            times[:last], smooth[:last], first, max(_noise(places[first:last]), _noise(places[last:]))
+        )
     if last - first < FEWEST_FRAMES:
         return TOO_SHORT_A_SLIDE
     if last >= len(times):
@@ -213,6 +215,14 @@ def _slows_down(times: Array, smooth: Array, first: int, sd: float) -> int:
     lost = speeds < np.maximum.accumulate(speeds) - noise
     fastest = int(np.argmax(speeds[: np.argmax(lost)] if lost.any() else speeds))
     return first + fastest + SPEED_FRAMES // 2 if speeds[fastest] > speeds[0] + noise else first
+
+
+def _noise(places: Array) -> float:
+    """Sd in m of noise in places (frames, 2) that else move smoothly; frames at wrong times add to it."""
+    if len(places) < 4:
+        return np.inf
+    thirds = np.diff(places, n=3, axis=0) / np.sqrt(20)
+    return float(1.4826 * np.median(np.abs(thirds), axis=0).max())
 
 
 def _last(condition: NDArray[np.bool_]) -> int:
