@@ -61,18 +61,28 @@ def found_effects(search: Search[Any], final: Candidate) -> tuple[NamedEffect, .
 
 def _class(search: Search[Any], final: Candidate, rest: tuple[str, ...], name: str) -> dict[str, float]:
     """Probabilities of effects that could stand in the place of one, within CLASS nats of the best."""
-    evidence = {name: final.log_evidence}
+    rivals = {name: final}
     for effects, candidate in search.seen.items():
         other = set(effects) - set(rest)
         if set(rest) <= set(effects) and len(effects) == len(rest) + 1:
             (stand_in,) = other
             if stand_in in search.catalogue:
-                evidence[stand_in] = candidate.log_evidence
-    best = max(evidence.values())
-    near = {n: float(np.exp(e - best)) for n, e in evidence.items() if e > best - CLASS}
+                rivals[stand_in] = candidate
+    best = max(rivals.values(), key=lambda candidate: candidate.log_evidence)
+    # By as much evidence as its law may err, what was named may lie ahead of a rival by chance of its law.
+    unsure = max(1.0, search.known_to(name) ** 2 * search.gain(final, name) / CLASS)
+    behind = {n: _behind(best, candidate, unsure) for n, candidate in rivals.items()}
+    near = {n: float(np.exp(-nats)) for n, nats in behind.items() if nats < CLASS}
     near = near or {name: 1.0}
     total = sum(near.values())
     return dict(sorted(((n, p / total) for n, p in near.items()), key=lambda item: -item[1]))
+
+
+def _behind(best: Candidate, rival: Candidate, unsure: float) -> float:
+    """Nats by which a rival lies behind: misfit counts less where laws err, what parameters cost does not."""
+    misfit = (rival.fit.objective - best.fit.objective) / 2 / max(1.0, best.fit.dispersion)
+    misfit = max(misfit, 0.0)
+    return max(best.log_evidence - rival.log_evidence - misfit * (1 - 1 / unsure), 0.0)
 
 
 def parameters_of(search: Search[Any], fit: Fit, name: str) -> tuple[ParameterValue, ...]:

@@ -1,0 +1,41 @@
+"""What a recording cannot tell apart: by evidence, and by what laws err."""
+
+from types import SimpleNamespace
+
+import pytest
+from slapshot.diagnosis.pucks.judgement import _class
+from slapshot.diagnosis.pucks.search import Candidate
+
+GAIN = 2000.0  # nats of what was named
+DISPERSION = 2.0
+
+
+def candidate(name, misfit, cost=0.0):
+    """Of one effect that fits worse by some nats, and whose parameters cost more by some."""
+    fit = SimpleNamespace(objective=2 * DISPERSION * misfit, dispersion=DISPERSION)
+    return Candidate((name,), fit, GAIN - misfit - cost, None)
+
+
+def members(known_to, *rivals):
+    named = candidate("lag", 0.0)
+    search = SimpleNamespace(
+        seen={(): candidate("", GAIN), **{c.effects: c for c in (named, *rivals)}},
+        catalogue=["lag", "delay", "map"],
+        known_to=lambda name: known_to,
+        gain=lambda at, name: GAIN,
+    )
+    return _class(search, named, (), "lag")
+
+
+def test_rivals_are_told_apart_by_what_laws_do_not_err_by():
+    """A law that errs by 15 % leaves 2 % of its evidence, here 45 nats, either way."""
+    assert set(members(0.15, candidate("delay", 40.0), candidate("map", 400.0))) == {"lag", "delay"}
+
+
+def test_exact_laws_are_told_apart_by_evidence():
+    assert set(members(0.0, candidate("delay", 40.0), candidate("map", 2.0))) == {"lag", "map"}
+    assert members(0.0, candidate("map", 2.0))["lag"] == pytest.approx(0.8808, abs=1e-4)  # 1 / (1 + e^-2)
+
+
+def test_what_parameters_cost_counts_whatever_laws_err_by():
+    assert set(members(0.15, candidate("map", 0.0, cost=20.0))) == {"lag"}
