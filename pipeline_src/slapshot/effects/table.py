@@ -8,7 +8,15 @@ from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.effects.joints.catalogue import joint_effects
 
-_HEADER = ("effect", "phase", "follows", "parameters (neutral; bounds; plain case)", "physics", "source")
+_HEADER = (
+    "effect",
+    "phase",
+    "follows",
+    "parameters (neutral; bounds; plain case)",
+    "law errs by",
+    "physics",
+    "source",
+)
 
 
 def as_markdown() -> str:
@@ -35,6 +43,7 @@ def _row(effect: Effect) -> tuple[str, ...]:
         effect.phase,
         effect.follows,
         "<br>".join(_parameters(effect.parameters)),
+        f"{100 * effect.known_to:.0f} %",
         effect.physics.replace("\n", " "),
         effect.source,
     )
