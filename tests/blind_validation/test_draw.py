@@ -13,6 +13,7 @@ from slapshot.blind_validation.case_table import (
     FIRST,
     JOINTS,
     MEASURES,
+    NEWER_COLUMNS,
     merge_measures,
     read_cases_table,
     read_measures,
@@ -67,7 +68,7 @@ def test_the_page_tells_aims_and_confusions(scored, cases, tmp_path, monkeypatch
 def test_cases_read_as_they_were_written(scored, cases):
     reported = verdict() | {"cannot_tell": "too few hits"}
     table = cases(scored("null", [], verdict()), scored("plain", [concealed("tilt")], reported, "c2"))
-    assert tuple(table) == COLUMNS
+    assert tuple(table) == (*COLUMNS, *NEWER_COLUMNS)
     first, second = table.to_dict("records")
     # A condition is called null, and no name is "".
     assert (first["condition"], first["conceals"], first["named"]) == ("null", "", "")

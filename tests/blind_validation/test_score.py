@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from slapshot.blind_validation.measures import clustered, measures_of, median, share
 
-from .conftest import concealed, effect, verdict
+from .conftest import ERRORS, concealed, effect, verdict
 
 
 def test_a_right_name_with_an_interval_that_holds(scored):
@@ -68,6 +68,26 @@ def test_measures_are_shares_of_their_condition(scored):
     assert table["track_error_over_floor", "plain"].value == 1.0
     assert table["coverage90", "plain"].value == 1.0
     assert ("naming_top1", "null") not in table
+
+
+def test_names_that_do_harm_and_sure_ones_that_are_wrong_are_counted(scored):
+    harmful = verdict(effect("curl"))
+    harmful["fit"] = {
+        **harmful["fit"],
+        "augmented": ERRORS | {"rest_rmse_m": {"value": 0.021, "low": 0.02, "high": 0.022}},
+    }
+    unsure = verdict(effect("curl", {"curl": 0.6, "tilt": 0.4}))
+    rows = [
+        scored("plain", [concealed("tilt")], harmful),
+        scored("plain", [concealed("tilt")], unsure),
+        scored("plain", [concealed("curl")], verdict(effect("curl"))),
+        scored("null", [], verdict()),
+    ]
+    table = {(m.measure, m.condition): m for m in measures_of(pd.DataFrame(rows))}
+    assert (table["made_worse", "all"].value, table["made_worse", "all"].n) == (0.25, 4)
+    assert (table["sure_and_wrong", "all"].value, table["sure_and_wrong", "all"].n) == (0.5, 2)
+    assert table["p_below_05", "null"].value == 1.0
+    assert table["cannot_tell", "plain"].value == 0.0
 
 
 def test_intervals_are_wilsons():

@@ -24,10 +24,15 @@ COLUMNS = (
     *("intervals", "intervals_held", "gain_share"),
 )
 
+# Of proofs since these are scored; empty in older ones.
+NEWER_COLUMNS = ("stated_probability", "made_worse")
+
 
 def write_cases_table(rows: list[dict[str, object]], file: Path) -> None:
     """Write scored cases; what does not apply to one is left empty."""
-    pd.DataFrame(rows).reindex(columns=list(COLUMNS)).to_csv(file, index=False, float_format="%.6g")
+    pd.DataFrame(rows).reindex(columns=[*COLUMNS, *NEWER_COLUMNS]).to_csv(
+        file, index=False, float_format="%.6g"
+    )
 
 
 def read_cases_table(file: Path) -> pd.DataFrame:
@@ -43,7 +48,7 @@ def read_cases_table(file: Path) -> pd.DataFrame:
             f"{file}: lacks the column{'s' * (len(lacking) > 1)} {', '.join(lacking)}, without which "
             "measures, page and figures cannot be made; run `snakemake proof` for a whole one"
         )
-    return table
+    return table.reindex(columns=[*table.columns, *(c for c in NEWER_COLUMNS if c not in table)])
 
 
 def write_measures(measures: pd.DataFrame, lab: str, file: Path) -> None:

@@ -16,6 +16,7 @@ END = "<!-- End of the table. -->"
 # What was asked -> measure and condition of proof.csv.
 ROWS = {
     "nothing concealed: a mismatch is found by mistake": ("false_alarm", "null"),
+    "nothing concealed: p below .05": ("p_below_05", "null"),
     "an effect at least half as large as the scatter from hit to hit: named first": ("naming_top1", "plain"),
     "the same: it is in the class that is named": ("in_class", "plain"),
     "the same: the phase is right": ("phase_right", "plain"),

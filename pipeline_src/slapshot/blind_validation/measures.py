@@ -9,6 +9,8 @@ import pandas as pd
 from slapshot.statistics import wilson_interval
 
 DRAWS = 4000
+ALL = "all"  # conditions together
+SURE = 0.9  # stated probability of a name
 
 
 @dataclass(frozen=True)
@@ -53,13 +55,27 @@ def measures_of(cases: pd.DataFrame) -> list[Measure]:
     found: list[Measure] = []
     for condition, rows in cases.groupby("condition", sort=True):
         found += _of_condition(str(condition), rows)
-    return found
+    return [*found, *_of_all(cases)]
+
+
+def _of_all(cases: pd.DataFrame) -> Iterator[Measure]:
+    """Of all cases together: names that did harm, and sure ones that were wrong."""
+    if "made_worse" in cases and cases["made_worse"].notna().any():
+        yield share("made_worse", ALL, cases["made_worse"].dropna())
+    if "stated_probability" in cases and "top1" in cases:
+        sure = cases[(cases["stated_probability"].astype(float) > SURE) & cases["top1"].notna()]
+        if len(sure):
+            yield share("sure_and_wrong", ALL, ~sure["top1"].astype(bool))
 
 
 def _of_condition(condition: str, rows: pd.DataFrame) -> Iterator[Measure]:
+    yield share("cannot_tell", condition, rows["cannot_tell"].fillna("") != "")
     null = (rows["conceals"].fillna("") == "").all()
     if null:
         yield share("false_alarm", condition, rows["found"])
+        p_values = rows["p_value"].dropna().astype(float)
+        if len(p_values):
+            yield share("p_below_05", condition, p_values < 0.05)
     else:
         for measure, column in SHARES.items():
             if column in rows and rows[column].notna().any():

@@ -18,6 +18,7 @@ from slapshot.recordings.read import read_recording
 
 TRUTH = Path("truth") / "truth.json"
 DRAGS = frozenset({"linear_drag", "quadratic_drag", "stribeck_friction"})  # drag laws, hard to distinguish
+HELD_OUT_ERRORS = ("track_rmse_m", "rest_rmse_m", "command_rest_rmse_m")
 TYPICAL_SIZE, WEAK_SIZE = 0.5, 0.2  # displacement over the hit-to-hit scatter
 
 
@@ -44,12 +45,14 @@ def score(case: str, condition: str, case_folder: Path, verdict: Mapping[str, An
         "named": "+".join(named),
         "classes": " | ".join("+".join(sorted(members)) for members in classes),
         "class_size": len(classes[0]) if classes else None,
+        "stated_probability": verdict["effects"][0]["members"].get(named[0]) if named else None,
         "unknown": verdict["unknown"]["flagged"],
         "phase": verdict["location"]["phase"],
         "variable": verdict["location"]["variable"],
     }
     for scene, errors in verdict["fit"].items():
         row |= {f"{scene}_{m}": errors[m] and errors[m]["value"] for m in FIT}
+    row["made_worse"] = bool(named) and _is_worse(verdict["fit"])
     if not truth:
         return row
     effects = catalogue()
@@ -93,6 +96,12 @@ def _naming(kinds: list[str], named: list[str], classes: list[set[str]]) -> dict
         "both_in_class": all(in_class) if len(kinds) > 1 else None,
         "one": any(found) if len(kinds) > 1 else None,
     }
+
+
+def _is_worse(fit: Mapping[str, Any]) -> bool:
+    """Whether a held-out error with what was named exceeds its 90 % interval without it."""
+    pairs = [(fit["refitted"][m], fit["augmented"][m]) for m in HELD_OUT_ERRORS]
+    return any(before and after and after["value"] > before["high"] for before, after in pairs)
 
 
 def _coverage(

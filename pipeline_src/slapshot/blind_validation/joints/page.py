@@ -7,10 +7,9 @@ from typing import Any, Literal
 import pandas as pd
 
 from slapshot.blind_validation.joints.score import ANSWERS
-from slapshot.blind_validation.measures import Measure, median, share
+from slapshot.blind_validation.measures import ALL, Measure, median, share
 from slapshot.blind_validation.page import percent
 
-ALL = "all"  # conditions of the list together
 GEARED = "elasticity or backlash"
 
 
