@@ -113,7 +113,8 @@ def diagnose(
         nominal, final = of.nominal.fit, of.final.fit
         there = test
         if rig is not None and isinstance(test.launches, LaunchModel):
-            there = test.about(rig.about(final.point.effects).launches(held, test.launches.execution, False))
+            about = rig.about(final.point.effects)
+            there = test.about(about.launches(held, test.launches.execution, fitted=False))
         return errors_of_scenes(there, nominal, final, setting.friction, resample_rng)
 
     tried, fit = level, errors(level)
