@@ -123,6 +123,13 @@ def test_a_slug_stops_spinning_as_its_moment_of_inertia_says():
     assert stopped == pytest.approx(10.0 * inertia / (0.01 * GRAVITY), rel=1e-3)
 
 
+def test_what_still_moves_at_the_end_is_left_where_it_is():
+    launch = np.array([[0.0, 0.0, 0.0, 2.0, 0.0, 0.0]])
+    tracks = slide(launch, friction(1, 1e-9, 1e-9, 1e-9), RADIUS, 0.5, longest=0.5)
+    assert tracks.durations[0] == 0.5
+    assert tracks.rests[0, 0] == pytest.approx(1.0, abs=1e-6)
+
+
 def test_what_does_not_move_the_centre_of_mass_has_no_inertia_of_its_own(launches):
     even = slide(launches, friction(40), RADIUS, 3.0).rests
     slug = everywhere(OffcentreMass(), 40, offset_x=0.0, offset_y=0.0, log_inertia=-0.7)

@@ -18,6 +18,7 @@ from slapshot.diagnosis.pucks.slide_model import Column, Point, SlideModel
 from slapshot.diagnosis.pucks.strikes import TIMESTEP, _told_at
 from slapshot.diagnosis.pucks.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
+from slapshot.effects.effect import Effect, Parameter
 
 from .synthetic import CAMERA, RADIUS, recording
 
@@ -117,6 +118,40 @@ def test_a_late_camera_shows_the_faster_motion_before_the_release(fitter):
     expected = 0.6 + v * moments - mu * GRAVITY * moments**2 / 2
     assert (moments < 0).sum() >= 2
     np.testing.assert_allclose(model.predict(point)[0, : len(moments), 0], expected, atol=1e-4)
+
+
+class Sticky(Effect):
+    """Another friction by another name, and a force besides."""
+
+    name, phase, follows, physics, source = "sticky", "slide", "place", "", ""
+    parameters = (
+        Parameter("more", "1", -1.0, 1.0, 0.1, "log of a factor on friction"),
+        Parameter("wind", "m/s^2", -1.0, 1.0, 0.1, "towards +y"),
+    )
+
+    def log_friction(self, values, state):
+        return values["more"]
+
+    def accelerate(self, values, state):
+        return np.zeros_like(state.x), values["wind"]
+
+
+def test_an_effect_is_as_large_as_it_does_what_no_other_friction_does():
+    tracks = hit_tracks(recording(np.random.default_rng(5), 30, spin_sd=0.5))
+    fitter = HitFitter(SlideModel(tracks, {"sticky": Sticky()}, RADIUS, CAMERA), CameraNoise(0.003, 0.0))
+    fit = fitter.fit(fitter.start(), effects=["sticky"])
+
+    def shift(more, wind):
+        at = replace(fit, point=replace(fit.point, effects={"sticky": {"more": more, "wind": wind}}))
+        return fitter.shift(at, "sticky"), np.sqrt(
+            (fitter._moved_by(at, "sticky") ** 2).sum(-1).mean(0).max()
+        )
+
+    beyond, absolute = shift(0.1, 0.0)
+    assert absolute > 0.01
+    assert beyond < 0.2 * absolute  # what is left is curvature: a tenth of friction is no small change
+    beyond, absolute = shift(0.0, 0.2)
+    assert beyond > 0.8 * absolute
 
 
 @pytest.mark.parametrize(
