@@ -139,7 +139,8 @@ def test_near_a_slug_launches_change_with_its_inertia_as_simulated(scene, comman
         return rig.about({"offcentre_mass": values}).launches(rows, fitted=fitted)
 
     def means(model, values):
-        return model.means(Point(np.zeros((len(rows), 6)), np.log(friction), {"offcentre_mass": values}))
+        effects = {"offcentre_mass": values} if values else {}
+        return model.means(Point(np.zeros((len(rows), 6)), np.log(friction), effects))
 
     # The derivative is of a step the other way: what is left is curvature and the scatter of contact.
     lighter = slug | {"log_inertia": -0.8}
@@ -152,6 +153,10 @@ def test_near_a_slug_launches_change_with_its_inertia_as_simulated(scene, comman
     change = along(simulated - means(launches(slug), slug))
     assert along(means(launches(slug, fitted=True), lighter) - simulated) < 0.6 * change
     assert along(means(launches(slug), lighter) - simulated) > 0.9 * change
+    # A point without the slug has the launch of the nominal scene, wherever hits were simulated.
+    np.testing.assert_allclose(
+        means(launches(slug, fitted=True), None), means(launches(slug), None), atol=1e-12
+    )
 
 
 def test_an_object_that_is_struck_late_is_looked_at_late(scene, commands):

@@ -55,10 +55,9 @@ class LocalChange:
         """The same change about another value."""
         return replace(self, here=value, there=self.there - self.here + value)
 
-    @property
-    def line(self) -> PchipInterpolator:
-        """Through both."""
-        values, changes = [self.here, self.there], [np.zeros_like(self.change), self.change]
+    def line_through(self, level: Array) -> PchipInterpolator:
+        """Of parameter -> change (n, 5), which is `level` (n, 5) here."""
+        values, changes = [self.here, self.there], [level, level + self.change]
         ascending = np.argsort(values)
         return PchipInterpolator(np.array(values)[ascending], np.stack(changes)[ascending])
 
@@ -103,7 +102,7 @@ class LaunchModel:
             readings: of the encoders, if there are any.
             base: effects with which hits were simulated; None for the nominal scene.
             reference: execution whose scatter is taken for known; None to estimate it.
-            local: effect/parameter -> its change about `base`, instead of that of the signatures.
+            local: effect/parameter -> how it goes on changing about `base`, instead of as in the signatures.
         """
         self._effects, self._camera, self._starts = effects, camera, starts
         self._starts_seen = starts_seen[:, None]
@@ -124,7 +123,9 @@ class LaunchModel:
         if readings is not None:
             changes = self._correct(signatures, rows, readings, by_joints, changes, reference)
         self._changes = {n: PchipInterpolator(signatures.values[n], c) for n, c in changes.items()}
-        self._changes |= {name: change.line for name, change in (local or {}).items()}
+        # As large here as the signatures have it, so that a point without the effect has the nominal launch.
+        for name, change in (local or {}).items():
+            self._changes[name] = change.line_through(value_at(self._changes[name], change.here))
         # Hits were simulated with the objects where they really lay.
         for name, values in (base or {}).items():
             self.mean -= np.einsum("nij,nj->ni", self._by_start, self._start_shift(name, values))
