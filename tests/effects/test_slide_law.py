@@ -94,6 +94,19 @@ def test_an_effect_acts_on_its_rows_alone(launches):
     np.testing.assert_array_equal(np.flatnonzero(changed), rows)
 
 
+def test_compiled_and_with_an_effect_that_does_nothing_it_is_the_same(launches):
+    nothing = [everywhere(LinearDrag(), len(launches), rate=0)]
+    still = launches.copy()
+    still[0, 3:] = 0.0
+    for longest in (12.0, 0.3):
+        free, acted_on = (
+            slide(still, friction(len(still)), RADIUS, 3.0, acting=acting, longest=longest)
+            for acting in ([], nothing)
+        )
+        for name in ("times", "places", "rests", "durations"):
+            np.testing.assert_allclose(getattr(free, name), getattr(acted_on, name), atol=1e-12)
+
+
 def test_a_hit_does_not_depend_on_the_others(launches):
     all_of_them = slide(launches, friction(40), RADIUS, 3.0)
     alone = slide(launches[5:6], friction(1), RADIUS, 3.0)

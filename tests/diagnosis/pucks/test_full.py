@@ -2,19 +2,22 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pandas as pd
 import pytest
 from slapshot.arrays import GRAVITY
 from slapshot.command import Run
+from slapshot.diagnosis.pucks import approach as approach_module
 from slapshot.diagnosis.pucks import signatures as signatures_module
+from slapshot.diagnosis.pucks.approach import SAME_START, Approaches
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.report import REST_FIGURES, write_report
 from slapshot.diagnosis.pucks.result import Setting
 from slapshot.diagnosis.pucks.rig_model import RigModel
 from slapshot.diagnosis.pucks.signatures import LOOK, make_signatures
 from slapshot.diagnosis.pucks.slide_model import Point
-from slapshot.diagnosis.pucks.strikes import Striker, commands_through
+from slapshot.diagnosis.pucks.strikes import TIMESTEP, Striker, commands_through
 from slapshot.diagnosis.pucks.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.slide_law import slide
@@ -29,6 +32,7 @@ NAMES = ("blade_yaw", "restitution", "tilt")
 KNOWN = {name: catalogue()[name] for name in NAMES}
 DELAY = catalogue()["command_delay"]
 TRUE_YAW = 0.05  # rad
+READ_AT = np.array([0.0, 0.3, 0.7])  # s, when joints are looked at: at first, on the way, after the hit
 POOL = {
     "domain": "hockey", "seed": 5, "count": HITS, "heading_rad": 1.2, "speed_m_s": [0.8, 2.0],
     "contact_offset_m": 0.04, "duration_s": DURATION, "waypoints": 17,
@@ -184,6 +188,88 @@ def test_an_object_that_is_struck_late_is_looked_at_late(scene, commands):
     assert np.median(np.abs(told - speed - slowing * delay)) < 0.01
     way = np.linalg.norm(late.released[:, :2] - nominal.released[:, :2], axis=1)
     assert np.median(np.abs(way - (speed * delay + slowing * delay**2 / 2))) < 0.002
+
+
+@pytest.fixture
+def some(scene, commands):
+    """Effects or approaches that are there already -> a striker of a few hits; what it strikes."""
+    few = commands_through(commands[:3], scene, DURATION + 0.2)
+    contact = _striker(scene, few, np.full(3, DURATION + 0.1)).strike(_starts(scene, 3)).contact
+
+    def struck(effects=(), approaches=None, shift=0.0):
+        striker = _striker(scene, few, contact + LOOK, approaches)
+        return striker.strike(_starts(scene, 3) + shift, effects)
+
+    return few, contact, struck
+
+
+def _striker(scene, held, releases, approaches=None):
+    count = len(releases)
+    hits = releases, np.full(count, 0.1), np.tile(FRICTION, (count, 1))
+    return Striker(scene, held, *hits, READ_AT, 1, approaches)
+
+
+def _starts(scene, count):
+    return np.tile(np.array(scene.info.start), (count, 1))
+
+
+def test_an_arm_that_first_moves_alone_strikes_as_in_one_simulation_of_both(scene, some):
+    few, contact, struck = some
+    hits = struck()
+    info = scene.info
+    for i in range(3):
+        model = scene.compile(TIMESTEP)
+        pair = model.pair(info.object_pair)
+        pair.friction[:3] = FRICTION[1], FRICTION[0], FRICTION[2]
+        data = mujoco.MjData(model)
+        arm, puck = ([data.joint(name) for name in names] for names in (info.joints, info.object_joints))
+        for joint, angle in zip(arm, few.positions[i, 0], strict=True):
+            joint.qpos = angle
+        begin, substeps = np.array(info.start), round(few.period / TIMESTEP)
+        read, states = [], []
+        for tick in range(round(READ_AT[-1] / few.period) + 1):
+            read.append([float(joint.qpos[0]) for joint in arm])
+            x, y, turn = (puck[k] for k in (0, 1, 3))
+            states.append([x.qpos[0], y.qpos[0], x.qvel[0], y.qvel[0], turn.qvel[0]])
+            data.ctrl[: len(arm)] = few.targets[i, min(tick, few.targets.shape[1] - 1)]
+            mujoco.mj_step(model, data, substeps)
+        ticks = np.arange(len(states)) * few.period
+        looked = [np.interp(contact[i] + LOOK, ticks, column) for column in np.array(states).T]
+        # Rounding, which a contact enlarges.
+        np.testing.assert_allclose(hits.released[i], [*(begin + looked[:2]), *looked[2:]], atol=1e-8)
+        at = np.round(READ_AT / few.period).astype(int)
+        np.testing.assert_allclose(hits.joints[i], np.array(read)[at], atol=1e-9)
+
+
+def test_what_leaves_the_arm_alone_shares_its_approach(some, monkeypatch):
+    made = []
+
+    def counted(*arguments):
+        made.append(approach(*arguments))
+        return made[-1]
+
+    approach = approach_module.approach
+    monkeypatch.setattr(approach_module, "approach", counted)
+    _, _, struck = some
+    approaches, effects = Approaches(), catalogue()
+    for name, values in (
+        ("blade_friction", {"log_factor": 0.5}),
+        ("restitution", {"log_damping": 0.5}),
+        ("offcentre_mass", {"offset_x": 0.005, "offset_y": 0.0, "log_inertia": -0.3}),
+    ):
+        acting = [(effects[name], values)]
+        apart, shared = struck(acting), struck(acting, approaches)
+        np.testing.assert_allclose(shared.released, apart.released, atol=1e-9)
+    near, far = 0.5 * SAME_START, 2 * SAME_START
+    np.testing.assert_allclose(
+        struck((), approaches, near).released, struck((), None, near).released, atol=1e-9
+    )
+    made.clear()
+    struck((), approaches)
+    assert not made
+    struck((), approaches, far)
+    struck([(effects["servo_gain"], {"log_gain": 0.2})], approaches)
+    assert len(made) == 2
 
 
 def test_a_turned_blade_is_named_with_its_angle_and_better_rest_points(turned, verdict_of):

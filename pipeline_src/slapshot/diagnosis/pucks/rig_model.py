@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
+from slapshot.diagnosis.pucks.approach import Approaches
 from slapshot.diagnosis.pucks.camera_view import start_shift
 from slapshot.diagnosis.pucks.execution import Execution, Readings, readings_of, replay
 from slapshot.diagnosis.pucks.launch import LaunchModel, LocalChange
@@ -69,8 +70,8 @@ class RigModel:
             )
         self._commands, self._times, self._joints = commands, times, joints
         self._friction = friction[tracks.object]
-        arguments = (self._release, mass, self._friction, times, threads)
-        self._striker = lambda executed: Striker(scene, executed, *arguments)
+        hits, approaches = (self._release, mass, self._friction), Approaches()
+        self._striker = lambda executed, times: Striker(scene, executed, *hits, times, threads, approaches)
         self._servo_time = scene.info.servo_time
         self._base: Mapping[str, Values] = {}
         # Effect -> where changes about it were simulated last, and those; nearby they are the same.
@@ -100,7 +101,7 @@ class RigModel:
             starts += np.where(self._starts_seen[:, None], shift, 0.0)
         self._readings: Readings | None = None
         if self._joints is None:
-            self._strike = partial(self._striker(self._commands).strike, starts)
+            self._strike = partial(self._striker(self._commands, self._times).strike, starts)
             self._struck = self._strike(acting)
             return
         times, period = self._times, self._commands.period
@@ -111,8 +112,8 @@ class RigModel:
         positions = replay(self._commands.positions, period, float(times[-1]), replayed)
         rates = np.gradient(positions, period, axis=1)
         executed = Commands(positions, positions + self._servo_time * rates, period)
-        self._strike = partial(self._striker(executed).strike, starts)
-        self._struck = self._strike(acting)
+        self._strike = partial(self._striker(executed, times[:1]).strike, starts)
+        self._struck = self._striker(executed, times).strike(starts, acting)
         self._readings = Readings(times, self._joints, self._struck.joints, replayed)
 
     def _local_changes(self) -> dict[str, LocalChange]:

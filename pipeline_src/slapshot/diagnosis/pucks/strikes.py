@@ -13,6 +13,7 @@ from mujoco.batch import Batch
 from scipy.interpolate import CubicSpline
 
 from slapshot.arrays import GRAVITY, Array
+from slapshot.diagnosis.pucks.approach import Approaches, digest_of_arm, resting_height, withdraw
 from slapshot.diagnosis.pucks.tracks import HitTracks
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording, joint_columns
@@ -98,6 +99,7 @@ class Striker:
         friction: Array,
         readings: Array,
         threads: int,
+        approaches: Approaches | None = None,
     ) -> None:
         """Of n hits.
 
@@ -109,7 +111,9 @@ class Striker:
             friction: (n, 3) mu_x, mu_y, torsional in m.
             readings: (readings,) s, when joints are looked at, on the control period's grid.
             threads: for MuJoCo.
+            approaches: that may serve; None for none that were made before.
         """
+        self._approaches = approaches or Approaches()
         self._scene, self._commands, self._releases = scene, commands, releases
         self._mass, self._friction, self._readings, self._threads = mass, friction, readings, threads
 
@@ -134,28 +138,31 @@ class Striker:
             effect.edit(values, spec, self._scene.info)
             changed = [effect.command(values, target, self._commands.period) for target in targets]
             targets = np.stack(changed)
-        model = spec.compile()
-        model.opt.timestep = TIMESTEP
-        return self._run(model, targets, starts, self._commands.positions[:, 0], struck_at)
+        return self._run(spec, targets, starts, self._commands.positions[:, 0], struck_at)
 
     def strike_displaced(self, starts: Array, offset: Array, slope: Array, contact: Array) -> Strikes:
         """Simulate with all joints moved by offset + slope (t - contact), offset (joints,) in rad."""
-        model = self._scene.compile(TIMESTEP)
         ticks = np.arange(self._commands.targets.shape[1]) * self._commands.period
         since = ticks - contact[:, None]
         moved = offset + slope * since[..., None]
         targets = self._commands.targets + moved + self._scene.info.servo_time * slope
-        return self._run(model, targets, starts, self._commands.positions[:, 0] + moved[:, 0])
+        spec = mujoco.MjSpec.from_string(self._scene.xml)
+        return self._run(spec, targets, starts, self._commands.positions[:, 0] + moved[:, 0])
 
     def _run(
         self,
-        model: mujoco.MjModel,
+        spec: mujoco.MjSpec,
         targets: Array,
         starts: Array,
         poses: Array,
         struck_at: Array | None = None,
     ) -> Strikes:
-        info, count = self._scene.info, len(targets)
+        info, count, period = self._scene.info, len(targets), self._commands.period
+        model = spec.compile()
+        arm = digest_of_arm(spec, info)
+        model.opt.timestep = TIMESTEP
+        rows = np.round(self._readings / period).astype(int)
+        came = self._approaches.get(arm, model, info, targets, poses, starts, self._threads)
         arm_q = np.array([model.joint(j).qposadr[0] for j in info.joints])
         object_q = np.array([model.joint(j).qposadr[0] for j in info.object_joints])
         object_v = np.array([model.joint(j).dofadr[0] for j in info.object_joints])
@@ -164,10 +171,13 @@ class Striker:
         ids = np.arange(count)
         batch.set_const(ids=ids)
         batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        batch.state[:] = came.states
         qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
         start = np.array(info.start)
-        qpos[:, arm_q] = poses
+        qpos[:, object_q] = 0.0
         qpos[:, object_q[:2]] = starts - start
+        qpos[:, object_q[2]] = resting_height(model, info)
+        qvel[:, object_v] = 0.0
         substeps = round(info.control_period / model.opt.timestep)
         releases = self._releases.copy()
         ticks = np.ceil(releases / info.control_period).astype(int)
@@ -175,16 +185,17 @@ class Striker:
         end = (targets.shape[1] - 1) * info.control_period
         if waits is not None:  # an object that was not struck yet may be struck until commands end
             ticks = np.full(count, targets.shape[1] - 1)
-        rows = np.round(self._readings / info.control_period).astype(int)
-        joints = np.zeros((count, len(rows), len(arm_q)))
+        joints = came.joints[:, np.minimum(rows, targets.shape[1] - 1)]
         released, contact = np.zeros((count, 5)), np.full(count, np.nan)
-        last = max(int(ticks.max()), int(rows.max(initial=0)))
+        released[:, :2] = starts
         planar = [0, 1, 3]
-        reading = {int(row): k for k, row in enumerate(rows)}
-        before = np.zeros((count, 6))
-        for tick in range(last + 1):
-            if tick in reading:
-                joints[:, reading[tick]] = qpos[:, arm_q]
+        column = {int(row): k for k, row in enumerate(rows)}
+        before: Array | None = None
+        tick = int(came.ticks.min())
+        while tick <= ticks.max():
+            here = (came.ticks <= tick) & (tick <= ticks)
+            if tick in column:
+                joints[here, column[tick]] = qpos[here][:, arm_q]
             state = np.concatenate([qpos[:, object_q[planar]], qvel[:, object_v[planar]]], axis=1)
             moving = np.hypot(state[:, 3], state[:, 4]) > 0.05
             fresh = np.isnan(contact) & moving
@@ -192,18 +203,21 @@ class Striker:
             if waits is not None and fresh.any():
                 releases = np.where(fresh, np.minimum(contact + waits, end), releases)
                 ticks = np.where(fresh, np.ceil(releases / info.control_period).astype(int), ticks)
-            now = np.flatnonzero(ticks == tick)
+            now = np.flatnonzero(here & (ticks == tick))
             if len(now):
+                earlier = state if before is None else before
                 share = (releases[now] / info.control_period - (tick - 1))[:, None]
-                at = (1 - share) * before[now] + share * state[now]
+                at = (1 - share) * earlier[now] + share * state[now]
                 released[now] = at[:, [0, 1, 3, 4, 5]]
                 released[now, :2] += start
-            if tick == last:
-                break
             before = state
-            ctrl[:, : len(arm_q)] = targets[:, min(tick, targets.shape[1] - 1)]
-            running = ids[(ticks > tick)] if tick > rows.max(initial=0) else ids
-            batch.step(ids=running, nstep=substeps)
+            running = ids[here & (ticks > tick)]
+            if len(running):
+                ctrl[:, : len(arm_q)] = targets[:, min(tick, targets.shape[1] - 1)]
+                batch.step(ids=running, nstep=substeps)
+            tick += 1
+        passed = np.maximum(ticks, came.ticks)
+        withdraw(model, info, targets, batch.state, passed, rows, joints, self._threads)
         if waits is not None:
             mu = self._friction[:, :2].mean(1)
             released = _told_at(released, self._releases - releases, GRAVITY * mu)
