@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field, replace
 
 import pytest
-from slapshot.diagnosis.pucks.headline import names_hold
+from slapshot.diagnosis.pucks.headline import explained, names_hold
 from slapshot.diagnosis.pucks.level import LEAST_SHIFT, least_gain, least_shift, without_hidden
-from slapshot.diagnosis.pucks.search import ADD
+from slapshot.diagnosis.pucks.search import ADD, Candidate, Screen, Search
 from slapshot.diagnosis.pucks.verdict import Errors, Interval
 
 
@@ -85,3 +85,47 @@ def test_a_name_that_makes_an_error_larger_than_its_interval_without_it_does_not
     fit = {"refitted": before, "augmented": replace(before, rest_rmse_m=Interval(0.0093, 0.007, 0.012))}
     assert not names_hold(fit)
     assert names_hold(fit | {"augmented": replace(before, rest_rmse_m=Interval(0.0091, 0.007, 0.012))})
+
+
+@pytest.mark.parametrize(
+    ("left", "is_explained"), [(1.8, True), (2.2, False)]
+)  # of 1 + .3^2 * (12 - 1) = 1.99
+def test_names_that_leave_more_than_laws_err_by_are_not_all_of_it(left, is_explained):
+    rest = Interval(0.01, 0.009, 0.011)
+    fit = {
+        "nominal": replace(errors(rest), chi2_per_freedom=Interval(12.0, 9.0, 15.0)),
+        "augmented": replace(errors(rest), chi2_per_freedom=Interval(left + 0.3, left, left + 0.6)),
+    }
+    assert explained(fit, 0.3) == is_explained
+
+
+class Refits(Search):
+    """What effects promise by a linear screen, and gain once refitted."""
+
+    def __init__(self, gains):
+        super().__init__(fitter=None, catalogue=(), free=(), rng=None)
+        self.gains, self.tried = gains, []
+
+    def _start_gain(self, at, name):
+        return 0.0
+
+    def refit(self, at, names, direction):
+        self.tried.append(names[-1])
+        return Candidate(tuple(names), None, self.gains[names[-1]], None)
+
+
+@pytest.mark.parametrize(
+    ("first_gains", "tried"),
+    [
+        (1000.0, ["lag"]),
+        (50.0, ["lag", "scale"]),  # 400 nats are no rival of 1000, but of the 50 that it comes to
+        (390.0, ["lag", "scale"]),
+    ],
+)
+def test_what_falls_short_of_its_promise_lets_the_next_be_tried(first_gains, tried):
+    promise = {"lag": 1000.0, "scale": 400.0, "curl": 3.0}
+    search = Refits({"lag": first_gains, "scale": 395.0, "curl": 3.0})
+    screen = Screen(promise, dict.fromkeys(promise, 0.1), 0.002, {})
+    best = search.grow(Candidate((), None, 0.0, None), screen, list(promise))[0]
+    assert search.tried == tried
+    assert best.effects == (max(tried, key=search.gains.get),)

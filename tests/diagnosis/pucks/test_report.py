@@ -233,6 +233,10 @@ def test_what_the_catalogue_does_not_know_is_said(tilt):
     assert "and something that the catalogue does not know" in headline(
         replace(tilt.verdict, unknown=unknown)
     )
+    nowhere = replace(tilt.verdict, unknown=replace(unknown, phase=None, variable=None))
+    assert "and something that the catalogue does not know" in headline(nowhere)
+    left = nowhere.fit["augmented"].chi2_per_freedom.value
+    assert f"something is left. With them held-out hits have a chi-squared of {left:.2f}" in markdown(nowhere)
 
 
 def test_real_recordings_are_not_called_stand_ins(tilt):

@@ -9,7 +9,7 @@ import numpy as np
 from slapshot.diagnosis.pucks.diagnose_rests import diagnose_rests
 from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FREE_LAUNCH
 from slapshot.diagnosis.pucks.gauss_newton import Fit
-from slapshot.diagnosis.pucks.headline import distrust, headline_of, names_hold, settled, undecided
+from slapshot.diagnosis.pucks.headline import distrust, explained, headline_of, names_hold, settled, undecided
 from slapshot.diagnosis.pucks.held_out import errors_of_scenes, split_hits
 from slapshot.diagnosis.pucks.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.judgement import (
@@ -36,6 +36,7 @@ from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
 from slapshot.recordings.quality_warning import QualityWarning
 
+LARGEST_ERROR = 0.3  # share by which a law may err that is still the right one
 # Findings of a check that say of a hit that it is no single push followed by a slide to rest.
 NO_CLEAN_SLIDE = ("second_push", "moves_again", "not_slowing", "moving_at_start", "moving_at_end")
 
@@ -123,6 +124,8 @@ def diagnose(
         fit, notes = errors(level), (*notes, refuted_note(tried))
     named = tuple(sorted(found_effects(search, level.final), key=lambda e: -e.shift_m))
     unknown, mismatch = level.unknown, level.mismatch
+    if named and not unknown.flagged and not explained(fit, LARGEST_ERROR):
+        unknown = replace(unknown, flagged=True)
     headline = headline_of(mismatch.found, bool(named), fit)
     if headline == "nothing_found":
         doubt = undecided(level, tracks.hit[kept], doubtful)

@@ -90,6 +90,15 @@ def names_hold(errors: Mapping[str, Errors]) -> bool:
     return not worse and after.loglik_per_hit.high >= 0
 
 
+def explained(errors: Mapping[str, Errors], most: float) -> bool:
+    """Whether names leave no more of held-out hits' misfit than laws that err by a share `most` would.
+
+    Chi-squared is a square: of what a law that errs by a share explains, it leaves the square of that share.
+    """
+    before, after = errors["nominal"].chi2_per_freedom, errors["augmented"].chi2_per_freedom
+    return after.low <= 1 + most**2 * max(before.value - 1, 0)
+
+
 def settled(mismatch: Mismatch, headline: Headline) -> Mismatch:
     """The mismatch as the headline has it."""
     if headline == "nothing_found":

@@ -112,6 +112,7 @@ class RigModel:
         positions = replay(self._commands.positions, period, float(times[-1]), replayed)
         rates = np.gradient(positions, period, axis=1)
         executed = Commands(positions, positions + self._servo_time * rates, period)
+        # For changes of launches alone, which need no readings.
         self._strike = partial(self._striker(executed, times[:1]).strike, starts)
         self._struck = self._striker(executed, times).strike(starts, acting)
         self._readings = Readings(times, self._joints, self._struck.joints, replayed)

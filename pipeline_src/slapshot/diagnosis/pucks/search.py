@@ -100,6 +100,11 @@ def settled(fitter: Fitter, fit: Fit, effects: Sequence[str] = ()) -> Fit:
     return fit
 
 
+def _least_rival(gain: float) -> float:
+    """Nats that another effect must promise to be tried beside one that gains so many."""
+    return gain - max(8 * CLASS, RIVAL * gain)
+
+
 @dataclass
 class Search(Generic[F]):
     """The search and what it finds on the way.
@@ -260,16 +265,20 @@ class Search(Generic[F]):
     def grow(self, at: Candidate, screen: Screen, hypotheses: Sequence[str]) -> list[Candidate]:
         """Refits of the best hypotheses of a screen added to a fit, best first."""
         promise = {n: max(screen.log_evidence[n], self._start_gain(at, n)) for n in hypotheses}
-        best = sorted(hypotheses, key=lambda name: -promise[name])[: self.refitted]
-        best = [n for n in best if promise[n] > promise[best[0]] - max(8 * CLASS, RIVAL * promise[best[0]])]
-        found = [c for name in best if (c := self._tried(at, name, screen.direction)) is not None]
-        if not found:
-            return [at]
-        best_gain = max(c.log_evidence for c in found) - at.log_evidence
-        least = at.log_evidence + best_gain - max(8 * CLASS, RIVAL * best_gain)
-        found.sort(key=lambda c: -c.log_evidence)
-        found = [self.finish(c) if c.log_evidence > least and i < RIVALS else c for i, c in enumerate(found)]
-        return sorted(found, key=lambda c: (not c.final, -c.log_evidence))
+        found: list[Candidate] = []
+        for name in sorted(hypotheses, key=lambda name: -promise[name])[: self.refitted]:
+            # What the best one turned out to gain may be far less than its promise.
+            best = max((c.log_evidence - at.log_evidence for c in found), default=np.inf)
+            if promise[name] <= _least_rival(min(best, max(promise.values()))):
+                break
+            tried = self._tried(at, name, screen.direction)
+            if tried is None:
+                continue
+            rivals = sum(c.final for c in found) < RIVALS
+            if rivals and (not found or tried.log_evidence - at.log_evidence > _least_rival(best)):
+                tried = self.finish(tried)
+            found.append(tried)
+        return sorted(found, key=lambda c: (not c.final, -c.log_evidence)) or [at]
 
     def _start_gain(self, at: Candidate, name: str) -> float:
         """Nats that the best start of an effect promises, to which a linear screen is blind."""

@@ -105,7 +105,8 @@ class Unknown:
 
     Attributes:
         flagged: the verdict.
-        phase, variable: where the free form that describes it acts, and what it follows.
+        phase, variable: where the free form that describes it acts, and what it follows; None where held-out
+            hits show that something is left and no free form says what.
         log_evidence: nats of that free form beyond the named effects.
         shift_m: rms shift of tracks by it, where it is largest.
     """

@@ -83,6 +83,15 @@ def _unknown(verdict: Verdict) -> str:
     unknown = verdict.unknown
     assert unknown is not None
     beyond = "beyond the effects above, " if verdict.effects else ""
+    if unknown.phase is None:
+        assert verdict.fit is not None
+        left = verdict.fit["augmented"].chi2_per_freedom
+        return (
+            f"**Not in the catalogue:** {beyond}something is left. With them held-out hits have a "
+            f"chi-squared of {left.value:.2f} ({left.low:.2f} to {left.high:.2f}) a degree of freedom, which "
+            "is more than laws that are right but simplified would leave. Nothing that was tried says where "
+            "it acts."
+        )
     return (
         f"**Not in the catalogue:** {beyond}something acts {wording.PHASES[str(unknown.phase)]} and follows "
         f"{wording.VARIABLES[str(unknown.variable)]}. Described without a name it gains "
