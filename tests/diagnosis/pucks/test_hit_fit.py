@@ -105,6 +105,28 @@ def test_scores_are_the_slope_of_the_likelihood(fitter):
     assert -at.scores[:, c].sum() == pytest.approx((sides[0] - sides[1]) / (4 * step), rel=0.02)
 
 
+@pytest.mark.parametrize("slope", [0.0, 0.02])
+def test_what_tracks_say_of_an_effect_does_not_depend_on_where_launches_should_be(fitter, slope):
+    """Launches are expected as a slope would turn them: they ask for one, tracks only where there is one."""
+    tracks = hit_tracks(recording(np.random.default_rng(5), 40, {"tilt": {"slope_x": 0.0, "slope_y": slope}}))
+    hits = HitFitter(SlideModel(tracks, fitter.effects, RADIUS, CAMERA), CameraNoise(0.003, 0.0))
+    plain = hits.fit(hits.start(), effects=["tilt"] if slope else [])
+    launches = KnownLaunch(len(plain.point.latents))
+    object.__setattr__(launches, "means", plain.point.latents[:, :5] - [0, 0, 0, GRAVITY * (0.02 - slope), 0])
+    told = hits.about(launches)
+    with_tilt, without = (told.fit(plain.point, Scatter(0.03, SCATTER), names) for names in (["tilt"], []))
+    assert without.objective - with_tilt.objective > 20
+    if slope:
+        # As without a word on launches: two fits from scratch.
+        few, both = (hits.fit(hits.start(), effects=names) for names in ([], ["tilt"]))
+        expected = (few.objective - both.objective) / 2
+        assert expected > 20
+        assert told.gain_by_tracks(with_tilt, "tilt") == pytest.approx(expected, rel=0.1)
+    else:
+        # Two parameters gain a nat by chance.
+        assert abs(told.gain_by_tracks(with_tilt, "tilt")) < 5
+
+
 def test_a_late_camera_shows_the_faster_motion_before_the_release(fitter):
     """x(t - d) = v (t - d) - mu g (t - d)^2 / 2 for a disc without spin, before the release as after it."""
     effect = catalogue()["camera_time"]
@@ -185,6 +207,21 @@ def test_encoders_add_as_many_expected_squares_as_they_have_readings():
     assert encoders.readings == moments * joints < encoders.white.shape[1]
     # Of n hits the mean of chi-squared with k degrees of freedom scatters by sqrt(2 k / n).
     assert squares == pytest.approx(encoders.readings, abs=4 * np.sqrt(2 * encoders.readings / hits))
+
+
+def test_encoders_gain_by_an_effect_what_it_takes_off_their_squares(fitter):
+    fit = fitter.fit(fitter.start(), effects=["tilt"])
+    assert fitter.gain_by_encoders(fit, "tilt") == 0.0
+    left = {(): 10.0, ("tilt",): 4.0}
+
+    class Read(UnknownLaunch):
+        def encoder_rows(self, columns, point):
+            return np.full((self.count, 3), left[tuple(point.effects)]), np.zeros(
+                (self.count, 3, len(columns))
+            )
+
+    read = fitter.about(Read(len(fit.point.latents)))
+    assert read.gain_by_encoders(fit, "tilt") == len(fit.point.latents) * 3 * (10.0**2 - 4.0**2) / 2
 
 
 def test_a_launch_is_told_at_another_moment_as_friction_would_have_it():

@@ -1,12 +1,14 @@
 """What may be named beside another effect, and when a name is dropped."""
 
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import pytest
 from slapshot.diagnosis.pucks.headline import explained, names_hold
 from slapshot.diagnosis.pucks.level import LEAST_SHIFT, least_gain, least_shift, without_hidden
 from slapshot.diagnosis.pucks.search import ADD, Candidate, Screen, Search
 from slapshot.diagnosis.pucks.verdict import Errors, Interval
+from slapshot.effects.catalogue import catalogue
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,10 @@ class Told:
     moves: dict[str, float]
     gains: dict[str, float]
     deleted: list[str] = field(default_factory=list)
+    beyond: float = 0.0  # nats that no error of the other's law can make
+
+    def gain_beyond(self, at, name, other):
+        return self.beyond
 
     def known_to(self, name):
         return self.law[name]
@@ -58,6 +64,14 @@ def test_a_companion_must_do_more_than_the_law_beside_it_errs_by(moves, gain, ke
     search = told(moves, gain)
     assert (without_hidden(search, BOTH) == BOTH) == kept
     assert search.deleted == ([] if kept else ["curl"])
+
+
+def test_what_no_error_of_the_law_beside_it_can_make_needs_no_more_than_anything():
+    search = told(0.02, 40.0)
+    search.beyond = 2 * ADD
+    assert without_hidden(search, BOTH) == BOTH
+    assert least_shift(search, BOTH, "curl") == LEAST_SHIFT
+    assert least_gain(search, BOTH, "curl") == ADD
 
 
 def test_beside_an_exact_law_anything_that_matters_may_be_named():
@@ -129,3 +143,29 @@ def test_what_falls_short_of_its_promise_lets_the_next_be_tried(first_gains, tri
     best = search.grow(Candidate((), None, 0.0, None), screen, list(promise))[0]
     assert search.tried == tried
     assert best.effects == (max(tried, key=search.gains.get),)
+
+
+@pytest.mark.parametrize(
+    ("name", "other", "nats"),
+    [
+        ("tilt", "command_delay", 3.5),
+        ("camera_time", "blade_yaw", 3.5),
+        ("offcentre_mass", "servo_gain", 3.5),
+        ("command_delay", "tilt", 5.5),
+        ("backlash", "restitution", 5.5),
+        ("curl", "tilt", 0.0),
+        ("tracking_lag", "servo_gain", 0.0),
+        ("restitution", "tilt", 0.0),
+        ("blade_yaw", "tracking_lag", 0.0),
+    ],
+)
+def test_errors_of_a_law_do_not_reach_what_others_are_told_by(name, other, nats):
+    fitter = SimpleNamespace(
+        effects=catalogue(), gain_by_tracks=lambda fit, name: 7.0, gain_by_encoders=lambda fit, name: 11.0
+    )
+    search = Search(fitter, (), (), None)
+    at = Candidate((name, other), SimpleNamespace(dispersion=2.0), 0.0, fitter)
+    assert search.gain_beyond(at, name, other) == nats
+    # Before it is fitted there may be any.
+    alone = replace(at, effects=(other,))
+    assert search.gain_beyond(alone, name, other) == (float("inf") if nats else 0.0)

@@ -42,3 +42,9 @@ class Fitter(Protocol):
 
         Beyond what another friction would do to them.
         """
+
+    def gain_by_tracks(self, fit: Fit, name: str) -> float:
+        """Nats that an effect of a fit adds where nothing is known of launches but what tracks tell."""
+
+    def gain_by_encoders(self, fit: Fit, name: str) -> float:
+        """Nats that an effect of a fit adds by what encoders read."""

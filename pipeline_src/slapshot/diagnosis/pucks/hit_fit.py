@@ -149,6 +149,24 @@ class HitFitter(GaussNewton):
         frames = np.round(last[:, None] * np.arange(1, SHOWN + 1) / SHOWN).astype(np.int64)
         return np.arange(len(last))[:, None], frames
 
+    def gain_by_tracks(self, fit: Fit, name: str) -> float:
+        """See `fitter.Fitter`."""
+        alone = self.about(UnknownLaunch(len(fit.point.latents)))
+        scatter = Scatter(fit.scatter.friction, alone.launches.first_scatter)
+        without = [n for n in fit.point.effects if n != name]
+        few, all_of_them = (alone.fit(fit.point, scatter, effects) for effects in (without, [*without, name]))
+        return (few.objective - all_of_them.objective) / 2
+
+    def gain_by_encoders(self, fit: Fit, name: str) -> float:
+        """See `fitter.Fitter`."""
+        effects = {n: values for n, values in fit.point.effects.items() if n != name}
+        read = [
+            self.launches.encoder_rows([], point)
+            for point in (replace(fit.point, effects=effects), fit.point)
+        ]
+        few, all_of_them = (0.0 if rows is None else float((rows[0] ** 2).sum()) for rows in read)
+        return (few - all_of_them) / 2
+
     def _moved_by(self, fit: Fit, name: str) -> Array:
         point = fit.point
         without = replace(point, effects={n: v for n, v in point.effects.items() if n != name})

@@ -13,7 +13,7 @@ from slapshot.diagnosis.pucks.verdict import Mismatch, Unknown
 LEAST_SHIFT = 0.003  # m, rms of rest points: less is not called missing physics
 P_VALUE = 0.004
 LEAST_EVIDENCE = 2.0  # nats
-LINEAR = 0.5  # of the shift that a refit finds may be missing from what a linear screen promises
+LINEAR = 0.5  # of what a refit finds may be missing from what a linear screen promises
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,14 @@ def examine(search: Search[Any]) -> Level:
     return Level(search, nominal, final, screen, leftover, mismatch)
 
 
+def _erring(search: Search[Any], at: Candidate, beside: str) -> list[str]:
+    """Effects of a fit of whose laws errors could be what is taken for `beside`."""
+    return [n for n in at.effects if n != beside and not (beside and search.gain_beyond(at, beside, n) > ADD)]
+
+
 def least_shift(search: Search[Any], at: Candidate, beside: str = "") -> float:
     """m, rms of tracks, that something beside a fit's effects must move: their own laws may err by less."""
-    errors = [search.known_to(n) * search.shift(at, n) for n in at.effects if n != beside]
+    errors = [search.known_to(n) * search.shift(at, n) for n in _erring(search, at, beside)]
     return float(np.hypot(LEAST_SHIFT, np.linalg.norm(errors)))
 
 
@@ -82,7 +87,7 @@ def least_gain(search: Search[Any], at: Candidate, beside: str = "") -> float:
 
     Evidence is a square: of a law that errs by a share, it leaves the square of that share.
     """
-    return max(ADD, sum(search.known_to(n) ** 2 * search.gain(at, n) for n in at.effects if n != beside))
+    return max(ADD, sum(search.known_to(n) ** 2 * search.gain(at, n) for n in _erring(search, at, beside)))
 
 
 def without_hidden(search: Search[Any], at: Candidate) -> Candidate:
@@ -99,28 +104,36 @@ def without_hidden(search: Search[Any], at: Candidate) -> Candidate:
 def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Candidate, Screen]:
     """Add effects while the recording asks for them, then delete what became superfluous."""
     best = search.grow(nominal, screen, search.catalogue)[0]
-    moved = [search.shift(best, name) for name in best.effects]
-    if best.log_evidence < LEAST_EVIDENCE or max(moved, default=0.0) < LEAST_SHIFT:
+    shifts = [search.shift(best, name) for name in best.effects]
+    if best.log_evidence < LEAST_EVIDENCE or max(shifts, default=0.0) < LEAST_SHIFT:
         return nominal, screen
-    leftover = search.screen_beyond(best)
-    while len(best.effects) < search.most:
-        least = least_shift(search, best)
-        moving = [n for n, moved in leftover.shift.items() if moved > LINEAR * least]
-        further = [n for n in search.catalogue if n in moving and n not in best.effects]
-        if not further or leftover.p_value > P_VALUE:
-            break
-        # A screen is linear: what falls short of ADD by a class may still gain it in a refit.
-        if leftover.log_evidence[leftover.best(further)[0]] < ADD - CLASS:
+    leftover, refused = search.screen_beyond(best), set[str]()
+    while len(best.effects) < search.most and leftover.p_value <= P_VALUE:
+        further = [
+            n for n in search.catalogue if n not in refused and _may_be_added(search, best, leftover, n)
+        ]
+        if not further:
             break
         grown = search.grow(best, leftover, further)[0]
-        if grown.log_evidence < best.log_evidence + least_gain(search, best):
-            break
-        pruned = without_hidden(search, search.prune(grown))
+        added = next(iter(set(grown.effects) - set(best.effects)), further[0])
+        pruned = best
+        if grown.log_evidence >= best.log_evidence + least_gain(search, best, added):
+            pruned = without_hidden(search, search.prune(grown))
         if set(pruned.effects) <= set(best.effects):
-            break
-        best = pruned
+            # Another one may still pass, which asks for less beside what is there.
+            refused.add(added)
+            continue
+        best, refused = pruned, set()
         leftover = search.screen_beyond(best)
     return best, leftover
+
+
+def _may_be_added(search: Search[Any], best: Candidate, leftover: Screen, name: str) -> bool:
+    """Whether an effect promises enough; a screen is linear, and a refit may find more."""
+    if name in best.effects or leftover.shift[name] <= LINEAR * least_shift(search, best, name):
+        return False
+    least = least_gain(search, best, name)
+    return leftover.log_evidence[name] >= least - max(CLASS, LINEAR * least)
 
 
 def refuted_note(tried: Level) -> str:

@@ -101,6 +101,14 @@ class RestFitter(GaussNewton):
         rests = self._predicted(fit.point, columns)
         return columns, self._marginal(rests, fit.scatter), rests.slopes[:, None]
 
+    def gain_by_tracks(self, fit: Fit, name: str) -> float:
+        """None: there are none."""
+        return 0.0
+
+    def gain_by_encoders(self, fit: Fit, name: str) -> float:
+        """None: where an object comes to rest does not tell how the arm moved."""
+        return 0.0
+
     def _moved_by(self, fit: Fit, name: str) -> Array:
         without = {n: v for n, v in fit.point.effects.items() if n != name}
         moved = self.predict(fit.point) - self.predict(replace(fit.point, effects=without))

@@ -116,6 +116,7 @@ class Search(Generic[F]):
         rng: of draws under the null hypothesis.
         seen: every set of effects that was refitted.
         failed: hypotheses that could not be refitted -> why.
+        told: what is asked and an effect -> the fit of which it was asked last, and the answer.
         about: a fitter that is linear about a fit, where the first one is exact near the nominal scene only.
         refitted: best of a screen that are refitted.
         most: effects that are named together.
@@ -127,6 +128,7 @@ class Search(Generic[F]):
     rng: np.random.Generator
     seen: dict[tuple[str, ...], Candidate] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
+    told: dict[tuple[str, str], tuple[Fit, float]] = field(default_factory=dict)
     about: Callable[[Fit], F] | None = None
     refitted: int = REFITTED
     most: int = MOST
@@ -198,11 +200,39 @@ class Search(Generic[F]):
 
     def shift(self, at: Candidate, name: str) -> float:
         """See `Fitter.shift`."""
-        return float(at.fitter.shift(at.fit, name))
+        return self._once("shift", at.fit, name, at.fitter.shift)
 
     def known_to(self, name: str) -> float:
         """Share of what an effect does by which its law may err."""
         return self._effects[name].known_to
+
+    def gain_beyond(self, at: Candidate, name: str, other: str) -> float:
+        """Nats of an effect that no error of another's law can make; infinite where they may be any.
+
+        Errors of laws of swing and contact reach launches, and those of the swing encoders; what is seen of a
+        slide whose launch is unknown they leave alone. Errors of laws of the slide leave encoders alone.
+        """
+        mine, theirs = self._effects[name], self._effects[other]
+        sources = []
+        if not theirs.acts_on_slide and (mine.acts_on_slide or mine.acts_on_camera):
+            sources.append("tracks")
+        if theirs.phase != "swing" and mine.phase == "swing":
+            sources.append("encoders")
+        if name not in at.effects:
+            return np.inf if sources else 0.0
+        return max((self._gain_by(at, name, source) for source in sources), default=0.0)
+
+    def _gain_by(self, at: Candidate, name: str, source: str) -> float:
+        gain = {"tracks": at.fitter.gain_by_tracks, "encoders": at.fitter.gain_by_encoders}[source]
+        return self._once(source, at.fit, name, gain) / max(1.0, at.fit.dispersion)
+
+    def _once(self, what: str, fit: Fit, name: str, answer: Callable[[Fit, str], float]) -> float:
+        """An answer about an effect of a fit, which is asked for again and again."""
+        of, known = self.told.get((what, name), (None, 0.0))
+        if of is not fit:
+            known = float(answer(fit, name))
+            self.told[what, name] = fit, known
+        return known
 
     def gain(self, at: Candidate, name: str) -> float:
         """Nats that an effect adds to the others of a fit, as far as those were fitted alone."""
