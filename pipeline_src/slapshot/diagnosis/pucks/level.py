@@ -120,8 +120,9 @@ def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Ca
         if grown.log_evidence >= best.log_evidence + least_gain(search, best, added):
             pruned = without_hidden(search, search.prune(grown))
         if set(pruned.effects) <= set(best.effects):
-            # Another one may still pass, which asks for less beside what is there.
-            refused.add(added)
+            # Another one may still pass: of which less is asked beside what is there.
+            tried = {n for n in further if tuple(sorted((*best.effects, n))) in search.seen}
+            refused |= {added, *tried}
             continue
         best, refused = pruned, set()
         leftover = search.screen_beyond(best)
