@@ -108,7 +108,7 @@ def test_a_fit_that_does_not_converge_is_reported(dragged, monkeypatch):
     monkeypatch.setattr(search, "CREEP", 0.0)
     verdict = diagnose(dragged, SETTING, effects=KNOWN).verdict
     assert verdict.headline == "cannot_tell"
-    assert str(verdict.cannot_tell).startswith("the fit of the nominal scene did not converge")
+    assert str(verdict.cannot_tell).startswith("the fit of what was found did not converge")
     assert verdict.limits == ()
     assert verdict.fit is None
 

@@ -169,3 +169,39 @@ def test_errors_of_a_law_do_not_reach_what_others_are_told_by(name, other, nats)
     # Before it is fitted there may be any.
     alone = replace(at, effects=(other,))
     assert search.gain_beyond(alone, name, other) == (float("inf") if nats else 0.0)
+
+
+class Rounds(Search):
+    """Rounds of simulation and fit whose values (in scales of a drag) and objectives are given."""
+
+    def __init__(self, ends):
+        self.ends, self.scale = iter(ends), catalogue()["linear_drag"].parameters[0].scale
+        super().__init__(SimpleNamespace(effects=catalogue(), sizes={}), (), (), None, about=self.simulated)
+
+    def simulated(self, fit):
+        return SimpleNamespace(fit=lambda point, scatter, effects: self.at(*next(self.ends)))
+
+    def at(self, value, objective):
+        effects = {"linear_drag": {"rate": value * self.scale}}
+        return SimpleNamespace(point=SimpleNamespace(effects=effects), scatter=None, objective=objective)
+
+    def _log_evidence(self, names, fit):
+        return -fit.objective
+
+
+@pytest.mark.parametrize(
+    ("ends", "chosen"),
+    [
+        # It went far first, so that it only seems to be best; then to and fro.
+        ([(2.0, 100.0), (2.2, 200.0), (2.4, 210.0), (2.2, 190.0)], 200.0),
+        ([(0.3, 300.0), (0.6, 250.0), (0.9, 200.0), (0.95, 199.0)], 199.0),  # it gains until it stays
+        ([(float(2 * i), 100.0 - i) for i in range(1, 9)], 100.0 - 6),  # it never comes near
+    ],
+)
+def test_the_best_of_those_rounds_counts_that_stay_where_they_were_simulated(ends, chosen):
+    search = Rounds(ends)
+    begin = Candidate(("linear_drag",), search.at(0.0, 500.0), 0.0, search.fitter, final=False)
+    found = search.finish(begin)
+    assert found.fit.objective == chosen
+    assert found.final
+    assert search.seen["linear_drag",] is found

@@ -105,9 +105,10 @@ def diagnose(
     doubtful = [hit for hit in _hits_of(findings, *NO_CLEAN_SLIDE) if hit in used]
     doubt = distrust(level, tracks.hit[kept], doubtful)
     notes = (*tracks.notes, *failed, *level.notes)
+    made = rig.signatures if rig is not None else None
     if doubt is not None:
         verdict = untold(recording, tracks, findings, doubt.reason, notes, doubt.hits)
-        return Diagnosis(verdict, signatures=rig.signatures if rig is not None else None, **shown)
+        return Diagnosis(verdict, signatures=made, **shown)
     test.drop_jumps(_start_of(test, level.nominal.fit))
 
     def errors(of: Level) -> dict[str, Errors]:
@@ -122,6 +123,7 @@ def diagnose(
     if level.final.effects and not names_hold(fit):
         level = level.without_names()
         fit, notes = errors(level), (*notes, refuted_note(tried))
+        doubt = distrust(level, tracks.hit[kept], doubtful)
     named = tuple(sorted(found_effects(search, level.final), key=lambda e: -e.shift_m))
     unknown, mismatch = level.unknown, level.mismatch
     if named and not unknown.flagged and not explained(fit, LARGEST_ERROR):
@@ -129,9 +131,9 @@ def diagnose(
     headline = headline_of(mismatch.found, bool(named), fit)
     if headline == "nothing_found":
         doubt = undecided(level, tracks.hit[kept], doubtful)
-        if doubt is not None:
-            verdict = untold(recording, tracks, findings, doubt.reason, notes, doubt.hits)
-            return Diagnosis(verdict, signatures=rig.signatures if rig is not None else None, **shown)
+    if doubt is not None:
+        verdict = untold(recording, tracks, findings, doubt.reason, notes, doubt.hits)
+        return Diagnosis(verdict, signatures=made, **shown)
     mismatch = settled(mismatch, headline)
     verdict = replace(
         untold(recording, tracks, findings, None, notes),
@@ -155,7 +157,7 @@ def diagnose(
         level.final,
         level.screen,
         test,
-        signatures=rig.signatures if rig is not None else None,
+        signatures=made,
     )
 
 

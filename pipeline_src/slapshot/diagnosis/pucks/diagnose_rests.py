@@ -83,9 +83,12 @@ def diagnose_rests(
     if level.final.effects and not names_hold(fit):
         level = level.without_names()
         fit = _errors(test, level, setting, resample_rng)
+        doubt = distrust(level, tracks.hit[kept], ())
     named = tuple(_of_class(level, effect) for effect in found_effects(search, level.final))
     headline = headline_of(level.mismatch.found, bool(named), fit)
-    if headline == "nothing_found" and (doubt := undecided(level, tracks.hit[kept], ())) is not None:
+    if headline == "nothing_found":
+        doubt = undecided(level, tracks.hit[kept], ())
+    if doubt is not None:
         verdict = untold(recording, tracks, findings, doubt.reason, (*tracks.notes, *failed), doubt.hits)
         return Diagnosis(verdict, signatures=rig.signatures)
     mismatch = settled(level.mismatch, headline)

@@ -107,21 +107,23 @@ def settled(mismatch: Mismatch, headline: Headline) -> Mismatch:
 
 
 def distrust(level: Level, hits: NDArray[np.int64], pushed: Sequence[int]) -> Distrust | None:
-    """Why the fits of a diagnosis cannot be trusted; None if they can.
+    """Why the fit that a diagnosis came to cannot be trusted; None if it can.
+
+    Where much is missing, the nominal scene may fit so badly that its fit goes to and fro.
 
     Args:
         level: of the hits, or of rest points alone.
         hits: (n,) numbers of the hits that were fitted.
         pushed: numbers of those that a check of the recording found to be no clean slides.
     """
-    for what, fit in (("the nominal scene", level.nominal.fit), ("what was found", level.final.fit)):
-        if not fit.converged:
-            return Distrust(
-                f"the fit of {what} did not converge, so that nothing that rests on it can be said; "
-                f"{_remedy(blamed := _blamed(fit, level, hits, pushed))}",
-                blamed,
-            )
     final = level.final.fit
+    if not final.converged:
+        what = "what was found" if level.final.effects else "the nominal scene"
+        return Distrust(
+            f"the fit of {what} did not converge, so that nothing that rests on it can be said; "
+            f"{_remedy(blamed := _blamed(final, level, hits, pushed))}",
+            blamed,
+        )
     if isinstance(final.scatter, Scatter) and final.scatter.friction >= FRICTION_SD[1]:
         blamed = _blamed(final, level, hits, pushed)
         return Distrust(

@@ -33,7 +33,7 @@ DRAWS = 499  # of scores under the null hypothesis
 TESTED = 1.0  # information in units of the priors, of a direction that is tested
 RIVAL = 0.4  # share of the best one's gain with which another may still win once both are exact
 RIVALS = 3  # at most so many
-STAYED = 0.1  # of a parameter's scale
+STAYED, EXACT = 0.1, 0.5  # of a parameter's scale, from where hits were simulated: no more, near enough
 FINISHED = 6  # most rounds of fitting about the last fit
 CONTINUED = 5  # times that a fit which stopped before it had converged goes on
 CREEP = 20.0  # of the objective: as many steps as a fit takes, each of which may raise it by 1
@@ -269,25 +269,35 @@ class Search(Generic[F]):
         return self.seen[key]
 
     def finish(self, candidate: Candidate) -> Candidate:
-        """A candidate with a fitter that is exact where it is."""
+        """A candidate with a fitter that is exact where it is: the best of all rounds of simulation and fit.
+
+        Contacts scatter what is simulated by a few nats, about which the last rounds only go to and fro.
+        """
         if candidate.final or self.about is None:
             return candidate
         fit = candidate.fit
+        near: list[tuple[Fit, F]] = []
         for _ in range(FINISHED):
             before = fit.point.effects
             fitter = self.about(fit)
             fitter.sizes = self.fitter.sizes
             fit = fitter.fit(fit.point, fit.scatter, candidate.effects)
-            if self._stayed(before, fit.point.effects):
+            # What went far from where it was simulated is not known to be as good as it seems.
+            if not self._stayed(before, fit.point.effects, EXACT):
+                continue
+            gained = min((f.objective for f, _ in near), default=np.inf) - fit.objective
+            near.append((fit, fitter))
+            if self._stayed(before, fit.point.effects, STAYED) or gained < 2 * ADD:
                 break
+        fit, fitter = min(near, key=lambda one: one[0].objective, default=(fit, fitter))
         evidence = self._log_evidence(candidate.effects, fit)
         self.seen[candidate.effects] = Candidate(candidate.effects, fit, evidence, fitter)
         return self.seen[candidate.effects]
 
-    def _stayed(self, before: Effects, after: Effects) -> bool:
-        """Whether no parameter moved by a notable share of its scale."""
+    def _stayed(self, before: Effects, after: Effects, share: float) -> bool:
+        """Whether no parameter moved by more than a share of its scale."""
         return all(
-            abs(after[name][p.name] - before[name][p.name]) < STAYED * p.scale
+            abs(after[name][p.name] - before[name][p.name]) < share * p.scale
             for name in before
             for p in self._effects[name].parameters
         )
