@@ -44,7 +44,7 @@ def turned(points):
 
 @pytest.fixture(scope="module")
 def dragged():
-    return recording(np.random.default_rng(4), 40, {"linear_drag": {"rate": 0.5}}, friction=FRICTION)
+    return recording(np.random.default_rng(4), 40, {"linear_drag": {"rate": 0.8}}, friction=FRICTION)
 
 
 def test_turning_and_moving_recording_and_scene_together_changes_nothing(dragged):

@@ -117,7 +117,9 @@ def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Ca
         grown = search.grow(best, leftover, further)[0]
         added = next(iter(set(grown.effects) - set(best.effects)), further[0])
         pruned = best
-        if grown.log_evidence >= best.log_evidence + least_gain(search, best, added):
+        # Among many that are tried some pass by chance: after the best ones only what is told apart.
+        passes = not refused or (added in grown.effects and not _erring(search, grown, added))
+        if passes and grown.log_evidence >= best.log_evidence + least_gain(search, best, added):
             pruned = without_hidden(search, search.prune(grown))
         if set(pruned.effects) <= set(best.effects):
             # Another one may still pass: of which less is asked beside what is there.

@@ -224,7 +224,9 @@ class Search(Generic[F]):
 
     def _gain_by(self, at: Candidate, name: str, source: str) -> float:
         gain = {"tracks": at.fitter.gain_by_tracks, "encoders": at.fitter.gain_by_encoders}[source]
-        return self._once(source, at.fit, name, gain) / max(1.0, at.fit.dispersion)
+        likelihood = self._once(source, at.fit, name, gain) / max(1.0, at.fit.dispersion)
+        # Schwarz's criterion: what as many parameters would gain by chance.
+        return likelihood - len(self._effects[name].parameters) / 2 * np.log(len(at.fit.point.latents))
 
     def _once(self, what: str, fit: Fit, name: str, answer: Callable[[Fit, str], float]) -> float:
         """An answer about an effect of a fit, which is asked for again and again."""
