@@ -66,8 +66,7 @@ def test_slides_given_the_launch_agree_to_a_micrometre(lab_scene, hits, friction
     radius = lab_scene.info.object_radius
     nominal, _ = rollouts_slide(launches, friction, radius)
     assert rms(nominal[:, :2] - rests) < 0.002
-    # Its own step, which errs by more, is of the diagnosis and not of the law.
-    diagnosed = diagnosed_slide(launches, friction, radius, 3.0, step=2e-3)
+    diagnosed = diagnosed_slide(launches, friction, radius, 3.0)
     assert rms(diagnosed.rests - rests) < 0.005
     assert diagnosed.durations == pytest.approx([hit.end - hit.launch_time for hit in hits], abs=1e-3)
     # At the frames of a camera; either track is a polygon.

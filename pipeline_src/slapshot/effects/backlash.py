@@ -26,6 +26,7 @@ class Backlash(Effect):
         "Links lean on the flank that drives them, change sides where they slow down, and give at the impact."
     )
     source = "Nordin and Gutman 2002, Controlling mechanical systems with backlash (Automatica 38)"
+    known_to = 0.3  # joints of one arm differ, and have one value here
 
     def edit(self, values: Mapping[str, float], spec: mujoco.MjSpec, info: SceneInfo) -> None:
         """Add joints `<joint>_play`; motor angles stay the scene's joints, links turn by both."""

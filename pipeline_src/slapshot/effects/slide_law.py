@@ -21,8 +21,8 @@ from slapshot.arrays import GRAVITY, Array
 from slapshot.effects.effect import Effect, SlideState
 
 POINTS = 4  # a quarter of the rim apart
-STEP = 5e-3  # s: places err by 0.02 mm at most
-SAVE_EVERY = 2  # steps between rows of a track
+STEP = 2e-3  # s; longer ones tell little of how a spin dies, on which fits of slow boxes hang
+SAVE_EVERY = 5  # steps between rows of a track
 LONGEST = 12.0  # s
 _NO_SLIP = 1e-9  # m/s: keeps s from 0
 
