@@ -34,6 +34,7 @@ def test_whenever_it_is_killed_it_goes_on_and_the_content_is_that_of_an_unbroken
     unbroken = workspace.plan()
     assert versions.items() <= unbroken.items()
     rng = random.Random(seed)
+    kill_as_a_version_is_finished(other, versions, target)
     shards = kill_in_the_rollouts(other, versions, target)
     kept = other.whole()
     for _ in range(KILLS):
@@ -52,7 +53,7 @@ def test_whenever_it_is_killed_it_goes_on_and_the_content_is_that_of_an_unbroken
     rollouts = of_stage(versions, "rollouts")
     log = other.log(rollouts).read_text()
     assert not shards or f"rollouts/{rollouts.id}" in kept or "shards are there already" in log
-    assert set(found) == {f"{v.stage}/{v.id}" for v in versions.values()}
+    assert set(found) == {f"{v.stage}/{v.id}" for v in versions.values()}, done.stdout
     different = {
         label: sorted(name for name in workspace.content(v) if workspace.content(v)[name] != content[name])
         for label, v in versions.items()
@@ -71,6 +72,15 @@ def emptied(made: Workspace) -> Workspace:
     for folder in ("data/store", "data/marks", "data/report", "logs", "figures", ".snakemake"):
         shutil.rmtree(made.root / folder)
     return made
+
+
+def kill_as_a_version_is_finished(other: Workspace, versions: dict[str, Version], target: str) -> None:
+    """Before Snakemake hears of it: nothing but that version is missing in what it would do then."""
+    first = of_stage(versions, "swings")
+    assert other.kill_when(lambda: other.folder(first).exists(), *command(other, target, 1))
+    jobs = job_counts(other.snakemake("--dry-run", target).stdout)
+    assert sum(jobs.values()) == len(versions) - len(other.whole()) + 1
+    assert jobs[target] == 1
 
 
 def kill_in_the_rollouts(other: Workspace, versions: dict[str, Version], target: str) -> bool:
