@@ -169,7 +169,7 @@ def _hits_of(findings: Sequence[QualityWarning], *kinds: str) -> list[int]:
 def _noise(tracks: HitTracks) -> CameraNoise:
     """Of the camera, at rest and while objects move."""
     noise = estimate_noise(*tracks.resting)
-    return replace(noise, jitter=timing_jitter(tracks.times, tracks.places, tracks.valid, noise.sd))
+    return replace(noise, jitter=timing_jitter(tracks.times, tracks.places, tracks.valid))
 
 
 def _start_of(fitter: HitFitter, fit: Fit) -> Point:

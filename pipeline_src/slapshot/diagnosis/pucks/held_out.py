@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
@@ -113,15 +114,21 @@ def _from_command(fitter: HitFitter, fit: Fit, launches: LaunchModel) -> tuple[A
     return square, expected + 2 * fitter.noise.sd**2
 
 
-def errors_of(held: HeldOut, reference: Array, rng: np.random.Generator) -> Errors:
-    """With 90 % bootstrap intervals over hits; likelihood over `reference` (n,)."""
+def errors_of(held: HeldOut, reference: Array, rng: np.random.Generator, unsure: float = 0.0) -> Errors:
+    """With 90 % bootstrap intervals over hits; likelihood over `reference` (n,).
+
+    Chi-squared counts in variances of the noise, whose relative standard error `unsure` widens its interval.
+    """
     command = held.command_square
+    chi2 = mean(held.chi2, rng, SURE)
+    far = chi2.value * unsure * float(norm.ppf((1 + SURE) / 2))
+    low, high = np.hypot(chi2.value - chi2.low, far), np.hypot(chi2.high - chi2.value, far)
     return Errors(
         root_mean(held.track_square, rng),
         root_mean(held.rest_square, rng),
         None if command is None else root_mean(command, rng),
         mean(held.loglik - reference, rng),
-        mean(held.chi2, rng, SURE),
+        Interval(chi2.value, float(chi2.value - low), float(chi2.value + high)),
     )
 
 
@@ -158,7 +165,7 @@ def errors_of_scenes(
     refitted = predict_held_out(test, nominal)
     augmented = refitted if final is nominal else predict_held_out(test, final)
     scenes = {"nominal": predict_held_out(test, believed), "refitted": refitted, "augmented": augmented}
-    found = {name: errors_of(held, refitted.loglik, rng) for name, held in scenes.items()}
+    found = {name: errors_of(held, refitted.loglik, rng, test.noise.error) for name, held in scenes.items()}
     return found | {"noise_floor": noise_floor(augmented, refitted.loglik, rng)}
 
 

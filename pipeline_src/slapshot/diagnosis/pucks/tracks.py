@@ -244,7 +244,4 @@ def _at_rest(times: Array, places: Array, rows: slice) -> tuple[Array, Array]:
         return np.zeros((0, 2)), np.zeros(0)
     residual = part - np.median(part, axis=0)
     good = (np.abs(residual) < 6 * 1.4826 * np.median(np.abs(residual), axis=0) + 1e-9).all(1)
-    residual = residual[good] - residual[good].mean(0)
-    # A mean was taken out of m frames: what is left scatters by less.
-    residual *= np.sqrt(good.sum() / max(good.sum() - 1, 1))
-    return residual, np.concatenate([[np.inf], np.diff(when[good])])
+    return residual[good] - residual[good].mean(0), np.concatenate([[np.inf], np.diff(when[good])])
