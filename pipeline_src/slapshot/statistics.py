@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
+from scipy.special import ndtri
 
 Array = NDArray[np.floating]
 
@@ -23,8 +23,10 @@ def wilson_interval(successes: int, count: int) -> Interval:
     """A proportion with Wilson's 95 % interval; NaN if the count is 0."""
     if not count:
         return Interval(np.nan, np.nan, np.nan)
-    interval = binomtest(successes, count).proportion_ci(0.95, method="wilson")
-    return Interval(successes / count, interval.low, interval.high)
+    z, share = float(ndtri(0.975)), successes / count
+    middle = (share + z**2 / (2 * count)) / (1 + z**2 / count)
+    half = z / (1 + z**2 / count) * float(np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2)))
+    return Interval(share, max(middle - half, 0.0), min(middle + half, 1.0))
 
 
 def bootstrap(

@@ -311,6 +311,8 @@ def test_the_last_hit_has_the_factor_more_friction_than_the_first():
     rests = slid(effect("friction_drift"), launches, MU, (-0.5, 0, 0.5), log_change=0.4).rests[:, 0]
     assert rests[0] / rests[2] == pytest.approx(np.exp(0.4), rel=1e-4)
     assert rests[1] == pytest.approx(1.2**2 / (2 * MU * GRAVITY), rel=1e-4)
+    bent = slid(effect("friction_drift"), launches, MU, (-0.5, 0, 0.5), log_change=0.4, bend=0.1).rests[:, 0]
+    np.testing.assert_allclose(rests / bent, [1, np.exp(0.1), 1], rtol=1e-4)
 
 
 def test_an_offcentre_disc_turns_about_its_centre_of_mass(monkeypatch):

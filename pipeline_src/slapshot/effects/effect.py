@@ -100,14 +100,6 @@ class Effect:
     def edit(self, values: Mapping[str, float], spec: mujoco.MjSpec, info: SceneInfo) -> None:
         """Change the scene's model; names of joints, actuators and sites stay."""
 
-    def shift_launch(self, values: Mapping[str, float], launches: Array) -> Array | None:
-        """Change (n, 5) of launches (n, 5) where it is known without a simulation; None for none.
-
-        Launches are x, y (m), vx, vy (m/s) and spin (rad/s) as the nominal scene has them, the change is
-        along and across their heading.
-        """
-        return None
-
     # --- Slide
 
     def accelerate(self, values: Mapping[str, Array], state: SlideState) -> tuple[Array, Array] | None:

@@ -12,13 +12,14 @@ class FrictionDrift(Effect):
     follows = "order"
     parameters = (
         Parameter("log_change", "1", -2.0, 2.0, 0.15, "log of friction at the last hit over the first"),
+        Parameter("bend", "1", -1.0, 1.0, 0.03, "log of friction half-way over the mean of both ends"),
     )
     physics = (
-        "Wear, dust, or warming change the surfaces from hit to hit: log friction is linear in the order.\n"
+        "Wear, dust, or warming change surfaces from hit to hit, ever less: log friction is a parabola.\n"
         "Nothing within one hit tells it from another friction."
     )
     source = "Archard 1953, Journal of Applied Physics 24, Contact and rubbing of flat surfaces"
 
     def log_friction(self, values: Mapping[str, Array], state: SlideState) -> Array:
-        """By the order of the hit."""
-        return values["log_change"] * state.order
+        """By the order of the hit, which is -1/2 at the first and 1/2 at the last."""
+        return values["log_change"] * state.order + values["bend"] * (1 - 4 * state.order**2)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FREE_LAUNCH
+from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FREE_LAUNCH, NominalLaunches
 from slapshot.diagnosis.pucks.judgement import robust_covariance
 from slapshot.diagnosis.pucks.level import examine
 from slapshot.diagnosis.pucks.rest_fit import RestFitter
@@ -35,8 +35,11 @@ class Launches:
         slopes = np.zeros((*self.mean.shape, len(columns)))
         for c, column in enumerate(columns):
             if column.owner == FREE_LAUNCH:
-                values = {p.name: 0.0 for p in KNOWN[FREE_LAUNCH].parameters} | {column.parameter: 1.0}
-                slopes[:, :, c] = KNOWN[FREE_LAUNCH].shift_launch(values, self.mean)
+                names = [p.name for p in KNOWN[FREE_LAUNCH].parameters]
+                of = NominalLaunches(
+                    self.mean, np.zeros((len(self.mean), 5, 0)), np.zeros((len(self.mean), 2))
+                )
+                slopes[:, :, c] = KNOWN[FREE_LAUNCH].basis(of)[:, :, names.index(column.parameter)]
         return slopes
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from slapshot.diagnosis.pucks.diagnose_rests import diagnose_rests
-from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FREE_LAUNCH
+from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FreeLaunchForm
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.headline import distrust, explained, headline_of, names_hold, settled, undecided
 from slapshot.diagnosis.pucks.held_out import errors_of_scenes, split_hits
@@ -82,7 +82,7 @@ def diagnose(
         HitFitter(SlideModel(tracks.take(rows), everything, setting.radius, setting.camera, threads), noise)
         for rows in (kept, held)
     )
-    free = [e.name for e in FREE_FORMS if e.name != FREE_LAUNCH or full]
+    free = [e.name for e in FREE_FORMS if full or not isinstance(e, FreeLaunchForm)]
     search = Search(fitter, list(known), free, draw_rng)
     rig = None
     if full and setting.scene is not None:

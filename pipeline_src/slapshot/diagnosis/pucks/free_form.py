@@ -5,7 +5,9 @@ catalogue, and the free form says where it is and how large. Each is a sum of bu
 that it is an effect like any other; it is never registered.
 """
 
+from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +20,7 @@ TIMES = np.linspace(0.0, 1.6, 9)  # s
 ORDERS = np.linspace(-0.5, 0.5, 7)
 HARMONICS = 4  # of the heading
 FREE_LAUNCH = "free_launch"
+ARM_JOINTS = 7
 
 # Parts of a launch along and across its heading, and powers of its speed and heading.
 _LAUNCH_PARTS = (
@@ -28,6 +31,7 @@ _LAUNCH_PARTS = (
     ("spin", "rad/s", 1.0),
 )
 _LAUNCH_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (0, 3))
+_CONTACT_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0))  # of offset and angle
 
 _PHYSICS = "No physics: a smooth function that describes what the catalogue leaves over,\nwhere it acts."
 _SOURCE = "Rasmussen and Williams 2006, Gaussian Processes for Machine Learning, section 2.7"
@@ -150,25 +154,105 @@ class FreeOrderFriction(Effect):
         return _total(values, "log_friction", _bumps(ORDERS, state.order))
 
 
-class FreeLaunch(Effect):
-    name = FREE_LAUNCH
-    phase = "contact"
+@dataclass(frozen=True)
+class NominalLaunches:
+    """What the nominal scene says of n launches, on which free forms of launches stand.
+
+    Attributes:
+        simulated: (n, 5) x, y (m), vx, vy (m/s), spin (rad/s).
+        by_joints: (n, 5, 2 j) by offset (rad) and rate (rad/s) of each joint about the contact.
+        approach: (n, 2) m from the middle of the striker's face to the object along the face, and rad from
+            the face's normal to the striker's velocity there, at the contact.
+    """
+
+    simulated: Array
+    by_joints: Array
+    approach: Array
+
+    def in_world(self, change: Array) -> Array:
+        """Changes (n, 5, p) along and across the heading, as those along x and y."""
+        heading = np.arctan2(self.simulated[:, 3], self.simulated[:, 2])[:, None]
+        cosine, sine = np.cos(heading), np.sin(heading)
+        turned = change.copy()
+        for k in (0, 2):
+            turned[:, k] = cosine * change[:, k] - sine * change[:, k + 1]
+            turned[:, k + 1] = sine * change[:, k] + cosine * change[:, k + 1]
+        return turned
+
+
+class FreeLaunchForm(Effect):
+    """A free form of launches: linear in its parameters."""
+
     follows = "command"
-    parameters = tuple(
-        Parameter(f"{part}_{j}", unit, -20 * scale, 20 * scale, scale, "weight of one polynomial")
-        for part, unit, scale in _LAUNCH_PARTS
-        for j in range(len(_LAUNCH_POWERS))
-    )
     physics = _PHYSICS
     source = _SOURCE
 
-    def shift_launch(self, values: Mapping[str, float], launches: Array) -> Array:
+    @abstractmethod
+    def basis(self, of: NominalLaunches) -> Array:
+        """(n, 5, p) change of launches by each parameter, along x and y."""
+
+
+def _polynomials(count: int) -> tuple[Parameter, ...]:
+    return tuple(
+        Parameter(f"{part}_{j}", unit, -20 * scale, 20 * scale, scale, "weight of one polynomial")
+        for part, unit, scale in _LAUNCH_PARTS
+        for j in range(count)
+    )
+
+
+class FreeLaunch(FreeLaunchForm):
+    name = FREE_LAUNCH
+    phase = "contact"
+    parameters = _polynomials(len(_LAUNCH_POWERS))
+
+    def basis(self, of: NominalLaunches) -> Array:
         """Polynomials of the speed and the heading of the nominal launch."""
-        features = launch_features(launches)
-        weights = np.array(
-            [[values[f"{part}_{j}"] for j in range(len(_LAUNCH_POWERS))] for part, _, _ in _LAUNCH_PARTS]
+        features = launch_features(of.simulated)
+        return of.in_world(np.concatenate([np.einsum("nf,k->nkf", features, e) for e in np.eye(5)], axis=2))
+
+
+class FreeContact(FreeLaunchForm):
+    name = "free_contact"
+    phase = "contact"
+    parameters = _polynomials(len(_CONTACT_POWERS))
+
+    def basis(self, of: NominalLaunches) -> Array:
+        """Polynomials of where and at which angle the striker's face meets the object, by the speed."""
+        offset, angle = ((x - x.mean()) / max(float(x.std()), 1e-3) for x in of.approach.T)
+        features = np.stack([offset**i * angle**j for i, j in _CONTACT_POWERS], axis=1)
+        speed = np.hypot(of.simulated[:, 2], of.simulated[:, 3])
+        by_speed = (speed / max(float(speed.mean()), 1e-3))[:, None]
+        parts = [features, features, features * by_speed, features * by_speed, features * by_speed]
+        return of.in_world(
+            np.concatenate(
+                [np.einsum("nf,k->nkf", f, e) for f, e in zip(parts, np.eye(5), strict=True)], axis=2
+            )
         )
-        return features @ weights.T
+
+
+class FreeArm(FreeLaunchForm):
+    """Every joint moved by an offset, and by a rate, about the contact; of an arm of seven joints."""
+
+    name = "free_arm"
+    phase = "swing"
+    parameters = (
+        *(
+            Parameter(f"offset_{j}", "rad", -0.2, 0.2, 0.01, "of one joint, the same in all hits")
+            for j in range(ARM_JOINTS)
+        ),
+        *(
+            Parameter(f"rate_{j}", "rad/s", -1.0, 1.0, 0.05, "of one joint, the same in all hits")
+            for j in range(ARM_JOINTS)
+        ),
+    )
+
+    def basis(self, of: NominalLaunches) -> Array:
+        """As simulated; what an arm of fewer joints lacks does nothing."""
+        joints = of.by_joints.shape[2] // 2
+        found = np.zeros((*of.by_joints.shape[:2], 2 * ARM_JOINTS))
+        for first, part in ((0, of.by_joints[..., :joints]), (ARM_JOINTS, of.by_joints[..., joints:])):
+            found[..., first : first + min(joints, ARM_JOINTS)] = part[..., :ARM_JOINTS]
+        return found
 
 
 FREE_FORMS: tuple[Effect, ...] = (
@@ -178,4 +262,6 @@ FREE_FORMS: tuple[Effect, ...] = (
     FreeHeadingForce(),
     FreeOrderFriction(),
     FreeLaunch(),
+    FreeContact(),
+    FreeArm(),
 )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.gauss_newton import Fit
@@ -121,7 +121,7 @@ def errors_of(held: HeldOut, reference: Array, rng: np.random.Generator, unsure:
     """
     command = held.command_square
     chi2 = mean(held.chi2, rng, SURE)
-    far = chi2.value * unsure * float(norm.ppf((1 + SURE) / 2))
+    far = chi2.value * unsure * float(ndtri((1 + SURE) / 2))
     low, high = np.hypot(chi2.value - chi2.low, far), np.hypot(chi2.high - chi2.value, far)
     return Errors(
         root_mean(held.track_square, rng),

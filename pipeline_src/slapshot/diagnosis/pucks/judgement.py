@@ -111,7 +111,7 @@ def robust_covariance(fit: Fit) -> Array:
     return fit.covariance * np.outer(scale, scale)
 
 
-def unknown_of(search: Search[Any], leftover: Screen, least: float, shift: float, stretched: bool) -> Unknown:
+def unknown_of(search: Search[Any], leftover: Screen, least: float, shift: float) -> Unknown:
     """Whether a free form says clearly more than the effects that were named.
 
     Args:
@@ -119,11 +119,10 @@ def unknown_of(search: Search[Any], leftover: Screen, least: float, shift: float
         leftover: screen beyond the effects that were named.
         least: nats that a free form must add.
         shift: m by which it must move tracks.
-        stretched: whether what was named bends to anything.
     """
     best = leftover.best(search.free)[0]
     evidence, moved = leftover.log_evidence[best], leftover.shift[best]
-    flagged = stretched or (evidence > least and moved >= shift and leftover.p_value < 0.01)
+    flagged = evidence > least and moved >= shift and leftover.p_value < 0.01
     effect = search.fitter.effects[best]
     if not flagged:
         return Unknown(False, None, None, evidence, moved)

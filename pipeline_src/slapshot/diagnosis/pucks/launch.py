@@ -19,7 +19,7 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.camera_view import start_shift
 from slapshot.diagnosis.pucks.encoders import Encoders, each, value_at
 from slapshot.diagnosis.pucks.execution import Execution, Readings, pace_matrix
-from slapshot.diagnosis.pucks.free_form import launch_features
+from slapshot.diagnosis.pucks.free_form import FreeLaunchForm, NominalLaunches, launch_features
 from slapshot.diagnosis.pucks.launch_prior import LAUNCH, SPIN
 from slapshot.diagnosis.pucks.on_the_way import OnTheWay
 from slapshot.diagnosis.pucks.signatures import LOOK, Signatures
@@ -80,6 +80,7 @@ class LaunchModel:
         objects: NDArray[np.int64],
         friction: Array,
         readings: Readings | None,
+        approach: Array,
         base: Mapping[str, Values] | None = None,
         reference: Execution | None = None,
         local: Mapping[str, LocalChange] | None = None,
@@ -100,6 +101,7 @@ class LaunchModel:
             objects: (n,) index of the object.
             friction: (n, 3) mu_x, mu_y, torsional in m, with which hits were simulated.
             readings: of the encoders, if there are any.
+            approach: (n, 2) as in NominalLaunches.
             base: effects with which hits were simulated; None for the nominal scene.
             reference: execution whose scatter is taken for known; None to estimate it.
             local: effect/parameter -> how it goes on changing about `base`, instead of as in the signatures.
@@ -115,6 +117,8 @@ class LaunchModel:
         carry[:, 0, 2] = carry[:, 1, 3] = ahead
         self._by_start = np.einsum("nij,njk->nik", carry, signatures.by_start[rows])
         by_joints = np.einsum("nij,njk->nik", carry, signatures.by_joints[rows])
+        self._nominal = NominalLaunches(simulated, by_joints, approach)
+        self._bases: dict[str, Array] = {}
         changes = {
             n: np.einsum("nij,vnj->vni", carry, signatures.launches[n][:, rows]) for n in signatures.values
         }
@@ -287,9 +291,13 @@ class LaunchModel:
         return slopes
 
     def _known_shift(self, owner: str, values: Values) -> Array:
-        """(n, 5) change of the launch that needs no simulation."""
-        change = self._effects[owner].shift_launch(values, self._simulated)
-        return np.zeros_like(self.mean) if change is None else np.einsum("nij,nj->ni", self._turn, change)
+        """(n, 5) change of the launch that needs no simulation: of free forms."""
+        effect = self._effects[owner]
+        if not isinstance(effect, FreeLaunchForm):
+            return np.zeros_like(self.mean)
+        if owner not in self._bases:
+            self._bases[owner] = effect.basis(self._nominal)
+        return self._bases[owner] @ np.array([values[p.name] for p in effect.parameters])
 
     def _start_shift(self, owner: str, values: Values) -> Array:
         shift = start_shift(self._effects[owner], values, self._starts, self._camera)

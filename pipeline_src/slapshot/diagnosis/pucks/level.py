@@ -48,15 +48,7 @@ class Level:
         """What the catalogue does not explain."""
         least = CLASS + least_gain(self.search, self.final) if self.mismatch.found else float("inf")
         shift = least_shift(self.search, self.final)
-        return unknown_of(self.search, self.leftover, least, shift, self.stretched)
-
-    @property
-    def stretched(self) -> bool:
-        """Whether two fields, which bend to almost anything, were needed where one free form says more."""
-        fields = [n for n in self.final.effects if self.search.is_field(n)]
-        evidence = self.screen.log_evidence
-        free = max(evidence[n] for n in self.search.free)
-        return len(fields) > 1 and free > max(evidence[n] for n in fields) + CLASS
+        return unknown_of(self.search, self.leftover, least, shift)
 
 
 def examine(search: Search[Any]) -> Level:
@@ -134,6 +126,9 @@ def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Ca
 def _may_be_added(search: Search[Any], best: Candidate, leftover: Screen, name: str) -> bool:
     """Whether an effect promises enough; a screen is linear, and a refit may find more."""
     if name in best.effects or leftover.shift[name] <= LINEAR * least_shift(search, best, name):
+        return False
+    # Two fields bend to almost anything: what one of them leaves is for a free form to describe.
+    if search.is_field(name) and any(search.is_field(n) for n in best.effects):
         return False
     least = least_gain(search, best, name)
     return leftover.log_evidence[name] >= least - max(CLASS, LINEAR * least)

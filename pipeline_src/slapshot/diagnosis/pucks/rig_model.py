@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.approach import Approaches
 from slapshot.diagnosis.pucks.camera_view import start_shift
+from slapshot.diagnosis.pucks.contact_features import approach_of
 from slapshot.diagnosis.pucks.execution import Execution, Readings, readings_of, replay
 from slapshot.diagnosis.pucks.launch import LaunchModel, LocalChange
 from slapshot.diagnosis.pucks.signatures import LOOK, Signatures, digest_of, make_signatures
@@ -73,6 +74,8 @@ class RigModel:
         hits, approaches = (self._release, mass, self._friction), Approaches()
         self._striker = lambda executed, times: Striker(scene, executed, *hits, times, threads, approaches)
         self._servo_time = scene.info.servo_time
+        contact = self.signatures.contact[self._rows]
+        self._approach = approach_of(scene, *self.signatures.swing_at(self._rows, contact), self._starts)
         self._base: Mapping[str, Values] = {}
         # Effect -> where changes about it were simulated last, and those; nearby they are the same.
         self._local: dict[str, tuple[Mapping[str, float], dict[str, LocalChange]]] = {}
@@ -171,6 +174,7 @@ class RigModel:
             self._tracks.object[rows],
             self._friction[rows],
             readings,
+            self._approach[rows],
             self._base,
             reference,
             {name: change.take(rows) for name, change in self._local_changes().items()} if fitted else {},

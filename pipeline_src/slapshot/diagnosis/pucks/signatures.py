@@ -98,6 +98,12 @@ class Signatures:
         spline = CubicSpline(self.times, joints, axis=1)
         return np.asarray(spline(times), float), np.asarray(spline(times, 1), float)
 
+    def swing_at(self, rows: NDArray[np.int64], moments: Array) -> tuple[Array, Array]:
+        """Nominal joint angles and speeds (n, j), rad and rad/s, of some commands, each at its own moment."""
+        splines = [CubicSpline(self.times, self.joints[row]) for row in rows]
+        found = [(s(t), s(t, 1)) for s, t in zip(splines, moments, strict=True)]
+        return np.stack([q for q, _ in found]), np.stack([v for _, v in found])
+
     def save(self, file: Path, scene: Scene | None = None) -> None:
         """Write one safetensors file; joint angles in single precision.
 
