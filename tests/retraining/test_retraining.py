@@ -113,7 +113,7 @@ def findings(rig, tmp_path):
     folder.mkdir()
     (folder / "refit.json").write_text(json.dumps(REFIT))
     values = {"tilt": {"slope_x": 0.0, "slope_y": 0.03}}
-    write_augmented(rig.scene, catalogue(), values, folder / AUGMENTED)
+    write_augmented(rig.scene, values, folder / AUGMENTED)
     return folder
 
 

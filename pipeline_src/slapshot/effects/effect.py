@@ -81,6 +81,7 @@ class Effect:
         physics: what it is, in two lines.
         source: where that stands.
         known_to: share of what it does by which its law may err.
+        errs_by_joint: whether joints of one arm differ in what has one value for all of them here.
     """
 
     name: ClassVar[str]
@@ -90,6 +91,7 @@ class Effect:
     physics: ClassVar[str]
     source: ClassVar[str]
     known_to: ClassVar[float] = 0.15
+    errs_by_joint: ClassVar[bool] = False
 
     # --- Swing and contact
 

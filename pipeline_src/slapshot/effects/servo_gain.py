@@ -22,7 +22,7 @@ class ServoGain(Effect):
     source = (
         "Siciliano et al., Robotics: Modelling, Planning and Control, section 8.3 (decentralised control)"
     )
-    known_to = 0.3  # joints of one arm differ, and have one value here
+    known_to, errs_by_joint = 0.3, True
 
     def edit(self, values: Mapping[str, float], spec: mujoco.MjSpec, info: SceneInfo) -> None:
         """Scale kp and kv of the position actuators on the arm's joints; limits of force stay."""

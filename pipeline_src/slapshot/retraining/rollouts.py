@@ -9,10 +9,10 @@ import pyarrow as pa
 from slapshot.command import Run, stage_command
 from slapshot.config.retraining import ArmRolloutsSettings
 from slapshot.config.rollouts import DrawnRollouts
-from slapshot.diagnosis.pucks.augmented import AUGMENTED, EFFECTS_FILE
+from slapshot.diagnosis.pucks.augmented import AUGMENTED, EFFECTS_FILE, effects_of
 from slapshot.diagnosis.pucks.refit import REFIT_FILE
 from slapshot.diagnosis.pucks.rig_file import camera_foot
-from slapshot.effects.catalogue import import_effects, named
+from slapshot.effects.catalogue import import_effects
 from slapshot.errors import InputError
 from slapshot.progress import progress
 from slapshot.retraining.collector import AugmentedCollector, swings_with_effects
@@ -48,7 +48,7 @@ def produce(run: Run) -> None:
         import_effects(*settings.effects)
         values = json.loads((found / EFFECTS_FILE).read_text())
         scene = Scene.load(found)
-    effects = list(zip(named(values), values.values(), strict=True))
+    effects = effects_of(values)
     if effects:
         model = TrajectoryVae.load(run.inputs["trajectory_model"])
         swings = swings_with_effects(swings, model, scene, effects, run.cores)

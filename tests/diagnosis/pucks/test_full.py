@@ -18,6 +18,7 @@ from slapshot.diagnosis.pucks.rig_model import RigModel
 from slapshot.diagnosis.pucks.signatures import LOOK, make_signatures
 from slapshot.diagnosis.pucks.slide_model import Point
 from slapshot.diagnosis.pucks.strikes import TIMESTEP, Striker, commands_through
+from slapshot.diagnosis.pucks.swing_error import LATENESS, JointLateness
 from slapshot.diagnosis.pucks.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.slide_law import slide
@@ -161,6 +162,38 @@ def test_near_a_slug_launches_change_with_its_inertia_as_simulated(scene, comman
     np.testing.assert_allclose(
         means(launches(slug, fitted=True), None), means(launches(slug), None), atol=1e-12
     )
+
+
+def test_joints_that_are_late_by_times_of_their_own_are_simulated_so(scene, commands, record, signatures):
+    """Encoders with 1 mrad of noise fit to it about the true times, and nearly so to first order."""
+    late = {f"late_{j}": float(t) for j, t in enumerate(np.linspace(-0.01, 0.01, len(scene.info.joints)))}
+    held = commands_through(commands, scene, DURATION + 0.6)
+    times = np.arange(round(DURATION * 100) + 1) / 100
+    start, friction = np.tile(np.array(scene.info.start), (HITS, 1)), np.tile(FRICTION, (HITS, 1))
+    striker = Striker(scene, held, np.full(HITS, DURATION), np.full(HITS, 0.1), friction, times, 2)
+    read = striker.strike(start, [(JointLateness(), late)]).joints
+    read = read + np.random.default_rng(3).normal(0, 1e-3, read.shape)
+    columns = [f"q{j}" for j in range(read.shape[2])]
+    joints = pd.concat(
+        [pd.DataFrame(q, columns=columns).assign(hit=i, t=times) for i, q in enumerate(read)],
+        ignore_index=True,
+    )
+    recording = replace(record({}, 4), joints=joints[["hit", "t", *columns]])
+    known = {"blade_yaw": KNOWN["blade_yaw"], LATENESS: JointLateness()}
+    tracks = hit_tracks(recording)
+    rows = np.arange(len(tracks))
+    rig = RigModel(recording, tracks, scene, known, CAMERA, np.array([FRICTION]), signatures, 2)
+    there = rig.about({LATENESS: late}).launches(rows)
+    nominal = rig.launches(rows, there.execution)  # whose own would take the times for scatter
+
+    def squares(model, effects):
+        residual, _ = model.encoder_rows([], Point(np.zeros((len(rows), 6)), np.log([FRICTION]), effects))
+        return (residual**2).sum() / model.encoders.readings / len(rows)
+
+    nothing, told = squares(nominal, {}), squares(nominal, {LATENESS: late})
+    assert squares(there, {LATENESS: late}) == pytest.approx(1, abs=0.1)
+    assert told < 1.5
+    assert nothing > 3
 
 
 def test_an_object_that_is_struck_late_is_looked_at_late(scene, commands):

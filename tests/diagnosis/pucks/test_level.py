@@ -188,7 +188,7 @@ class Rounds(Search):
         effects = {"linear_drag": {"rate": value * self.scale}}
         return SimpleNamespace(point=SimpleNamespace(effects=effects), scatter=None, objective=objective)
 
-    def _log_evidence(self, names, fit):
+    def _log_evidence(self, fit):
         return -fit.objective
 
 

@@ -27,6 +27,7 @@ from slapshot.diagnosis.pucks.search import Search
 from slapshot.diagnosis.pucks.signatures import Signatures
 from slapshot.diagnosis.pucks.slide_model import Point, SlideModel
 from slapshot.diagnosis.pucks.suitability import cannot_tell, untold
+from slapshot.diagnosis.pucks.swing_error import LATENESS, JointLateness, error_note
 from slapshot.diagnosis.pucks.tracks import PUSHED_AGAIN, HitTracks, hit_tracks
 from slapshot.diagnosis.pucks.trial import dropped_note, that_work
 from slapshot.diagnosis.pucks.verdict import Errors
@@ -77,7 +78,7 @@ def diagnose(
     split_rng, draw_rng, resample_rng = np.random.default_rng(seed).spawn(3)
     kept, held = split_hits(tracks, split_rng)
     noise = _noise(tracks)
-    everything = known | {effect.name: effect for effect in FREE_FORMS}
+    everything = known | {effect.name: effect for effect in (*FREE_FORMS, JointLateness())}
     fitter, test = (
         HitFitter(SlideModel(tracks.take(rows), everything, setting.radius, setting.camera, threads), noise)
         for rows in (kept, held)
@@ -128,6 +129,9 @@ def diagnose(
     unknown, mismatch = level.unknown, level.mismatch
     if named and not unknown.flagged and not explained(fit, LARGEST_ERROR):
         unknown = replace(unknown, flagged=True)
+    fitted = level.final.fit.point.effects
+    if LATENESS in fitted and setting.scene is not None:
+        notes = (*notes, error_note(everything, fitted, len(setting.scene.info.joints)))
     headline = headline_of(mismatch.found, bool(named), fit)
     if headline == "nothing_found":
         doubt = undecided(level, tracks.hit[kept], doubtful)

@@ -73,6 +73,10 @@ class GaussNewton(ABC):
     def columns(self, effects: Sequence[str]) -> list[Column]:
         """Shared parameters: nuisance, three of each object, then those of the effects."""
 
+    def acting(self, effects: Sequence[str]) -> Sequence[str]:
+        """The effects of a fit, and errors of their laws that are fitted with them."""
+        return effects
+
     @abstractmethod
     def evaluate(self, point: Point, columns: Sequence[Column], scatter: Any) -> Marginal:
         """Hits marginalised at a point."""
@@ -87,6 +91,7 @@ class GaussNewton(ABC):
 
     def fit(self, start: Point, scatter: Any = None, effects: Sequence[str] = ()) -> Fit:
         """Fit nuisance, scatter and the effects named, from a point."""
+        effects = self.acting(effects)
         point = replace(
             start, effects={n: dict(start.effects.get(n, self.effects[n].neutral())) for n in effects}
         )
@@ -156,7 +161,9 @@ class GaussNewton(ABC):
         ).weights
         parameters = [fit.columns[c].parameter for c in own]
         compensation = weights @ np.array([values[p] - neutral[p] for p in parameters])
-        moved = self._moved_by(fit, name) - self.quadratic(fit, [])[2] @ compensation
+        columns, _, by_column = self.quadratic(fit, [])
+        by_friction = by_column[..., [c for c, column in enumerate(columns) if column.object >= 0]]
+        moved = self._moved_by(fit, name) - by_friction @ compensation
         return float(np.sqrt((moved**2).sum(-1).mean(0).max()))
 
     def prior(self, columns: Sequence[Column]) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ from slapshot.diagnosis.pucks.launch_prior import LAUNCH, LaunchPrior, UnknownLa
 from slapshot.diagnosis.pucks.marginal import Marginal, marginalise
 from slapshot.diagnosis.pucks.noise import CameraNoise, frame_speeds, leaps, outliers
 from slapshot.diagnosis.pucks.slide_model import LATENTS, Column, Effects, Point, SlideModel, Values
+from slapshot.diagnosis.pucks.swing_error import LATENESS, with_errors
 
 SHOWN = 4  # frames that stand for a track where its shift is told
 NEAR = 0.3  # of a parameter's scale, within which derivatives by fields are taken for the same
@@ -110,6 +111,10 @@ class HitFitter(GaussNewton):
         """Nuisance of all objects, then the parameters of the effects."""
         return self.model.columns(effects)
 
+    def acting(self, effects: Sequence[str]) -> Sequence[str]:
+        """With errors of laws of the swing, where anything is known of launches."""
+        return with_errors(self.effects, effects) if self.launches.sizes(LATENESS) else effects
+
     def starts(self, name: str) -> Sequence[Values]:
         """Every size at which an effect was simulated, one parameter at a time."""
         return self.launches.sizes(name)
@@ -132,7 +137,8 @@ class HitFitter(GaussNewton):
             The columns; hits marginalised over them; (n, SHOWN, 2, p) change in m of some frames of each
             hit, the last among them, the launch being what it is but for what its command should change.
         """
-        columns = self.model.columns(effects)
+        errors = [LATENESS] if LATENESS in fit.point.effects else []
+        columns = self.columns([*effects, *errors])
         predicted, by_latent, by_column = self.model.derivatives(fit.point, columns)
         frames = self._some_frames()
         by_launch = self.launches.slopes(columns, fit.point)[:, None]

@@ -24,6 +24,7 @@ from slapshot.diagnosis.pucks.launch_prior import LAUNCH, SPIN
 from slapshot.diagnosis.pucks.on_the_way import OnTheWay
 from slapshot.diagnosis.pucks.signatures import LOOK, Signatures
 from slapshot.diagnosis.pucks.slide_model import NUISANCE, NUISANCE_STEPS, Column, Point, Values
+from slapshot.diagnosis.pucks.swing_error import LATENESS, LONGEST, launches_late, swings_late
 from slapshot.effects.effect import Effect
 
 LEAST_SD = np.array([5e-4, 5e-4, 5e-3, 5e-3, 0.1])  # m, m/s, rad/s: contact is no better known than that
@@ -31,6 +32,7 @@ EXPECTATIONS = 10  # steps of expectation maximisation within one of Gauss and N
 CONTACT = 0.01  # s for which a striker pushes
 TAILS = 6.0  # degrees of freedom of a launch: some hits go wrong
 SIMULATED_SPIN_SD = 0.6  # rad/s: three times by which a simulation of the hit errs
+LATE = np.array([-LONGEST, 0.0, LONGEST])  # s: what a joint's lateness does is linear
 FIRST_SD = np.array([0.02, 0.02, 0.15, 0.15, SIMULATED_SPIN_SD])
 
 
@@ -122,11 +124,18 @@ class LaunchModel:
         changes = {
             n: np.einsum("nij,vnj->vni", carry, signatures.launches[n][:, rows]) for n in signatures.values
         }
+        sizes = dict(signatures.values)
+        if LATENESS in effects:
+            _, speeds, accelerations = signatures.swing_at(rows, signatures.contact[rows])
+            late = launches_late(LATE, by_joints, speeds, accelerations)
+            names = [f"{LATENESS}/{p.name}" for p in effects[LATENESS].parameters][: len(late)]
+            sizes |= dict.fromkeys(names, LATE)
+            changes |= dict(zip(names, late, strict=True))
         self.mean, self.spread = simulated.copy(), np.zeros((len(rows), 5, 5))
         self.encoders: Encoders | None = None
         if readings is not None:
-            changes = self._correct(signatures, rows, readings, by_joints, changes, reference)
-        self._changes = {n: PchipInterpolator(signatures.values[n], c) for n, c in changes.items()}
+            changes = self._correct(signatures, rows, readings, by_joints, changes, sizes, reference)
+        self._changes = {n: PchipInterpolator(sizes[n], c) for n, c in changes.items()}
         # As large here as the signatures have it, so that a point without the effect has the nominal launch.
         for name, change in (local or {}).items():
             self._changes[name] = change.line_through(value_at(self._changes[name], change.here))
@@ -155,6 +164,7 @@ class LaunchModel:
         readings: Readings,
         by_joints: Array,
         changes: dict[str, Array],
+        sizes: Mapping[str, Array],
         reference: Execution | None,
     ) -> dict[str, Array]:
         """Take what the encoders say into the mean, and what they say of effects into their changes."""
@@ -172,8 +182,10 @@ class LaunchModel:
         self.mean += np.einsum("nic,nc->ni", to_launch, coefficients - readings.replayed)
         self.spread = np.einsum("nic,ncd,njd->nij", to_launch, covariance, to_launch)
         white = {}
+        late = iter(swings_late(LATE, speeds))
         for name, change in changes.items():
-            swing = signatures.swings[name][:, rows][:, :, ticks].astype(float)
+            known = signatures.swings.get(name)
+            swing = next(late) if known is None else known[:, rows][:, :, ticks].astype(float)
             white[name] = np.stack([execution.whiten(s) for s in swing])
             # What an effect does to the readings was taken for the execution, and carried to the launch.
             taken = np.stack([execution.coefficients(s)[0] for s in swing])
@@ -181,7 +193,7 @@ class LaunchModel:
         self.encoders = Encoders(
             execution,
             execution.whiten(execution.residual),
-            {n: PchipInterpolator(signatures.values[n], w) for n, w in white.items()},
+            {n: PchipInterpolator(sizes[n], w) for n, w in white.items()},
         )
         return changes
 

@@ -8,7 +8,6 @@ from slapshot.diagnosis.pucks.refit import write_refit
 from slapshot.diagnosis.pucks.report import write_report
 from slapshot.diagnosis.pucks.result import Diagnosis
 from slapshot.diagnosis.pucks.verdict_file import write_verdict
-from slapshot.effects.catalogue import catalogue
 from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene
 from slapshot.whole_file import replacing
@@ -34,5 +33,5 @@ def write_outputs(
     values = diagnosis.values()
     if values:
         with replacing(folder / AUGMENTED) as aside:
-            write_augmented(scene, catalogue(), values, aside)
+            write_augmented(scene, values, aside)
     return write_report(diagnosis, versions, folder)

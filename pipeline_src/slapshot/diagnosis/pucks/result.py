@@ -59,7 +59,7 @@ class Diagnosis:
     left_out: Mapping[int, str] = field(default_factory=dict)
 
     def values(self) -> dict[str, dict[str, float]]:
-        """Effect -> parameter -> value of all effects that were found."""
+        """Effect -> parameter -> value of all effects that were found, and of errors fitted with them."""
         final = self.rests.final if self.rests is not None else self.final
         effects = {} if final is None else final.fit.point.effects
         return {name: dict(own) for name, own in effects.items()}

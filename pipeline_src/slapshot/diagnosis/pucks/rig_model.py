@@ -16,6 +16,7 @@ from slapshot.diagnosis.pucks.launch import LaunchModel, LocalChange
 from slapshot.diagnosis.pucks.signatures import LOOK, Signatures, digest_of, make_signatures
 from slapshot.diagnosis.pucks.slide_model import Values
 from slapshot.diagnosis.pucks.strikes import Commands, Striker, commands_of
+from slapshot.diagnosis.pucks.swing_error import LATENESS, lateness_of
 from slapshot.diagnosis.pucks.tracks import HitTracks
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.recordings.format import Recording
@@ -58,7 +59,8 @@ class RigModel:
         commands = commands_of(recording, tracks, scene, latest)
         # To a length of its own, so that digests do not depend on when objects were released.
         whole = commands_of(recording, tracks, scene, _longest(recording) + 2 * LOOK)
-        self.signatures, self._rows = _signatures(scene, whole, effects, signatures, threads)
+        simulated = {n: e for n, e in effects.items() if n != LATENESS}
+        self.signatures, self._rows = _signatures(scene, whole, simulated, signatures, threads)
         unseen = self.signatures.contact[self._rows] + LOOK
         self._release = np.where(np.isnan(tracks.release), unseen, tracks.release)
         self._starts_seen = ~np.isnan(tracks.seen_start[:, 0])
@@ -75,7 +77,8 @@ class RigModel:
         self._striker = lambda executed, times: Striker(scene, executed, *hits, times, threads, approaches)
         self._servo_time = scene.info.servo_time
         contact = self.signatures.contact[self._rows]
-        self._approach = approach_of(scene, *self.signatures.swing_at(self._rows, contact), self._starts)
+        angles, speeds, _ = self.signatures.swing_at(self._rows, contact)
+        self._approach = approach_of(scene, angles, speeds, self._starts)
         self._base: Mapping[str, Values] = {}
         # Effect -> where changes about it were simulated last, and those; nearby they are the same.
         self._local: dict[str, tuple[Mapping[str, float], dict[str, LocalChange]]] = {}
@@ -109,6 +112,8 @@ class RigModel:
             return
         times, period = self._times, self._commands.period
         swing, speeds = self.signatures.swing(self._rows, times, self._base)
+        if LATENESS in self._base:
+            swing = swing - lateness_of(self._base[LATENESS], swing.shape[-1]) * speeds
         execution = Execution(times, self._joints - swing, speeds)
         replayed, _ = execution.coefficients(execution.residual)
         # As the hits were executed, not as they were commanded: launches are not linear in the difference.

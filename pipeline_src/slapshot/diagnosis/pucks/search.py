@@ -19,7 +19,7 @@ from slapshot.diagnosis.pucks.fitter import Fitter
 from slapshot.diagnosis.pucks.gauss_newton import FIELD, Fit
 from slapshot.diagnosis.pucks.law_error import with_law_errors
 from slapshot.diagnosis.pucks.marginal import Marginal
-from slapshot.diagnosis.pucks.slide_model import Column, Effects, Values
+from slapshot.diagnosis.pucks.slide_model import Column, Effects
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.text import reason_of
 
@@ -248,7 +248,8 @@ class Search(Generic[F]):
         key = tuple(sorted(names))
         if key in self.seen:
             return self.seen[key]
-        effects: dict[str, Values] = {}
+        # Errors of laws go on from where they are.
+        effects = {n: values for n, values in at.fit.point.effects.items() if n not in at.effects}
         for name in key:
             values = dict(at.fit.point.effects.get(name, self._effects[name].neutral()))
             if name not in at.fit.point.effects and name in direction:
@@ -262,7 +263,7 @@ class Search(Generic[F]):
                 key=lambda begin: at.fitter.start_misfit(at.fit, begin),
             )
         fit = at.fitter.fit(replace(at.fit.point, effects=effects), at.fit.scatter, key)
-        evidence = self._log_evidence(key, fit)
+        evidence = self._log_evidence(fit)
         if not np.isfinite(evidence):
             raise ArithmeticError("its fit is not finite")
         # What begins with the slide leaves launches as they were simulated.
@@ -292,7 +293,7 @@ class Search(Generic[F]):
             if self._stayed(before, fit.point.effects, STAYED) or gained < 2 * ADD:
                 break
         fit, fitter = min(near, key=lambda one: one[0].objective, default=(fit, fitter))
-        evidence = self._log_evidence(candidate.effects, fit)
+        evidence = self._log_evidence(fit)
         self.seen[candidate.effects] = Candidate(candidate.effects, fit, evidence, fitter)
         return self.seen[candidate.effects]
 
@@ -359,9 +360,9 @@ class Search(Generic[F]):
         """
         fewer = tuple(n for n in candidate.effects if n != name)
         point = candidate.fit.point
-        kept = {name: point.effects[name] for name in fewer}
+        kept = {n: values for n, values in point.effects.items() if n != name}
         fit = candidate.fitter.fit(replace(point, effects=kept), candidate.fit.scatter, fewer)
-        found = Candidate(fewer, fit, self._log_evidence(fewer, fit), candidate.fitter, candidate.final)
+        found = Candidate(fewer, fit, self._log_evidence(fit), candidate.fitter, candidate.final)
         known = self.seen.get(fewer)
         if known is None or not known.final or known.log_evidence < found.log_evidence:
             self.seen[fewer] = found
@@ -377,12 +378,12 @@ class Search(Generic[F]):
     def _parameter(self, column: Column) -> Parameter:
         return next(p for p in self._effects[column.owner].parameters if p.name == column.parameter)
 
-    def _log_evidence(self, names: tuple[str, ...], fit: Fit) -> float:
+    def _log_evidence(self, fit: Fit) -> float:
         """Laplace's approximation at the refit, averaged over sizes, against the nominal scene."""
         nominal = self.seen[()].fit
         columns = fit.columns
         mean, precision = self.fitter.prior(columns)
-        own = np.array([c for c, column in enumerate(columns) if column.owner in names], np.int64)
+        own = np.array([c for c, column in enumerate(columns) if column.object < 0], np.int64)
         fixed = np.setdiff1d(np.arange(len(columns)), own)
         inflation = max(1.0, fit.dispersion)
         projected = project(

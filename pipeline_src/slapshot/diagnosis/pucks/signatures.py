@@ -98,11 +98,14 @@ class Signatures:
         spline = CubicSpline(self.times, joints, axis=1)
         return np.asarray(spline(times), float), np.asarray(spline(times, 1), float)
 
-    def swing_at(self, rows: NDArray[np.int64], moments: Array) -> tuple[Array, Array]:
-        """Nominal joint angles and speeds (n, j), rad and rad/s, of some commands, each at its own moment."""
+    def swing_at(self, rows: NDArray[np.int64], moments: Array) -> tuple[Array, Array, Array]:
+        """Nominal joint angles, speeds and accelerations (n, j) of some commands, each at its own moment.
+
+        In rad, rad/s and rad/s^2.
+        """
         splines = [CubicSpline(self.times, self.joints[row]) for row in rows]
-        found = [(s(t), s(t, 1)) for s, t in zip(splines, moments, strict=True)]
-        return np.stack([q for q, _ in found]), np.stack([v for _, v in found])
+        q, v, a = (np.stack([s(t, k) for s, t in zip(splines, moments, strict=True)]) for k in range(3))
+        return q, v, a
 
     def save(self, file: Path, scene: Scene | None = None) -> None:
         """Write one safetensors file; joint angles in single precision.

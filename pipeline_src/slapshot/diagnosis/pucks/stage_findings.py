@@ -12,7 +12,7 @@ from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.refit import write_refit
 from slapshot.diagnosis.pucks.rig_file import setting_of
 from slapshot.diagnosis.pucks.verdict_file import write_verdict
-from slapshot.effects.catalogue import catalogue, import_effects
+from slapshot.effects.catalogue import import_effects
 from slapshot.recordings.read import read_recording, recording_folders
 from slapshot.scenes.scene import Scene
 
@@ -29,7 +29,7 @@ def produce(run: Run) -> None:
     write_verdict(found.verdict, versions, run.out)
     write_refit(found, recording, run.out)
     if found.values():
-        write_augmented(scene, catalogue(), found.values(), run.out / AUGMENTED)
+        write_augmented(scene, found.values(), run.out / AUGMENTED)
 
 
 if __name__ == "__main__":
