@@ -24,9 +24,11 @@ def wilson_interval(successes: int, count: int) -> Interval:
     if not count:
         return Interval(np.nan, np.nan, np.nan)
     z, share = float(ndtri(0.975)), successes / count
-    middle = (share + z**2 / (2 * count)) / (1 + z**2 / count)
-    half = z / (1 + z**2 / count) * float(np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2)))
-    return Interval(share, max(middle - half, 0.0), min(middle + half, 1.0))
+    whole = 2 * (count + z**2)
+    middle = (2 * successes + z**2) / whole
+    half = z / whole * float(np.sqrt(4 * successes * (1 - share) + z**2))
+    low, high = 0.0 if successes == 0 else middle - half, 1.0 if successes == count else middle + half
+    return Interval(share, low, high)
 
 
 def bootstrap(
