@@ -8,7 +8,6 @@ import pytest
 from slapshot.diagnosis.pucks.headline import explained, names_hold
 from slapshot.diagnosis.pucks.level import LEAST_SHIFT, least_gain, least_shift, without_hidden
 from slapshot.diagnosis.pucks.search import ADD, Candidate, Screen, Search
-from slapshot.diagnosis.pucks.slide_model import Point
 from slapshot.diagnosis.pucks.verdict import Errors, Interval
 from slapshot.effects.catalogue import catalogue
 
@@ -180,8 +179,7 @@ class Rounds(Search):
 
     def __init__(self, ends):
         self.ends, self.scale = iter(ends), catalogue()["linear_drag"].parameters[0].scale
-        fitter = SimpleNamespace(effects=catalogue(), sizes={}, starts=lambda name: ())
-        super().__init__(fitter, (), (), None, about=self.simulated)
+        super().__init__(SimpleNamespace(effects=catalogue(), sizes={}), (), (), None, about=self.simulated)
 
     def simulated(self, fit):
         return SimpleNamespace(fit=lambda point, scatter, effects: self.at(*next(self.ends)))
@@ -210,39 +208,3 @@ def test_the_best_of_those_rounds_counts_that_stay_where_they_were_simulated(end
     assert found.fit.objective == chosen
     assert found.final
     assert search.seen["linear_drag",] is found
-
-
-@dataclass(frozen=True)
-class At:
-    """What a search needs of a fit."""
-
-    point: Point
-    objective: float
-    scatter: None = None
-
-    @classmethod
-    def of(cls, effects, objective):
-        return cls(Point(np.zeros((1, 6)), np.zeros((1, 3)), effects), objective)
-
-
-@pytest.mark.parametrize(("depth", "chosen"), [(60.0, -0.8), (1.0, 0.0)])
-def test_where_several_parameters_change_launches_fits_start_elsewhere_too(depth, chosen):
-    """Fits stay where they begin; less inertia is better by `depth`, which must be worth a further effect."""
-    slug = catalogue()["offcentre_mass"].neutral() | {"offset_x": 0.01}
-    sizes = [slug | {"log_inertia": 0.4}, slug | {"offset_y": 0.01}]
-
-    def fit(point, scatter, effects):
-        return At(point, 500.0 - depth * (point.effects["offcentre_mass"]["log_inertia"] < -0.5))
-
-    class Valley(Search):
-        def _log_evidence(self, fit):
-            return -fit.objective
-
-    def simulated(fit_there):
-        return SimpleNamespace(fit=fit)
-
-    fitter = SimpleNamespace(effects=catalogue(), sizes={}, starts=lambda name: sizes)
-    search = Valley(fitter, (), (), None, about=simulated)
-    begin = Candidate(("offcentre_mass",), At.of({"offcentre_mass": slug}, 600.0), 0.0, fitter, final=False)
-    found = search.finish(begin)
-    assert found.fit.point.effects["offcentre_mass"]["log_inertia"] == pytest.approx(chosen)

@@ -5,7 +5,7 @@ their full nonlinearity, and compared by their evidence. While a recording asks 
 any that the others make superfluous are deleted.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
@@ -34,7 +34,6 @@ TESTED = 1.0  # information in units of the priors, of a direction that is teste
 RIVAL = 0.4  # share of the best one's gain with which another may still win once both are exact
 RIVALS = 3  # at most so many
 STAYED, EXACT = 0.1, 0.5  # of a parameter's scale, from where hits were simulated: no more, near enough
-ELSEWHERE = 2.0  # of a parameter's scale, to another start
 FINISHED = 6  # most rounds of fitting about the last fit
 CONTINUED = 5  # times that a fit which stopped before it had converged goes on
 CREEP = 20.0  # of the objective: as many steps as a fit takes, each of which may raise it by 1
@@ -279,24 +278,13 @@ class Search(Generic[F]):
         """
         if candidate.final or self.about is None:
             return candidate
-        fit, fitter = self._simulated(candidate.effects, candidate.fit)
-        for start in self._elsewhere(fit):
-            other, there = self._simulated(candidate.effects, start)
-            if other.objective < fit.objective - 2 * ADD:
-                fit, fitter = other, there
-        evidence = self._log_evidence(fit)
-        self.seen[candidate.effects] = Candidate(candidate.effects, fit, evidence, fitter)
-        return self.seen[candidate.effects]
-
-    def _simulated(self, effects: tuple[str, ...], fit: Fit) -> tuple[Fit, F]:
-        """The best of some rounds of simulating hits about a fit and fitting them, and its fitter."""
-        assert self.about is not None
+        fit = candidate.fit
         near: list[tuple[Fit, F]] = []
         for _ in range(FINISHED):
             before = fit.point.effects
             fitter = self.about(fit)
             fitter.sizes = self.fitter.sizes
-            fit = fitter.fit(fit.point, fit.scatter, effects)
+            fit = fitter.fit(fit.point, fit.scatter, candidate.effects)
             # What went far from where it was simulated is not known to be as good as it seems.
             if not self._stayed(before, fit.point.effects, EXACT):
                 continue
@@ -304,20 +292,10 @@ class Search(Generic[F]):
             near.append((fit, fitter))
             if self._stayed(before, fit.point.effects, STAYED) or gained < 2 * ADD:
                 break
-        return min(near, key=lambda one: one[0].objective, default=(fit, fitter))
-
-    def _elsewhere(self, fit: Fit) -> Iterator[Fit]:
-        """Other starts, where several parameters of an effect change launches: in that valley fits creep."""
-        for name, values in fit.point.effects.items():
-            neutral = self._effects[name].neutral()
-            simulated = {p for start in self.fitter.starts(name) for p in start if start[p] != neutral[p]}
-            if self.is_field(name) or len(simulated) < 2:
-                continue
-            for p in self._effects[name].parameters[-1:]:
-                for step in (-ELSEWHERE, ELSEWHERE):
-                    moved = float(np.clip(values[p.name] + step * p.scale, p.low, p.high))
-                    effects = {**fit.point.effects, name: {**values, p.name: moved}}
-                    yield replace(fit, point=replace(fit.point, effects=effects))
+        fit, fitter = min(near, key=lambda one: one[0].objective, default=(fit, fitter))
+        evidence = self._log_evidence(fit)
+        self.seen[candidate.effects] = Candidate(candidate.effects, fit, evidence, fitter)
+        return self.seen[candidate.effects]
 
     def _stayed(self, before: Effects, after: Effects, share: float) -> bool:
         """Whether no parameter moved by more than a share of its scale."""
