@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import multivariate_normal
 from slapshot.diagnosis.pucks.evidence import SIZES, LinearEvidence, project
 from slapshot.diagnosis.pucks.execution import Execution, replay
+from slapshot.diagnosis.pucks.held_out import HeldOut, errors_of
 from slapshot.diagnosis.pucks.marginal import marginalise
 from slapshot.diagnosis.pucks.noise import CameraNoise, estimate_noise, outliers, timing_jitter
 
@@ -230,3 +231,14 @@ def test_a_replayed_motion_runs_at_its_pace():
     t = np.arange(0, 1, 0.001)
     expected = np.sin(0.95 * t) + 0.02 * (t / 0.999) ** 2
     np.testing.assert_allclose(out[0, :, 0], expected, atol=1e-6)
+
+
+def test_what_is_not_known_of_the_noise_widens_the_interval_of_chi_squared(rng):
+    """Chi-squared that is 1.2 in all hits has no other error: 99 % lie within 2.576 standard errors."""
+    n = 50
+    held = HeldOut(*(np.ones(n) for _ in range(4)), None, None, np.zeros(n), np.zeros(n), np.full(n, 1.2))
+    sure, unsure = (errors_of(held, np.zeros(n), rng, error).chi2_per_freedom for error in (0.0, 0.05))
+    assert (sure.low, sure.high) == pytest.approx((1.2, 1.2))
+    assert (unsure.low, unsure.high) == pytest.approx(
+        (1.2 - 1.2 * 0.05 * 2.576, 1.2 + 1.2 * 0.05 * 2.576), rel=1e-4
+    )
