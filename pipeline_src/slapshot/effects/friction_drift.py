@@ -15,7 +15,7 @@ class FrictionDrift(Effect):
         Parameter("bend", "1", -1.0, 1.0, 0.03, "log of friction half-way over the mean of both ends"),
     )
     physics = (
-        "Wear, dust, or warming change surfaces from hit to hit, ever less: log friction is a parabola.\n"
+        "Wear, dust, or warming change surfaces from hit to hit, less and less: log friction is a parabola.\n"
         "Nothing within one hit tells it from another friction."
     )
     source = "Archard 1953, Journal of Applied Physics 24, Contact and rubbing of flat surfaces"

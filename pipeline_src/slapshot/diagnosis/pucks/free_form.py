@@ -8,6 +8,7 @@ that it is an effect like any other; it is never registered.
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -169,15 +170,16 @@ class NominalLaunches:
     by_joints: Array
     approach: Array
 
-    def in_world(self, change: Array) -> Array:
-        """Changes (n, 5, p) along and across the heading, as those along x and y."""
-        heading = np.arctan2(self.simulated[:, 3], self.simulated[:, 2])[:, None]
+    @cached_property
+    def turn(self) -> Array:
+        """(n, 5, 5) from along and across the heading to x and y."""
+        heading = np.arctan2(self.simulated[:, 3], self.simulated[:, 2])
         cosine, sine = np.cos(heading), np.sin(heading)
-        turned = change.copy()
+        found = np.tile(np.eye(5), (len(heading), 1, 1))
         for k in (0, 2):
-            turned[:, k] = cosine * change[:, k] - sine * change[:, k + 1]
-            turned[:, k + 1] = sine * change[:, k] + cosine * change[:, k + 1]
-        return turned
+            found[:, k, k] = found[:, k + 1, k + 1] = cosine
+            found[:, k, k + 1], found[:, k + 1, k] = -sine, sine
+        return found
 
 
 class FreeLaunchForm(Effect):
@@ -208,7 +210,7 @@ class FreeLaunch(FreeLaunchForm):
     def basis(self, of: NominalLaunches) -> Array:
         """Polynomials of the speed and the heading of the nominal launch."""
         features = launch_features(of.simulated)
-        return of.in_world(np.concatenate([np.einsum("nf,k->nkf", features, e) for e in np.eye(5)], axis=2))
+        return of.turn @ np.concatenate([np.einsum("nf,k->nkf", features, e) for e in np.eye(5)], axis=2)
 
 
 class FreeContact(FreeLaunchForm):
@@ -223,11 +225,8 @@ class FreeContact(FreeLaunchForm):
         speed = np.hypot(of.simulated[:, 2], of.simulated[:, 3])
         by_speed = (speed / max(float(speed.mean()), 1e-3))[:, None]
         parts = [features, features, features * by_speed, features * by_speed, features * by_speed]
-        return of.in_world(
-            np.concatenate(
-                [np.einsum("nf,k->nkf", f, e) for f, e in zip(parts, np.eye(5), strict=True)], axis=2
-            )
-        )
+        by_part = [np.einsum("nf,k->nkf", f, e) for f, e in zip(parts, np.eye(5), strict=True)]
+        return of.turn @ np.concatenate(by_part, axis=2)
 
 
 class FreeArm(FreeLaunchForm):

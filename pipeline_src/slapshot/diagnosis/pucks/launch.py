@@ -147,12 +147,7 @@ class LaunchModel:
                 self.mean -= value_at(self._changes[name], value)
             if self.encoders is not None and name in self.encoders.changes:
                 self.encoders.white[...] += value_at(self.encoders.changes[name], value)
-        heading = np.arctan2(simulated[:, 3], simulated[:, 2])
-        self._turn = np.tile(np.eye(5), (len(rows), 1, 1))
-        cosine, sine = np.cos(heading), np.sin(heading)
-        for k in (0, 2):
-            self._turn[:, k, k] = self._turn[:, k + 1, k + 1] = cosine
-            self._turn[:, k, k + 1], self._turn[:, k + 1, k] = -sine, sine
+        self._turn = self._nominal.turn
         # What launches do that is smooth in their command is no scatter, but something to be explained.
         smooth = launch_features(simulated)
         self._smooth = np.linalg.qr(smooth)[0] if len(smooth) > 3 * smooth.shape[1] else smooth[:, :0]
