@@ -15,7 +15,7 @@ from slapshot.validation import values_of
 ROOT = Path(__file__).parents[2]
 CASES = [
     Case("a", "null", 2**47 + 1),
-    Case("b", "pairs", 3, (("tilt", 0.7), ("curl", 1.25)), 100, "tracks only", 0.01, 0.04),
+    Case("b", "pairs", 3, (("tilt", 0.7), ("curl", 1.25)), 100, "tracks only", 0.01, 0.04, 0.1, 0.05),
 ]
 
 
@@ -48,8 +48,8 @@ def test_a_list_reads_as_it_was_written(tmp_path):
         (",3,", f",{10**30},", ":3: seed: the number has more than 18 digits; write a smaller one"),
         (",100,", ",0,", ":3: hits: 0 is out of range; it must be >= 1"),
         (",100,", ",1000000000,", ":3: hits: 1000000000 is out of range; it must be <= 100000"),
-        (",100,", ",100,100,", ":3: has 9 values; write 8: case, condition"),
-        (",100,", ",", ":3: has 7 values; write 8: case, condition"),
+        (",100,", ",100,100,", ":3: has 11 values; write 10: case, condition"),
+        (",100,", ",", ":3: has 9 values; write 10: case, condition"),
         (",0.01,", ",1.5,", ":3: mistracks: 1.5 is out of range; it must be <= 1"),
         (",0.04", ",inf", ":3: noise_time: inf is not a finite number; write one"),
         (",0.04", ',"0.04', "not valid CSV .*; mend that line"),
@@ -102,6 +102,8 @@ def test_settings_of_a_case_lie_over_those_that_all_share(base):
     assert values_of(settings.camera) == values_of(base.camera) | {
         "mistrack_share": 0.01,
         "noise_time_s": 0.04,
+        "stamp_jitter_share": 0.1,
+        "outlier_share": 0.05,
     }
     assert [(one.kind, one.displacement) for one in settings.concealed] == [("tilt", 0.7), ("curl", 1.25)]
     kept = ("objects", "blade", "board", "friction_field", "scatter", "joints", "scale_sd_kg")

@@ -32,7 +32,11 @@ from slapshot.errors import InputError
 from .conftest import concealed, effect, verdict
 
 ROOT = Path(__file__).parents[2]
-DRAWN = [f"{name}.{k}" for name in ("P1-confusion", "P2-by-size", "P3-fit") for k in ("csv", "pdf", "png")]
+DRAWN = [
+    f"{name}.{k}"
+    for name in ("P1-confusion", "P2-by-size", "P3-fit", "P4-calibration")
+    for k in ("csv", "pdf", "png")
+]
 PROOFS = {"full": ("proof", "."), "small": ("small-proof", "small-proof")}
 
 
@@ -58,7 +62,7 @@ def test_the_page_tells_aims_and_confusions(scored, cases, tmp_path, monkeypatch
     write_page(tmp_path / "proof.md", table, pd.DataFrame(measures_of(table)), told)
     text = (tmp_path / "proof.md").read_text()
     assert "A small proof: 3 cases" in text
-    assert "| naming_top1 | plain | at least 92 % | 0 % (0 to 66) | 2 | **no** |" in text
+    assert "| naming_top1 | plain | at least 95 % | 0 % (0 to 66) | 2 | **no** |" in text
     assert "| c1 | plain | tilt | 0.80 | curl | curl |  |" in text
     assert "| c2 | plain | curl | 0.80 | tilt | tilt | yes |" in text
     assert "| false_alarm | null | 200 | 0 % (0 to 79) | 1 |" in text

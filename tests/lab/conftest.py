@@ -103,6 +103,8 @@ def lab_settings() -> dict[str, Any]:
             "rate_hz": 30,
             "noise_sd_m": 0.003,
             "noise_time_s": 0.02,
+            "stamp_jitter_share": 0.0,
+            "outlier_share": 0.0,
             "missing_share": 0.03,
             "mistrack_share": 0.003,
             "mistrack_m": [0.05, 0.2],

@@ -1,14 +1,17 @@
 from dataclasses import replace
+from math import erfc
 
 import numpy as np
 import pytest
-from slapshot.lab.camera import observe
+from slapshot.lab.camera import OUTLIER_SIZE, observe
 from slapshot.lab.rig import Camera
 
 PERFECT = Camera(
     rate=30.0,
     noise_sd=0.0,
     noise_time=0.0,
+    stamp_jitter=0.0,
+    outlier_share=0.0,
     missing_share=0.0,
     mistrack_share=0.0,
     mistrack=(0.05, 0.2),
@@ -45,6 +48,23 @@ def test_noise_has_the_size_and_the_memory_asked_for(time):
     assert noise.var() == pytest.approx(0.003**2, rel=6 * np.sqrt(2 / free))
     alike = np.mean(noise[1:] * noise[:-1]) / noise.var()
     assert alike == pytest.approx(memory, abs=6 / np.sqrt(free))
+
+
+def test_stamps_jitter_and_outliers_have_the_size_asked_for():
+    camera = replace(PERFECT, stamp_jitter=0.1)
+    frames = observe(moving(1000.0), camera, np.random.default_rng(3)).frames
+    late = (frames[:, 0] - frames[:, 1])[frames[:, 0] < 999]  # at 1 m/s
+    # Limits at 4 standard deviations take nothing from the variance that 3e4 samples would show.
+    assert late.std() == pytest.approx(0.1 / 30, rel=6 / np.sqrt(2 * len(late)))
+    assert (np.diff(frames[:, 0]) > 0).all()
+    share, usual = 0.05, 0.003
+    camera = replace(PERFECT, noise_sd=usual, outlier_share=share)
+    noise = observe(moving(1000.0), camera, np.random.default_rng(4)).frames[:, 2]
+    assert noise.var() == pytest.approx(usual**2 * (1 + share * OUTLIER_SIZE**2), rel=0.06)
+    # Of an outlier's noise, which is normal too, and of the usual one (6e-5).
+    beyond = share * erfc(4 / np.sqrt(2 * (1 + OUTLIER_SIZE**2))) + (1 - share) * erfc(4 / np.sqrt(2))
+    seen = np.mean(np.abs(noise) > 4 * usual)
+    assert seen == pytest.approx(beyond, abs=6 * np.sqrt(beyond / len(noise)))
 
 
 def test_lost_frames_and_mistracks_have_the_shares_asked_for():

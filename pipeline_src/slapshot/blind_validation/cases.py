@@ -27,6 +27,8 @@ class Case:
         keep: which tables the recording holds.
         mistracks: share of frames that show something else.
         noise_time: correlation time of the camera's noise in s.
+        jitter: standard deviation of the frames' time stamps over the interval between frames.
+        outliers: share of frames whose noise is larger.
     """
 
     case: str
@@ -37,6 +39,8 @@ class Case:
     keep: Keep = "full"
     mistracks: float = 0.003
     noise_time: float = 0.0
+    jitter: float = 0.0
+    outliers: float = 0.0
 
     def session(self, base: Lab, pool: int) -> tuple[int, Repeats]:
         """Hits of each object, and which commands are repeated.
@@ -57,7 +61,11 @@ class Case:
             hits=hits,
             repeats=repeats,
             camera=Camera.from_parts(
-                base.camera, mistrack_share=self.mistracks, noise_time_s=self.noise_time
+                base.camera,
+                mistrack_share=self.mistracks,
+                noise_time_s=self.noise_time,
+                stamp_jitter_share=self.jitter,
+                outlier_share=self.outliers,
             ),
             keep=self.keep,
             concealed=[ConcealedEffect(kind=kind, displacement=size) for kind, size in self.conceals],
@@ -66,6 +74,7 @@ class Case:
 
 
 _COLUMNS = tuple(field.name for field in fields(Case))
+_NUMBERS = ("seed", "hits", "mistracks", "noise_time", "jitter", "outliers")
 
 
 class _Concealed(Model):
@@ -86,6 +95,8 @@ class _Row(Model):
     keep: Keep
     mistracks: Share
     noise_time: Annotated[float, Field(ge=0, le=60)]
+    jitter: Annotated[float, Field(ge=0, le=0.2)]
+    outliers: Share
 
     @field_validator("conceals")
     @classmethod
@@ -107,7 +118,7 @@ def read_cases(file: Path) -> list[Case]:
 
 def _case(values: dict[str, str], where: str) -> Case:
     row: dict[str, Any] = dict(values)
-    row |= {key: number(values[key]) for key in ("seed", "hits", "mistracks", "noise_time")}
+    row |= {key: number(values[key]) for key in _NUMBERS}
     row["conceals"] = concealed_of(values["conceals"], "displacement")
     checked = validated(_Row, row, where)
     conceals = tuple((one.kind, one.displacement) for one in checked.conceals)

@@ -1,21 +1,28 @@
-"""Figures of the blind validation: confusion matrix, detection by effect size, and prediction errors."""
+"""Figures of the blind validation.
+
+Confusion matrix, detection by effect size, prediction errors, and calibration of stated probabilities.
+"""
 
 from collections.abc import Iterator
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from slapshot.effects.catalogue import catalogue
 from slapshot.plotting import OTHER_COLOURS, STAND_IN, Drawing, use_style
 from slapshot.statistics import wilson_interval
 
 NO_NAME, MISMATCH, UNKNOWN = "no name", "mismatch", "unknown"
+NULLS = {"clean": "null", "cluttered": "null, cluttered"}
+P_BINS = 10
+SURENESS = (0.0, 0.5, 0.75, 0.9, 1.0)  # edges of stated probabilities
 SIZES = (0.0, 0.1, 0.2, 0.35, 0.5, 0.75, 1.1, 2.5)  # edges of displacement over scatter
 
 
 def draw_all(cases: pd.DataFrame) -> Iterator[Drawing]:
-    """Confusion, size and fit.
+    """Confusion, size, fit and calibration.
 
     Args:
         cases: of cases.csv.
@@ -26,6 +33,7 @@ def draw_all(cases: pd.DataFrame) -> Iterator[Drawing]:
     yield _confusion(pd.concat([one, whole[whole["conceals"] == ""]]))
     yield _by_size(one)
     yield _fit(cases[cases["conceals"] != ""])
+    yield _calibration(cases)
 
 
 def _confusion(cases: pd.DataFrame) -> Drawing:
@@ -159,3 +167,70 @@ def _fit(cases: pd.DataFrame) -> Drawing:
     figure.legend(lines, texts, loc="outside lower center", ncols=len(lines))
     figure.suptitle(STAND_IN, fontsize=8)
     return Drawing("P3-fit", figure, pd.concat(tables) if tables else pd.DataFrame())
+
+
+def _calibration(cases: pd.DataFrame) -> Drawing:
+    """Histogram of p-values of nulls, and how often a name is right against its stated probability."""
+    figure, axes = plt.subplots(1, 2, figsize=(8, 3.4))
+    tables = [_p_values(axes[0], cases[cases["conceals"] == ""]), _reliability(axes[1], cases)]
+    figure.suptitle(STAND_IN, fontsize=8)
+    return Drawing("P4-calibration", figure, pd.concat(tables))
+
+
+def _p_values(axes: Axes, nulls: pd.DataFrame) -> pd.DataFrame:
+    """Share of nulls in each tenth of p; of a p-value that is one, a tenth each."""
+    edges = np.linspace(0, 1, P_BINS + 1)
+    rows = []
+    for (group, condition), colour in zip(NULLS.items(), OTHER_COLOURS, strict=False):
+        p = nulls.loc[nulls["condition"] == condition, "p_value"].astype(float).dropna()
+        if not len(p):
+            continue
+        share = np.histogram(p, edges)[0] / len(p)
+        axes.stairs(share, edges, color=colour, lw=1.5, label=f"{group}, {len(p)} recordings")
+        rows += [
+            {"panel": "p-values", "group": group, "low": low, "high": high, "share": float(s), "n": len(p)}
+            for low, high, s in zip(edges[:-1], edges[1:], share, strict=True)
+        ]
+    axes.axhline(1 / P_BINS, color="#888888", lw=1, ls=":")
+    axes.set_xlabel("p-value of a mismatch")
+    axes.set_ylabel("share of recordings without any")
+    axes.set_xlim(0, 1)
+    axes.set_ylim(bottom=0)
+    if rows:
+        axes.legend()
+    axes.set_title("p-values where nothing is concealed", loc="left")
+    return pd.DataFrame(rows)
+
+
+def _reliability(axes: Axes, cases: pd.DataFrame) -> pd.DataFrame:
+    """Names of whatever was concealed; of nulls and uncatalogued physics no name is right."""
+    named = cases[cases["stated_probability"].notna()]
+    right = named["top1"].astype("boolean").fillna(False).astype(bool)
+    stated = named["stated_probability"].astype(float)
+    rows = []
+    for interval, group in stated.groupby(pd.cut(stated, SURENESS), observed=True):
+        ci = wilson_interval(int(right[group.index].sum()), len(group))
+        rows.append(
+            {
+                "panel": "reliability", "group": f"{interval.left:g} to {interval.right:g}",
+                "stated": float(group.mean()), "share": ci.value, "low": ci.low, "high": ci.high,
+                "n": len(group),
+            }
+        )  # fmt: skip
+    table = pd.DataFrame(rows)
+    axes.plot([0, 1], [0, 1], color="#888888", lw=1, ls=":")
+    if rows:
+        error = [table["share"] - table["low"], table["high"] - table["share"]]
+        axes.errorbar(
+            table["stated"], table["share"], yerr=error, fmt="o", ms=4, capsize=3, color=OTHER_COLOURS[0]
+        )
+        for row in rows:
+            axes.annotate(
+                str(row["n"]), (row["stated"], row["share"]), (5, -10), textcoords="offset points", fontsize=7
+            )
+    axes.set_xlabel("stated probability of the first name")
+    axes.set_ylabel("share that is right")
+    axes.set_xlim(0, 1.03)
+    axes.set_ylim(0, 1.03)
+    axes.set_title("names; numbers of cases, 95 % intervals", loc="left")
+    return table

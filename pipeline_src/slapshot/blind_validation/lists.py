@@ -78,11 +78,13 @@ class CaseGroup:
 
 TRACKS_ONLY = {"keep": "tracks only"}
 RESTS_ONLY = {"keep": "rest points only"}
+CLUTTER = {"mistracks": 0.01, "noise_time": 0.04, "jitter": 0.1, "outliers": 0.05}
 _FULL = (
     CaseGroup("null", 200),
     CaseGroup("null, 400 hits", 20, overrides={"hits": 400}),
     CaseGroup("null, 1 % mistracks", 20, overrides={"mistracks": 0.01}),
     CaseGroup("null, coloured noise", 20, overrides={"noise_time": 0.04}),
+    CaseGroup("null, cluttered", 100, overrides=CLUTTER),
     CaseGroup("null, tracks only", 20, overrides=TRACKS_ONLY),
     CaseGroup("null, rest points only", 50, overrides=RESTS_ONLY),
     CaseGroup("plain", 4, _acts_on_slide),

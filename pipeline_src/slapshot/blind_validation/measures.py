@@ -63,9 +63,10 @@ def _of_all(cases: pd.DataFrame) -> Iterator[Measure]:
     if "made_worse" in cases and cases["made_worse"].notna().any():
         yield share("made_worse", ALL, cases["made_worse"].dropna())
     if "stated_probability" in cases and "top1" in cases:
-        sure = cases[(cases["stated_probability"].astype(float) > SURE) & cases["top1"].notna()]
+        sure = cases[cases["stated_probability"].astype(float) > SURE]
         if len(sure):
-            yield share("sure_and_wrong", ALL, ~sure["top1"].astype(bool))
+            # Where nothing or something uncatalogued is concealed, no name is right.
+            yield share("sure_and_wrong", ALL, ~sure["top1"].astype("boolean").fillna(False).astype(bool))
 
 
 def _of_condition(condition: str, rows: pd.DataFrame) -> Iterator[Measure]:
@@ -81,9 +82,14 @@ def _of_condition(condition: str, rows: pd.DataFrame) -> Iterator[Measure]:
             if column in rows and rows[column].notna().any():
                 yield share(measure, condition, rows[column].dropna())
         known = condition.split(",")[0] != "uncatalogued"
-        yield share("false_unknown" if known else "unknown_flagged", condition, rows["unknown"].dropna())
+        unknown = rows["unknown"].astype("boolean").fillna(False).astype(bool)
         if known:
+            yield share("false_unknown", condition, unknown)
             yield median("class_size", condition, rows["class_size"].dropna())
+        else:
+            # Found, and explained by no name.
+            nameless = rows["found"].astype(bool) & (rows["named"].fillna("") == "")
+            yield share("unknown_flagged", condition, unknown | nameless)
     if "intervals" in rows and rows["intervals"].sum() > 0:
         yield clustered("coverage90", condition, rows["intervals_held"], rows["intervals"])
     for measure, column in RATIOS.items():

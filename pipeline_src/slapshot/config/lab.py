@@ -114,6 +114,10 @@ class Camera(Model):
     noise_time_s: Annotated[float, Field(ge=0, le=60)] = Field(
         description="correlation time of the noise; 0 for white noise"
     )
+    stamp_jitter_share: Annotated[float, Field(ge=0, le=0.2)] = Field(
+        description="standard deviation of the frames' time stamps over the interval between frames"
+    )
+    outlier_share: Share = Field(description="share of frames whose noise is larger, see slapshot.lab.camera")
     missing_share: Annotated[float, Field(ge=0, lt=1)] = Field(description="share of frames that are lost")
     mistrack_share: Share = Field(description="share of frames in which something else is tracked")
     mistrack_m: Interval[Distance] = Field(description="smallest and largest error of such a frame")

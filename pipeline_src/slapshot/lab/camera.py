@@ -13,6 +13,8 @@ from slapshot.scenes.scene import Scene
 # recording does not know exactly when the object stopped.
 REST_SHARE = 0.8
 FEWEST_FRAMES = 3  # the median of fewer is not robust against a mistrack
+OUTLIER_SIZE = 4.0  # noise of an outlier over the usual one
+LARGEST_JITTER = 0.4  # of the interval between frames: stamps stay in order
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,8 @@ def observe(track: Array, camera: Camera, rng: np.random.Generator, seen_as: Arr
     seen = np.stack([np.interp(times, reported[:, 0], reported[:, i]) for i in (1, 2)], axis=1)
     seen += _noise(len(times), camera, rng)
     seen += _mistracks(len(times), camera, rng)
+    seen += _outliers(len(times), camera, rng)
+    stamps = times + _stamp_errors(len(times), camera, rng)
     there = rng.uniform(size=len(times)) >= camera.missing_share
     if camera.view is not None:
         x_low, x_high, y_low, y_high = camera.view
@@ -51,7 +55,7 @@ def observe(track: Array, camera: Camera, rng: np.random.Generator, seen_as: Arr
         there &= (y_low < seen[:, 1]) & (seen[:, 1] < y_high)
     at_rest = there & (times > end - REST_SHARE * camera.after_rest)
     rest = np.median(seen[at_rest], axis=0) if at_rest.sum() >= FEWEST_FRAMES else None
-    return Sighting(frames=np.column_stack([times, seen])[there], rest=rest)
+    return Sighting(frames=np.column_stack([stamps, seen])[there], rest=rest)
 
 
 def foot_of(scene: Scene, camera: Camera) -> Array:
@@ -86,6 +90,22 @@ def _noise(count: int, camera: Camera, rng: np.random.Generator) -> Array:
     for k in range(1, count):
         noise[k] = memory * noise[k - 1] + np.sqrt(1 - memory**2) * white[k]
     return noise
+
+
+def _outliers(count: int, camera: Camera, rng: np.random.Generator) -> Array:
+    """(count, 2) m, additional noise of a share of the frames."""
+    if camera.outlier_share == 0:
+        return np.zeros((count, 2))
+    affected = rng.uniform(size=count) < camera.outlier_share
+    return affected[:, None] * rng.normal(0, OUTLIER_SIZE * camera.noise_sd, (count, 2))
+
+
+def _stamp_errors(count: int, camera: Camera, rng: np.random.Generator) -> Array:
+    """(count,) s by which frames are stamped later than they were exposed."""
+    if camera.stamp_jitter == 0:
+        return np.zeros(count)
+    error = np.clip(rng.normal(0, camera.stamp_jitter, count), -LARGEST_JITTER, LARGEST_JITTER)
+    return error / camera.rate
 
 
 def _mistracks(count: int, camera: Camera, rng: np.random.Generator) -> Array:

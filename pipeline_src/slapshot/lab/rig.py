@@ -62,6 +62,8 @@ class Camera:
         rate: frames a second.
         noise_sd: m, along x and along y.
         noise_time: s, correlation time of the noise; 0 for white noise.
+        stamp_jitter: standard deviation of time stamps over the interval between frames.
+        outlier_share: share of frames whose noise is larger.
         missing_share: share of frames that are lost.
         mistrack_share: share of frames in which something else is taken for the object.
         mistrack: smallest and largest error in m of such a frame.
@@ -72,6 +74,8 @@ class Camera:
     rate: float
     noise_sd: float
     noise_time: float
+    stamp_jitter: float
+    outlier_share: float
     missing_share: float
     mistrack_share: float
     mistrack: tuple[float, float]
@@ -195,6 +199,8 @@ def draw_rig(settings: StandIns, rng: np.random.Generator) -> Rig:
             rate=camera.rate_hz,
             noise_sd=camera.noise_sd_m,
             noise_time=camera.noise_time_s,
+            stamp_jitter=camera.stamp_jitter_share,
+            outlier_share=camera.outlier_share,
             missing_share=camera.missing_share,
             mistrack_share=camera.mistrack_share,
             mistrack=(camera.mistrack_m[0], camera.mistrack_m[1]),
