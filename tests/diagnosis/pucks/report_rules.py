@@ -131,7 +131,7 @@ def _told(verdict: dict[str, Any], text: str) -> Iterator[str]:
         if not same:
             yield "nothing is named, but the augmented scene differs from the refitted one"
     for effect in verdict["effects"]:
-        if abs(sum(effect["members"].values()) - 1) > 1e-6:
+        if abs(sum(effect["members"].values()) + verdict["unknown"]["probability"] - 1) > 1e-6:
             yield f"probabilities of the class of {effect['name']} do not add up to 1"
         for p in effect["parameters"]:
             if not p["low"] <= p["value"] <= p["high"]:

@@ -1,12 +1,17 @@
-"""Steps of single hits, on a residual for which Newton's own step overshoots."""
+"""Steps of single hits where Newton's own overshoot, and of parameters at their bounds."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 from slapshot.diagnosis.pucks.gauss_newton import GaussNewton
 from slapshot.diagnosis.pucks.marginal import Marginal
-from slapshot.diagnosis.pucks.slide_model import Point
+from slapshot.diagnosis.pucks.slide_model import Column, Point
+from slapshot.effects.effect import Parameter
+
+PARAMETERS = [Parameter(f"weight_{k}", "1", -1.0, 1.0, 1.0, "weight") for k in range(5)]
 
 
 @dataclass
@@ -59,3 +64,34 @@ def test_a_hit_whose_step_makes_it_worse_takes_shorter_ones(start):
     fit = Arctangents().fit(Point(np.array(start)[:, None], np.zeros((0, 3))))
     assert fit.converged
     assert np.abs(fit.point.latents).max() < 1e-3
+
+
+class _Bounded(Arctangents):
+    """Only its steps are asked for; parameters of one effect between -1 and 1."""
+
+    def __init__(self):
+        self.effects = {"field": SimpleNamespace(parameters=tuple(PARAMETERS))}
+
+
+def test_a_step_at_bounds_is_that_of_bounded_least_squares():
+    """Where parameters at their bounds are the only ones that would leave, against scipy's solver."""
+    rng, checked = np.random.default_rng(0), 0
+    columns = [Column("field", p.name, -1, 0.1) for p in PARAMETERS]
+    low, high = np.full(len(PARAMETERS), -1.0), np.full(len(PARAMETERS), 1.0)
+    for _ in range(200):
+        design = rng.normal(size=(8, len(PARAMETERS)))
+        target = 0.3 * rng.normal(size=8)
+        at = np.where(rng.uniform(size=len(PARAMETERS)) < 0.5, 1.0, 0.0)
+        point = Point(
+            np.zeros((0, 6)),
+            np.zeros((0, 3)),
+            {"field": dict(zip([p.name for p in PARAMETERS], at, strict=True))},
+        )
+        step = _Bounded()._step(design.T @ design, design.T @ target, point, columns)
+        assert (step[at == 1] <= 0).all()
+        exact = lsq_linear(design, target, (low - at, np.where(at == 1, 1e-12, high - at)), tol=1e-14).x
+        inside = np.abs(at + exact)[at == 0].max(initial=0) < 0.99 and (at + exact).min() > -0.99
+        if inside and np.allclose(step == 0, np.abs(exact) < 1e-6):
+            np.testing.assert_allclose(step, exact, atol=1e-6)
+            checked += 1
+    assert checked > 100

@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 import pytest
-from slapshot.diagnosis.pucks.judgement import _class
+from slapshot.diagnosis.pucks.judgement import _class, outside_probability
 from slapshot.diagnosis.pucks.search import Candidate
 
 GAIN = 2000.0  # nats of what was named
@@ -39,3 +39,13 @@ def test_exact_laws_are_told_apart_by_evidence():
 
 def test_what_parameters_cost_counts_whatever_laws_err_by():
     assert set(members(0.15, candidate("map", 0.0, cost=20.0))) == {"lag"}
+
+
+def test_what_is_in_no_catalogue_is_as_probable_as_its_flag_makes_it():
+    """By Bayes' rule from a table of 1,000 mismatches, 100 of which are in no catalogue."""
+    flagged_outside, flagged_inside = 100 * 4 / 7, 900 * 3 / 43
+    flagged = flagged_outside / (flagged_outside + flagged_inside)
+    plain = (100 - flagged_outside) / (1000 - flagged_outside - flagged_inside)
+    assert outside_probability(True) == pytest.approx(flagged)
+    assert outside_probability(False) == pytest.approx(plain)
+    assert plain < 0.1 < flagged

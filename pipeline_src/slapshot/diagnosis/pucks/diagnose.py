@@ -16,6 +16,7 @@ from slapshot.diagnosis.pucks.judgement import (
     found_effects,
     limits,
     location_of,
+    with_outside,
 )
 from slapshot.diagnosis.pucks.launch import LaunchModel
 from slapshot.diagnosis.pucks.level import Level, examine, refuted_note
@@ -139,11 +140,13 @@ def diagnose(
         verdict = untold(recording, tracks, findings, doubt.reason, notes, doubt.hits)
         return Diagnosis(verdict, signatures=made, **shown)
     mismatch = settled(mismatch, headline)
+    location = location_of(mismatch, named, unknown, known)
+    named, unknown = with_outside(named, unknown, mismatch.found)
     verdict = replace(
         untold(recording, tracks, findings, None, notes),
         headline=headline,
         mismatch=mismatch,
-        location=location_of(mismatch, named, unknown, known),
+        location=location,
         effects=named,
         unknown=unknown,
         limits=() if mismatch.found else limits(search, level.nominal),

@@ -14,7 +14,7 @@ from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FREE_LAUNCH
 from slapshot.diagnosis.pucks.gauss_newton import Fit
 from slapshot.diagnosis.pucks.headline import distrust, headline_of, names_hold, settled, undecided
 from slapshot.diagnosis.pucks.held_out import SURE, mean, root_mean, split_hits
-from slapshot.diagnosis.pucks.judgement import found_effects, limits, location_of
+from slapshot.diagnosis.pucks.judgement import found_effects, limits, location_of, with_outside
 from slapshot.diagnosis.pucks.level import Level, examine, refuted_note
 from slapshot.diagnosis.pucks.rest_fit import RestFitter
 from slapshot.diagnosis.pucks.result import Diagnosis, Setting
@@ -103,13 +103,15 @@ def diagnose_rests(
         *level.notes,
         *((refuted_note(tried),) if level is not tried else ()),
     )
+    location = location_of(mismatch, named, level.unknown, known)
+    named, unknown = with_outside(named, level.unknown, mismatch.found)
     verdict = replace(
         untold(recording, tracks, findings, None, notes),
         headline=headline,
         mismatch=mismatch,
-        location=location_of(mismatch, named, level.unknown, known),
+        location=location,
         effects=named,
-        unknown=level.unknown,
+        unknown=unknown,
         limits=() if mismatch.found else limits(search, level.nominal),
         fit=fit,
     )

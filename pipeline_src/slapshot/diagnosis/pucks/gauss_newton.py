@@ -106,7 +106,7 @@ class GaussNewton(ABC):
         for _ in range(self.iterations):
             information = state.information.sum(0) + np.diag(precision)
             score = state.scores.sum(0) + precision * (mean - shared(point, columns))
-            shift = np.linalg.solve(information + damping * np.diag(np.diag(information)), score)
+            shift = self._step(information + damping * np.diag(np.diag(information)), score, point, columns)
             new = self._moved(point, columns, shift, state, trust)
             candidate = self.evaluate(new, columns, scatter)
             # A hit whose own unknowns went too far is one of many, and does not show in the sum.
@@ -137,6 +137,30 @@ class GaussNewton(ABC):
             float(state.squares.sum() / max(self.freedom().sum(), 1)),
             converged,
         )
+
+    def _step(self, information: Array, score: Array, point: Point, columns: Sequence[Column]) -> Array:
+        """(p,) Newton's step of shared parameters; those at a bound that it would leave stay there."""
+        low, high = self._bounds(columns)
+        values = shared(point, columns)
+        free = np.ones(len(columns), bool)
+        while True:
+            shift = np.zeros(len(columns))
+            shift[free] = np.linalg.solve(information[np.ix_(free, free)], score[free])
+            leaves = free & (((values <= low) & (shift < 0)) | ((values >= high) & (shift > 0)))
+            if not leaves.any():
+                return shift
+            free &= ~leaves
+
+    def _bounds(self, columns: Sequence[Column]) -> tuple[Array, Array]:
+        """(p,), (p,) of the shared parameters."""
+        bounds = [
+            NUISANCE_BOUNDS[c % 3]
+            if column.object >= 0
+            else (self._parameter(column).low, self._parameter(column).high)
+            for c, column in enumerate(columns)
+        ]
+        low, high = np.array(bounds).reshape(-1, 2).T
+        return low, high
 
     @abstractmethod
     def quadratic(self, fit: Fit, effects: Sequence[str]) -> tuple[list[Column], Marginal, Array]:

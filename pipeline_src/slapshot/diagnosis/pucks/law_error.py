@@ -1,7 +1,7 @@
 """What the nominal laws are known to: errors of theirs that belong to the null hypothesis.
 
-A simulated swing is right to about one time step, and dry friction is the same at all speeds to about a
-hundredth. Columns of such errors stand beside those of friction as nuisance, with priors of that size. Of the
+A simulated swing is right to about one time step, as is the moment of a simulated launch, and dry friction is
+the same at all speeds to about a hundredth. Columns of such errors stand beside those of friction as nuisance, with priors of that size. Of the
 law of friction only that counts as error which no catalogued law of the slide describes: those stay testable.
 """
 
@@ -14,7 +14,8 @@ from slapshot.diagnosis.inference.mismatch_test import Scores
 from slapshot.diagnosis.pucks.slide_model import Column
 from slapshot.diagnosis.pucks.strikes import TIMESTEP
 
-STEP = ("command_delay", "delay")  # whose column is that of a swing one step late
+# Whose columns are those of a swing and of a launch one step late.
+STEPS = (("command_delay", "delay"), ("camera_time", "delay"))
 SPEED_FORM = "free_speed"  # whose bumps along the motion are those of friction by speed
 FRICTION_KNOWN_TO = 0.01
 
@@ -28,7 +29,7 @@ def with_law_errors(of: Scores, columns: Sequence[Column], sliding: Sequence[str
         sliding: catalogued effects of the slide, to which errors of friction are made orthogonal.
         log_mu: logarithm of the friction coefficient.
     """
-    late = [c for c, column in enumerate(columns) if (column.owner, column.parameter) == STEP]
+    late = [c for c, column in enumerate(columns) if (column.owner, column.parameter) in STEPS]
     bent = [
         c
         for c, column in enumerate(columns)

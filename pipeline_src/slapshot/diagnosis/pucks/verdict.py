@@ -82,7 +82,8 @@ class NamedEffect:
     Attributes:
         name: the most probable one.
         phase, variable: where it acts and what it follows.
-        members: name -> probability of all that this recording cannot tell apart from it, itself included.
+        members: name -> probability of all that this recording cannot tell apart from it, itself included;
+            what they lack to 1 is that of physics in no catalogue.
         log_evidence: nats that it adds to the others.
         shift_m: rms shift of tracks by it, where it is largest.
         parameters: of the most probable one.
@@ -109,6 +110,7 @@ class Unknown:
             hits show that something is left and no free form says what.
         log_evidence: nats of that free form beyond the named effects.
         shift_m: rms shift of tracks by it, where it is largest.
+        probability: that what is missing is in no catalogue; None where nothing is missing.
     """
 
     flagged: bool
@@ -116,6 +118,7 @@ class Unknown:
     variable: Follows | None
     log_evidence: float
     shift_m: NotNegative
+    probability: Probability | None = None
 
 
 @dataclass(frozen=True)

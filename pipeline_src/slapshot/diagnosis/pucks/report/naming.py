@@ -8,6 +8,8 @@ from slapshot.diagnosis.pucks.search import CLASS
 from slapshot.diagnosis.pucks.verdict import NamedEffect, Verdict
 from slapshot.effects.catalogue import catalogue
 
+LEAST_SHOWN = 0.005  # probability
+
 
 def what(verdict: Verdict) -> list[str]:
     """Parts of the section: each effect with its rivals and parameters, and what has no name."""
@@ -31,7 +33,11 @@ def _members(effect: NamedEffect) -> list[str]:
     follows = {name: known[name].follows for name in effect.members if name in known}
     follows.setdefault(effect.name, effect.variable)
     if len(effect.members) == 1:
-        return [f"No other effect that was tried in its place comes within a factor of {np.exp(CLASS):.0f}."]
+        (probability,) = effect.members.values()
+        return [
+            f"No other effect that was tried in its place comes within a factor of {np.exp(CLASS):.0f}: "
+            f"{100 * probability:.0f} %, the rest is for physics in no catalogue."
+        ]
     same = len(set(follows.values())) == 1
     reason = (
         f"all of them follow {wording.VARIABLES[effect.variable]}, and do so alike over the range recorded"
@@ -46,6 +52,9 @@ def _members(effect: NamedEffect) -> list[str]:
         ]
         for name, p in effect.members.items()
     ]
+    outside = 1 - sum(effect.members.values())
+    if outside > LEAST_SHOWN:
+        rows.append(["physics in no catalogue", f"{100 * outside:.0f} %", ""])
     return [
         f"These hits cannot tell {wording.several(len(effect.members), 'effect')} apart: {reason}.",
         table(["effect", "probability", "follows"], rows),
@@ -83,17 +92,20 @@ def _unknown(verdict: Verdict) -> str:
     unknown = verdict.unknown
     assert unknown is not None
     beyond = "beyond the effects above, " if verdict.effects else ""
+    head = "**Not in the catalogue:**"
+    if unknown.probability is not None:
+        head = f"**Not in the catalogue** (probability {100 * unknown.probability:.0f} %):"
     if unknown.phase is None:
         assert verdict.fit is not None
         left = verdict.fit["augmented"].chi2_per_freedom
         return (
-            f"**Not in the catalogue:** {beyond}something is left. With them held-out hits have a "
+            f"{head} {beyond}something is left. With them held-out hits have a "
             f"chi-squared of {left.value:.2f} ({left.low:.2f} to {left.high:.2f}) a degree of freedom, which "
             "is more than laws that are right but simplified would leave. Nothing that was tried says where "
             "it acts."
         )
     return (
-        f"**Not in the catalogue:** {beyond}something acts {wording.PHASES[str(unknown.phase)]} and follows "
+        f"{head} {beyond}something acts {wording.PHASES[str(unknown.phase)]} and follows "
         f"{wording.VARIABLES[str(unknown.variable)]}. Described without a name it gains "
         f"{unknown.log_evidence:.1f} nats and moves tracks by {1e3 * unknown.shift_m:.1f} mm (rms). "
         "The location map shows it."
