@@ -133,7 +133,7 @@ def test_a_drawn_list_has_every_condition_in_its_number(full):
     counts = {c.name: 0 for c in LISTS["full"]}
     for case in full:
         counts[case.condition] += 1
-    assert counts["null"] == 200
+    assert counts["null"] == 150
     slides = [
         k for k in HIDDEN_EFFECTS.values() if k.catalogued and k.phase in ("slide", "across hits", "camera")
     ]

@@ -57,6 +57,8 @@ def test_stamps_jitter_and_outliers_have_the_size_asked_for():
     # Limits at 4 standard deviations take nothing from the variance that 3e4 samples would show.
     assert late.std() == pytest.approx(0.1 / 30, rel=6 / np.sqrt(2 * len(late)))
     assert (np.diff(frames[:, 0]) > 0).all()
+    firsts = [observe(moving(), camera, np.random.default_rng(k)).frames[0, 0] for k in range(200)]
+    assert min(firsts) >= 0
     share, usual = 0.05, 0.003
     camera = replace(PERFECT, noise_sd=usual, outlier_share=share)
     noise = observe(moving(1000.0), camera, np.random.default_rng(4)).frames[:, 2]

@@ -49,6 +49,7 @@ def observe(track: Array, camera: Camera, rng: np.random.Generator, seen_as: Arr
     seen += _outliers(len(times), camera, rng)
     stamps = times + _stamp_errors(len(times), camera, rng)
     there = rng.uniform(size=len(times)) >= camera.missing_share
+    there &= stamps >= 0  # a recording begins with the hit
     if camera.view is not None:
         x_low, x_high, y_low, y_high = camera.view
         there &= (x_low < seen[:, 0]) & (seen[:, 0] < x_high)
