@@ -1,9 +1,9 @@
 """What the nominal laws are known to: errors of theirs that belong to the null hypothesis.
 
-A simulated swing is right to about one time step, as is the moment of a simulated launch, and dry friction is
-the same at all speeds to about a hundredth. Columns of such errors stand beside those of friction as nuisance,
-with priors of that size. Of the law of friction only that counts as error which no catalogued law of the slide
-describes: those stay testable.
+A simulated swing is right to about one time step, as is the moment of a simulated launch, and dry friction
+is the same at all speeds to about a hundredth. Columns of such errors stand beside those of friction as
+nuisance, with priors of that size. Of the law of friction only that counts as error which no catalogued law
+of the slide describes: those stay testable.
 """
 
 from collections.abc import Sequence
