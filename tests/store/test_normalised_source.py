@@ -164,8 +164,8 @@ MAY_IMPORT = {
 NOTED = {
     "slapshot.diagnosis.diagnose",  # why a recording does not suffice: told, and no more
     "slapshot.diagnosis.pucks.report",
-    "slapshot.diagnosis.pucks.signatures",
-    "slapshot.diagnosis.pucks.trial",
+    "slapshot.diagnosis.pucks.launch.signatures",
+    "slapshot.diagnosis.pucks.selection.trial",
     "slapshot.text",  # whose __str__ fails is called by its type
 }
 

@@ -9,8 +9,8 @@ from slapshot.config.cases import VerdictSettings
 from slapshot.config.configuration import Configuration
 from slapshot.dag import make_plan
 from slapshot.diagnosis.pucks.diagnose import diagnose
+from slapshot.diagnosis.pucks.launch.signatures import Signatures
 from slapshot.diagnosis.pucks.rig_file import setting_of
-from slapshot.diagnosis.pucks.signatures import Signatures
 from slapshot.recordings.read import read_recording
 from slapshot.scenes.scene import Scene
 from slapshot.store.folder import Store

@@ -23,11 +23,11 @@ from slapshot.benchmark.measures import Measure
 from slapshot.config.configuration import Configuration
 from slapshot.config.lab import ConcealedEffect, StandIns
 from slapshot.dag import make_plan
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.held_out import first_frames, predict_held_out, split_hits
-from slapshot.diagnosis.pucks.hit_fit import HitFitter
-from slapshot.diagnosis.pucks.noise import estimate_noise
-from slapshot.diagnosis.pucks.slide_model import Point, SlideModel
-from slapshot.diagnosis.pucks.tracks import HitTracks, hit_tracks
+from slapshot.diagnosis.pucks.slide.noise import estimate_noise
+from slapshot.diagnosis.pucks.slide.slide_model import Point, SlideModel
+from slapshot.diagnosis.pucks.slide.tracks import HitTracks, hit_tracks
 from slapshot.effects.tilt import Tilt
 from slapshot.errors import InputError
 from slapshot.lab.__main__ import record

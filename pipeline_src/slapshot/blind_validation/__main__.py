@@ -7,8 +7,8 @@ from slapshot.blind_validation.page import publish_proof
 from slapshot.blind_validation.score import gain_share, score
 from slapshot.command import Run, stage_command
 from slapshot.config.cases import ScoreSettings
+from slapshot.diagnosis.pucks.launch.signatures import Signatures
 from slapshot.diagnosis.pucks.rig_file import setting_of
-from slapshot.diagnosis.pucks.signatures import Signatures
 from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from slapshot.blind_validation.case_table import FIT
 from slapshot.diagnosis.pucks.diagnose import diagnose
+from slapshot.diagnosis.pucks.launch.signatures import Signatures
 from slapshot.diagnosis.pucks.result import Setting
-from slapshot.diagnosis.pucks.signatures import Signatures
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
 from slapshot.recordings.read import read_recording

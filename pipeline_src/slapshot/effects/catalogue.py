@@ -16,7 +16,7 @@ from slapshot.validation import NAME, Model, validated
 
 _registered: dict[str, Effect] = {}
 
-OF_DIAGNOSIS = "free_"  # names of diagnosis.pucks.free_form begin so
+OF_DIAGNOSIS = "free_"  # names of diagnosis.pucks.selection.free_form begin so
 Text = Annotated[str, Field(min_length=1)]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.result import Setting
-from slapshot.diagnosis.pucks.search import DRAWS
+from slapshot.diagnosis.pucks.selection.search import DRAWS
 from slapshot.effects.catalogue import catalogue
 
 from .synthetic import CAMERA, RADIUS, recording

@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
-from slapshot.diagnosis.pucks.contact_features import approach_of
-from slapshot.diagnosis.pucks.free_form import (
+from slapshot.diagnosis.pucks.launch.contact_features import approach_of
+from slapshot.diagnosis.pucks.selection.free_form import (
     ARM_JOINTS,
     FREE_FORMS,
     FreeArm,

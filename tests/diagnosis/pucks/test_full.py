@@ -8,18 +8,18 @@ import pandas as pd
 import pytest
 from slapshot.arrays import GRAVITY
 from slapshot.command import Run
-from slapshot.diagnosis.pucks import approach as approach_module
-from slapshot.diagnosis.pucks import signatures as signatures_module
-from slapshot.diagnosis.pucks.approach import SAME_START, Approaches
 from slapshot.diagnosis.pucks.diagnose import diagnose
+from slapshot.diagnosis.pucks.launch import approach as approach_module
+from slapshot.diagnosis.pucks.launch import signatures as signatures_module
+from slapshot.diagnosis.pucks.launch.approach import SAME_START, Approaches
+from slapshot.diagnosis.pucks.launch.rig_model import RigModel
+from slapshot.diagnosis.pucks.launch.signatures import LOOK, make_signatures
+from slapshot.diagnosis.pucks.launch.strikes import TIMESTEP, Striker, commands_through
+from slapshot.diagnosis.pucks.launch.swing_error import LATENESS, JointLateness
 from slapshot.diagnosis.pucks.report import REST_FIGURES, write_report
 from slapshot.diagnosis.pucks.result import Setting
-from slapshot.diagnosis.pucks.rig_model import RigModel
-from slapshot.diagnosis.pucks.signatures import LOOK, make_signatures
-from slapshot.diagnosis.pucks.slide_model import Point
-from slapshot.diagnosis.pucks.strikes import TIMESTEP, Striker, commands_through
-from slapshot.diagnosis.pucks.swing_error import LATENESS, JointLateness
-from slapshot.diagnosis.pucks.tracks import hit_tracks
+from slapshot.diagnosis.pucks.slide.slide_model import Point
+from slapshot.diagnosis.pucks.slide.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.slide_law import slide
 from slapshot.lab.commands import Pool

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
-from slapshot.diagnosis.pucks.gauss_newton import GaussNewton
-from slapshot.diagnosis.pucks.marginal import Marginal
-from slapshot.diagnosis.pucks.slide_model import Column, Point
+from slapshot.diagnosis.pucks.fit.gauss_newton import GaussNewton
+from slapshot.diagnosis.pucks.fit.marginal import Marginal
+from slapshot.diagnosis.pucks.slide.slide_model import Column, Point
 from slapshot.effects.effect import Parameter
 
 PARAMETERS = [Parameter(f"weight_{k}", "1", -1.0, 1.0, 1.0, "weight") for k in range(5)]

@@ -7,16 +7,16 @@ import pytest
 from scipy.stats import multivariate_normal
 from slapshot.arrays import GRAVITY
 from slapshot.diagnosis.inference.mismatch_test import Elimination, Scores, group_statistics, mismatch_test
-from slapshot.diagnosis.pucks.camera_view import start_shift
-from slapshot.diagnosis.pucks.encoders import Encoders
-from slapshot.diagnosis.pucks.execution import Execution
-from slapshot.diagnosis.pucks.hit_fit import HitFitter, Scatter
-from slapshot.diagnosis.pucks.launch_prior import UnknownLaunch
-from slapshot.diagnosis.pucks.law_error import with_law_errors
-from slapshot.diagnosis.pucks.noise import CameraNoise
-from slapshot.diagnosis.pucks.slide_model import Column, Point, SlideModel
-from slapshot.diagnosis.pucks.strikes import TIMESTEP, _told_at
-from slapshot.diagnosis.pucks.tracks import hit_tracks
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter, Scatter
+from slapshot.diagnosis.pucks.launch.encoders import Encoders
+from slapshot.diagnosis.pucks.launch.execution import Execution
+from slapshot.diagnosis.pucks.launch.launch_prior import UnknownLaunch
+from slapshot.diagnosis.pucks.launch.strikes import TIMESTEP, _told_at
+from slapshot.diagnosis.pucks.selection.law_error import with_law_errors
+from slapshot.diagnosis.pucks.slide.camera_view import start_shift
+from slapshot.diagnosis.pucks.slide.noise import CameraNoise
+from slapshot.diagnosis.pucks.slide.slide_model import Column, Point, SlideModel
+from slapshot.diagnosis.pucks.slide.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect, Parameter
 

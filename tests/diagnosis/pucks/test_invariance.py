@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from slapshot.arrays import GRAVITY
-from slapshot.diagnosis.pucks import gauss_newton, search
 from slapshot.diagnosis.pucks.diagnose import diagnose
-from slapshot.diagnosis.pucks.hit_fit import HitFitter
-from slapshot.diagnosis.pucks.judgement import robust_covariance
-from slapshot.diagnosis.pucks.noise import CameraNoise
-from slapshot.diagnosis.pucks.on_the_way import OnTheWay
+from slapshot.diagnosis.pucks.fit import gauss_newton
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
+from slapshot.diagnosis.pucks.launch.on_the_way import OnTheWay
 from slapshot.diagnosis.pucks.result import Setting
-from slapshot.diagnosis.pucks.slide_model import SlideModel
-from slapshot.diagnosis.pucks.tracks import hit_tracks
+from slapshot.diagnosis.pucks.selection import search
+from slapshot.diagnosis.pucks.selection.judgement import robust_covariance
+from slapshot.diagnosis.pucks.slide.noise import CameraNoise
+from slapshot.diagnosis.pucks.slide.slide_model import SlideModel
+from slapshot.diagnosis.pucks.slide.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.effects.tilt import Tilt

@@ -3,8 +3,8 @@
 from types import SimpleNamespace
 
 import pytest
-from slapshot.diagnosis.pucks.judgement import _class, outside_probability
-from slapshot.diagnosis.pucks.search import Candidate
+from slapshot.diagnosis.pucks.selection.judgement import _class, outside_probability
+from slapshot.diagnosis.pucks.selection.search import Candidate
 
 GAIN = 2000.0  # nats of what was named
 DISPERSION = 2.0

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from slapshot.diagnosis.inference.mismatch_test import Scores, mismatch_test
-from slapshot.diagnosis.pucks.law_error import with_law_errors
-from slapshot.diagnosis.pucks.slide_model import Column
-from slapshot.diagnosis.pucks.strikes import TIMESTEP
+from slapshot.diagnosis.pucks.launch.strikes import TIMESTEP
+from slapshot.diagnosis.pucks.selection.law_error import with_law_errors
+from slapshot.diagnosis.pucks.slide.slide_model import Column
 
 HITS, PRIOR = 150, 0.03  # s, of a delay
 SD = 0.1 * TIMESTEP  # s, to which all hits together tell one

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from slapshot.diagnosis.pucks.headline import explained, names_hold
-from slapshot.diagnosis.pucks.level import LEAST_SHIFT, least_gain, least_shift, without_hidden
-from slapshot.diagnosis.pucks.search import ADD, Candidate, Screen, Search
+from slapshot.diagnosis.pucks.selection.level import LEAST_SHIFT, least_gain, least_shift, without_hidden
+from slapshot.diagnosis.pucks.selection.search import ADD, Candidate, Screen, Search
 from slapshot.diagnosis.pucks.verdict import Errors, Interval
 from slapshot.effects.catalogue import catalogue
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FREE_LAUNCH, NominalLaunches
-from slapshot.diagnosis.pucks.judgement import robust_covariance
-from slapshot.diagnosis.pucks.level import examine
-from slapshot.diagnosis.pucks.rest_fit import RestFitter
-from slapshot.diagnosis.pucks.search import Search
-from slapshot.diagnosis.pucks.slide_model import SlideModel
-from slapshot.diagnosis.pucks.tracks import rest_tracks
+from slapshot.diagnosis.pucks.fit.rest_fit import RestFitter
+from slapshot.diagnosis.pucks.selection.free_form import FREE_FORMS, FREE_LAUNCH, NominalLaunches
+from slapshot.diagnosis.pucks.selection.judgement import robust_covariance
+from slapshot.diagnosis.pucks.selection.level import examine
+from slapshot.diagnosis.pucks.selection.search import Search
+from slapshot.diagnosis.pucks.slide.slide_model import SlideModel
+from slapshot.diagnosis.pucks.slide.tracks import rest_tracks
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.slide_law import ActiveEffect, slide
 

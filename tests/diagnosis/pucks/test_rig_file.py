@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import yaml
 from slapshot import cli, own_code
-from slapshot.diagnosis.pucks.free_form import FREE_FORMS
 from slapshot.diagnosis.pucks.rig_file import read_rig
-from slapshot.diagnosis.pucks.trial import that_work
+from slapshot.diagnosis.pucks.selection.free_form import FREE_FORMS
+from slapshot.diagnosis.pucks.selection.trial import that_work
 from slapshot.effects import catalogue as catalogue_module
 from slapshot.effects.catalogue import OF_DIAGNOSIS, catalogue, import_effects
 from slapshot.errors import InputError

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from slapshot.diagnosis.pucks.evidence import SIZES, LinearEvidence, project
-from slapshot.diagnosis.pucks.execution import Execution, replay
+from slapshot.diagnosis.pucks.fit.marginal import marginalise
 from slapshot.diagnosis.pucks.held_out import HeldOut, errors_of
-from slapshot.diagnosis.pucks.marginal import marginalise
-from slapshot.diagnosis.pucks.noise import CameraNoise, estimate_noise, outliers, timing_jitter
+from slapshot.diagnosis.pucks.launch.execution import Execution, replay
+from slapshot.diagnosis.pucks.selection.evidence import SIZES, LinearEvidence, project
+from slapshot.diagnosis.pucks.slide.noise import CameraNoise, estimate_noise, outliers, timing_jitter
 
 
 @pytest.fixture

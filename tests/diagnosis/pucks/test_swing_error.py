@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from slapshot.diagnosis.pucks.augmented import effects_of
-from slapshot.diagnosis.pucks.swing_error import (
+from slapshot.diagnosis.pucks.launch.swing_error import (
     LATENESS,
     JointLateness,
     error_note,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from slapshot.diagnosis.pucks.tracks import RELEASE_DISTANCE, hit_tracks
+from slapshot.diagnosis.pucks.slide.tracks import RELEASE_DISTANCE, hit_tracks
 
 from .synthetic import recording
 

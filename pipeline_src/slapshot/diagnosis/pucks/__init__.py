@@ -1,8 +1,8 @@
 """Diagnosis of objects that are hit and slide: what a scene of them left out, where, and how much.
 
 `diagnose.diagnose` takes a recording and a setting and gives a verdict: arrays and dataclasses in and
-out, no files. `tracks` and `noise` read the recording; `slide_model` simulates its slides, and `strikes`,
-`signatures`, `execution`, `rig_model` and `launch` the launches that commands should give; `hit_fit` is the
-likelihood of both; `evidence`, `law_error` and `search` weigh effects of `slapshot.effects` and free forms;
-`judgement`, `held_out` and `next_hits` say what follows.
+out, no files. `slide` reads tracks and their noise, and simulates what the camera should see; `launch`
+simulates the launches that commands should give, and what encoders say of them; `fit` is the likelihood of
+both; `selection` weighs effects of `slapshot.effects` and free forms; `held_out`, `headline` and `report` say
+what follows.
 """

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import mujoco
 
-from slapshot.diagnosis.pucks.slide_model import Values
-from slapshot.diagnosis.pucks.swing_error import LATENESS, JointLateness
+from slapshot.diagnosis.pucks.launch.swing_error import LATENESS, JointLateness
+from slapshot.diagnosis.pucks.slide.slide_model import Values
 from slapshot.effects.catalogue import named
 from slapshot.effects.effect import Effect
 from slapshot.scenes.scene import Scene

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from slapshot.config.files import load_config
 from slapshot.diagnosis.pucks.diagnose import diagnose
+from slapshot.diagnosis.pucks.launch.signatures import Signatures
 from slapshot.diagnosis.pucks.outputs import write_outputs
 from slapshot.diagnosis.pucks.report import terminal_text
 from slapshot.diagnosis.pucks.result import Diagnosis
 from slapshot.diagnosis.pucks.rig_file import RigFile, read_rig, rig_of_domain
-from slapshot.diagnosis.pucks.signatures import Signatures
 from slapshot.effects.catalogue import import_effects
 from slapshot.errors import InputError, check_writable, writing
 from slapshot.recordings.read import read_recording

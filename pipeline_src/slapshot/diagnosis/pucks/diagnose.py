@@ -7,30 +7,30 @@ from typing import Any
 import numpy as np
 
 from slapshot.diagnosis.pucks.diagnose_rests import diagnose_rests
-from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FreeLaunchForm
-from slapshot.diagnosis.pucks.gauss_newton import Fit
+from slapshot.diagnosis.pucks.fit.gauss_newton import Fit
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.headline import distrust, explained, headline_of, names_hold, settled, undecided
 from slapshot.diagnosis.pucks.held_out import errors_of_scenes, split_hits
-from slapshot.diagnosis.pucks.hit_fit import HitFitter
-from slapshot.diagnosis.pucks.judgement import (
+from slapshot.diagnosis.pucks.launch.launch_model import LaunchModel
+from slapshot.diagnosis.pucks.launch.rig_model import RigModel
+from slapshot.diagnosis.pucks.launch.signatures import Signatures
+from slapshot.diagnosis.pucks.launch.swing_error import LATENESS, JointLateness, error_note
+from slapshot.diagnosis.pucks.result import Diagnosis, Setting
+from slapshot.diagnosis.pucks.selection.free_form import FREE_FORMS, FreeLaunchForm
+from slapshot.diagnosis.pucks.selection.judgement import (
     found_effects,
     limits,
     location_of,
     with_outside,
 )
-from slapshot.diagnosis.pucks.launch import LaunchModel
-from slapshot.diagnosis.pucks.level import Level, examine, refuted_note
-from slapshot.diagnosis.pucks.next_hits import next_hits
-from slapshot.diagnosis.pucks.noise import CameraNoise, estimate_noise, timing_jitter
-from slapshot.diagnosis.pucks.result import Diagnosis, Setting
-from slapshot.diagnosis.pucks.rig_model import RigModel
-from slapshot.diagnosis.pucks.search import Search
-from slapshot.diagnosis.pucks.signatures import Signatures
-from slapshot.diagnosis.pucks.slide_model import Point, SlideModel
-from slapshot.diagnosis.pucks.suitability import cannot_tell, untold
-from slapshot.diagnosis.pucks.swing_error import LATENESS, JointLateness, error_note
-from slapshot.diagnosis.pucks.tracks import PUSHED_AGAIN, HitTracks, hit_tracks
-from slapshot.diagnosis.pucks.trial import dropped_note, that_work
+from slapshot.diagnosis.pucks.selection.level import Level, examine, refuted_note
+from slapshot.diagnosis.pucks.selection.next_hits import next_hits
+from slapshot.diagnosis.pucks.selection.search import Search
+from slapshot.diagnosis.pucks.selection.trial import dropped_note, that_work
+from slapshot.diagnosis.pucks.slide.noise import CameraNoise, estimate_noise, timing_jitter
+from slapshot.diagnosis.pucks.slide.slide_model import Point, SlideModel
+from slapshot.diagnosis.pucks.slide.suitability import cannot_tell, untold
+from slapshot.diagnosis.pucks.slide.tracks import PUSHED_AGAIN, HitTracks, hit_tracks
 from slapshot.diagnosis.pucks.verdict import Errors
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect

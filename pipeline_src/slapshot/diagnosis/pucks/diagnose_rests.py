@@ -10,21 +10,21 @@ from dataclasses import replace
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.free_form import FREE_FORMS, FREE_LAUNCH
-from slapshot.diagnosis.pucks.gauss_newton import Fit
+from slapshot.diagnosis.pucks.fit.gauss_newton import Fit
+from slapshot.diagnosis.pucks.fit.rest_fit import RestFitter
 from slapshot.diagnosis.pucks.headline import distrust, headline_of, names_hold, settled, undecided
 from slapshot.diagnosis.pucks.held_out import SURE, mean, root_mean, split_hits
-from slapshot.diagnosis.pucks.judgement import found_effects, limits, location_of, with_outside
-from slapshot.diagnosis.pucks.level import Level, examine, refuted_note
-from slapshot.diagnosis.pucks.rest_fit import RestFitter
+from slapshot.diagnosis.pucks.launch.rig_model import RigModel
+from slapshot.diagnosis.pucks.launch.signatures import Signatures
 from slapshot.diagnosis.pucks.result import Diagnosis, Setting
-from slapshot.diagnosis.pucks.rig_model import RigModel
-from slapshot.diagnosis.pucks.search import CLASS, Search
-from slapshot.diagnosis.pucks.signatures import Signatures
-from slapshot.diagnosis.pucks.slide_model import Point, SlideModel
-from slapshot.diagnosis.pucks.suitability import cannot_tell, untold
-from slapshot.diagnosis.pucks.tracks import rest_tracks
-from slapshot.diagnosis.pucks.trial import dropped_note, that_work
+from slapshot.diagnosis.pucks.selection.free_form import FREE_FORMS, FREE_LAUNCH
+from slapshot.diagnosis.pucks.selection.judgement import found_effects, limits, location_of, with_outside
+from slapshot.diagnosis.pucks.selection.level import Level, examine, refuted_note
+from slapshot.diagnosis.pucks.selection.search import CLASS, Search
+from slapshot.diagnosis.pucks.selection.trial import dropped_note, that_work
+from slapshot.diagnosis.pucks.slide.slide_model import Point, SlideModel
+from slapshot.diagnosis.pucks.slide.suitability import cannot_tell, untold
+from slapshot.diagnosis.pucks.slide.tracks import rest_tracks
 from slapshot.diagnosis.pucks.verdict import Errors, Interval, NamedEffect
 from slapshot.effects.effect import Effect
 from slapshot.recordings.data_quality import quality_warnings

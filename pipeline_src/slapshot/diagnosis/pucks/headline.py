@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slapshot.diagnosis.pucks.hit_fit import FRICTION_SD, Scatter
-from slapshot.diagnosis.pucks.level import LEAST_SHIFT, P_VALUE, Level
+from slapshot.diagnosis.pucks.fit.hit_fit import FRICTION_SD, Scatter
+from slapshot.diagnosis.pucks.selection.level import LEAST_SHIFT, P_VALUE, Level
 from slapshot.diagnosis.pucks.verdict import Errors, Headline, Mismatch
 
 MOST_BLAMED = 10  # hits that a reason names

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.gauss_newton import Fit
-from slapshot.diagnosis.pucks.hit_fit import HitFitter
-from slapshot.diagnosis.pucks.launch import LaunchModel
-from slapshot.diagnosis.pucks.slide_model import Point
-from slapshot.diagnosis.pucks.told import told_launches
-from slapshot.diagnosis.pucks.tracks import RESTED_S, HitTracks
+from slapshot.diagnosis.pucks.fit.gauss_newton import Fit
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
+from slapshot.diagnosis.pucks.fit.told import told_launches
+from slapshot.diagnosis.pucks.launch.launch_model import LaunchModel
+from slapshot.diagnosis.pucks.slide.slide_model import Point
+from slapshot.diagnosis.pucks.slide.tracks import RESTED_S, HitTracks
 from slapshot.diagnosis.pucks.verdict import Errors, Interval
 
 HELD_OUT = 0.25  # share of commands

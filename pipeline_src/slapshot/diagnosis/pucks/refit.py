@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from slapshot.diagnosis.pucks.judgement import robust_covariance
 from slapshot.diagnosis.pucks.result import Diagnosis
+from slapshot.diagnosis.pucks.selection.judgement import robust_covariance
 from slapshot.recordings.format import Recording
 from slapshot.whole_file import write_whole
 

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.hit_fit import HitFitter
-from slapshot.diagnosis.pucks.level import Level
-from slapshot.diagnosis.pucks.search import Candidate, Screen, Search
-from slapshot.diagnosis.pucks.signatures import Signatures
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
+from slapshot.diagnosis.pucks.launch.signatures import Signatures
+from slapshot.diagnosis.pucks.selection.level import Level
+from slapshot.diagnosis.pucks.selection.search import Candidate, Screen, Search
 from slapshot.diagnosis.pucks.verdict import Verdict
 from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene

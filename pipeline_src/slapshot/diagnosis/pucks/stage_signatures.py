@@ -4,8 +4,8 @@ import numpy as np
 
 from slapshot.command import Run, stage_command
 from slapshot.config.cases import SignaturesSettings
-from slapshot.diagnosis.pucks.signatures import LOOK, make_signatures
-from slapshot.diagnosis.pucks.strikes import commands_through
+from slapshot.diagnosis.pucks.launch.signatures import LOOK, make_signatures
+from slapshot.diagnosis.pucks.launch.strikes import commands_through
 from slapshot.effects.catalogue import catalogue, import_effects
 from slapshot.parquet import read_table
 from slapshot.scenes.scene import Scene

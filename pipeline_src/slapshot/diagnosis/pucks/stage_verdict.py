@@ -5,8 +5,8 @@ from importlib.metadata import version
 from slapshot.command import Run, stage_command
 from slapshot.config.cases import VerdictSettings
 from slapshot.diagnosis.pucks.diagnose import diagnose
+from slapshot.diagnosis.pucks.launch.signatures import Signatures
 from slapshot.diagnosis.pucks.rig_file import setting_of
-from slapshot.diagnosis.pucks.signatures import Signatures
 from slapshot.diagnosis.pucks.verdict_file import write_verdict
 from slapshot.effects.catalogue import import_effects
 from slapshot.recordings.read import read_recording

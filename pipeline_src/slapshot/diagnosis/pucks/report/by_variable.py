@@ -13,7 +13,7 @@ from slapshot.diagnosis.pucks.report import residuals
 from slapshot.diagnosis.pucks.report.outcome import Launches, Outcome
 from slapshot.diagnosis.pucks.report.residuals import CHANCE, Z90
 from slapshot.diagnosis.pucks.report.style import ALONG, LEFT
-from slapshot.diagnosis.pucks.search import Candidate
+from slapshot.diagnosis.pucks.selection.search import Candidate
 from slapshot.effects.effect import Follows
 
 # Spins are not seen, and commands are not part of a slide: their marks are shown against these.

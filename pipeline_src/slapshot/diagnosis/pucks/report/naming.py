@@ -4,7 +4,7 @@ import numpy as np
 
 from slapshot.diagnosis.pucks.report import wording
 from slapshot.diagnosis.pucks.report.wording import table
-from slapshot.diagnosis.pucks.search import CLASS
+from slapshot.diagnosis.pucks.selection.search import CLASS
 from slapshot.diagnosis.pucks.verdict import NamedEffect, Verdict
 from slapshot.effects.catalogue import catalogue
 

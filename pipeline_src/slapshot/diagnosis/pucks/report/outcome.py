@@ -7,13 +7,13 @@ from typing import Any
 import pandas as pd
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.hit_fit import HitFitter
-from slapshot.diagnosis.pucks.launch import LaunchModel
-from slapshot.diagnosis.pucks.level import Level
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
+from slapshot.diagnosis.pucks.launch.launch_model import LaunchModel
 from slapshot.diagnosis.pucks.report.predictions import Predicted, predict
 from slapshot.diagnosis.pucks.report.residuals import arrow_table
 from slapshot.diagnosis.pucks.result import Diagnosis
-from slapshot.diagnosis.pucks.search import Candidate, Screen, Search
+from slapshot.diagnosis.pucks.selection.level import Level
+from slapshot.diagnosis.pucks.selection.search import Candidate, Screen, Search
 from slapshot.diagnosis.pucks.verdict import Verdict
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.gauss_newton import Fit
+from slapshot.diagnosis.pucks.fit.gauss_newton import Fit
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
+from slapshot.diagnosis.pucks.fit.told import told_launches
 from slapshot.diagnosis.pucks.held_out import first_frames
-from slapshot.diagnosis.pucks.hit_fit import HitFitter
-from slapshot.diagnosis.pucks.told import told_launches
 
 
 @dataclass(frozen=True)

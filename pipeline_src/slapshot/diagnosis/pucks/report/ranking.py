@@ -6,11 +6,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullLocator
 
-from slapshot.diagnosis.pucks.level import LEAST_EVIDENCE
 from slapshot.diagnosis.pucks.report.outcome import Outcome, RestOutcome
 from slapshot.diagnosis.pucks.report.style import AUGMENTED, mark_stand_in
 from slapshot.diagnosis.pucks.report.wording import title
-from slapshot.diagnosis.pucks.search import CLASS
+from slapshot.diagnosis.pucks.selection.level import LEAST_EVIDENCE
+from slapshot.diagnosis.pucks.selection.search import CLASS
 from slapshot.plotting import OTHER_COLOURS, Drawing
 
 NAME = "D2-ranking"

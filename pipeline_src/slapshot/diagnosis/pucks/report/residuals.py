@@ -17,10 +17,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.evidence import LARGEST
-from slapshot.diagnosis.pucks.free_form import FreePlaceForce
-from slapshot.diagnosis.pucks.hit_fit import HitFitter
-from slapshot.diagnosis.pucks.search import Candidate
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
+from slapshot.diagnosis.pucks.selection.evidence import LARGEST
+from slapshot.diagnosis.pucks.selection.free_form import FreePlaceForce
+from slapshot.diagnosis.pucks.selection.search import Candidate
 from slapshot.effects.bases import BOARD
 from slapshot.effects.effect import Effect, Follows, Parameter, SlideState
 

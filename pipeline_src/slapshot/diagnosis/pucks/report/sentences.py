@@ -5,11 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from slapshot.diagnosis.pucks.held_out import HELD_OUT, SEEN_SHARE
-from slapshot.diagnosis.pucks.level import LEAST_EVIDENCE, LEAST_SHIFT, P_VALUE
 from slapshot.diagnosis.pucks.report import wording
 from slapshot.diagnosis.pucks.report.naming import what
 from slapshot.diagnosis.pucks.report.wording import table
-from slapshot.diagnosis.pucks.search import ADD
+from slapshot.diagnosis.pucks.selection.level import LEAST_EVIDENCE, LEAST_SHIFT, P_VALUE
+from slapshot.diagnosis.pucks.selection.search import ADD
 from slapshot.diagnosis.pucks.verdict import Errors, Interval, NamedEffect, Verdict
 from slapshot.effects.catalogue import catalogue
 from slapshot.plotting import STAND_IN

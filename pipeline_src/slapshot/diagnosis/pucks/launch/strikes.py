@@ -13,8 +13,8 @@ from mujoco.batch import Batch
 from scipy.interpolate import CubicSpline
 
 from slapshot.arrays import GRAVITY, Array
-from slapshot.diagnosis.pucks.approach import Approaches, digest_of_arm, resting_height, withdraw
-from slapshot.diagnosis.pucks.tracks import HitTracks
+from slapshot.diagnosis.pucks.launch.approach import Approaches, digest_of_arm, resting_height, withdraw
+from slapshot.diagnosis.pucks.slide.tracks import HitTracks
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording, joint_columns
 from slapshot.scenes.scene import Scene

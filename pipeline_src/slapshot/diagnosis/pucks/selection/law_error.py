@@ -12,8 +12,8 @@ import numpy as np
 
 from slapshot.arrays import GRAVITY
 from slapshot.diagnosis.inference.mismatch_test import Scores
-from slapshot.diagnosis.pucks.slide_model import Column
-from slapshot.diagnosis.pucks.strikes import TIMESTEP
+from slapshot.diagnosis.pucks.launch.strikes import TIMESTEP
+from slapshot.diagnosis.pucks.slide.slide_model import Column
 
 # Whose columns are those of a swing and of a launch one step late.
 STEPS = (("command_delay", "delay"), ("camera_time", "delay"))

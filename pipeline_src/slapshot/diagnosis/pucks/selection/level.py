@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from slapshot.diagnosis.pucks.judgement import mismatch_of, unknown_of
-from slapshot.diagnosis.pucks.search import ADD, CLASS, Candidate, Screen, Search
-from slapshot.diagnosis.pucks.trial import dropped_note
+from slapshot.diagnosis.pucks.selection.judgement import mismatch_of, unknown_of
+from slapshot.diagnosis.pucks.selection.search import ADD, CLASS, Candidate, Screen, Search
+from slapshot.diagnosis.pucks.selection.trial import dropped_note
 from slapshot.diagnosis.pucks.verdict import Mismatch, Unknown
 
 LEAST_SHIFT = 0.003  # m, rms of rest points: less is not called missing physics

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.gauss_newton import Fit
-from slapshot.diagnosis.pucks.hit_fit import HitFitter, bounded_step
-from slapshot.diagnosis.pucks.marginal import Marginal
-from slapshot.diagnosis.pucks.slide_model import Point
+from slapshot.diagnosis.pucks.fit.gauss_newton import Fit
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter, bounded_step
+from slapshot.diagnosis.pucks.fit.marginal import Marginal
+from slapshot.diagnosis.pucks.slide.slide_model import Point
 
 STEPS = 6  # of Gauss-Newton
 

@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.approach import Approaches
-from slapshot.diagnosis.pucks.camera_view import start_shift
-from slapshot.diagnosis.pucks.contact_features import approach_of
-from slapshot.diagnosis.pucks.execution import Execution, Readings, readings_of, replay
-from slapshot.diagnosis.pucks.launch import LaunchModel, LocalChange
-from slapshot.diagnosis.pucks.signatures import LOOK, Signatures, digest_of, make_signatures
-from slapshot.diagnosis.pucks.slide_model import Values
-from slapshot.diagnosis.pucks.strikes import Commands, Striker, commands_of
-from slapshot.diagnosis.pucks.swing_error import LATENESS, lateness_of
-from slapshot.diagnosis.pucks.tracks import HitTracks
+from slapshot.diagnosis.pucks.launch.approach import Approaches
+from slapshot.diagnosis.pucks.launch.contact_features import approach_of
+from slapshot.diagnosis.pucks.launch.execution import Execution, Readings, readings_of, replay
+from slapshot.diagnosis.pucks.launch.launch_model import LaunchModel, LocalChange
+from slapshot.diagnosis.pucks.launch.signatures import LOOK, Signatures, digest_of, make_signatures
+from slapshot.diagnosis.pucks.launch.strikes import Commands, Striker, commands_of
+from slapshot.diagnosis.pucks.launch.swing_error import LATENESS, lateness_of
+from slapshot.diagnosis.pucks.slide.camera_view import start_shift
+from slapshot.diagnosis.pucks.slide.slide_model import Values
+from slapshot.diagnosis.pucks.slide.tracks import HitTracks
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene

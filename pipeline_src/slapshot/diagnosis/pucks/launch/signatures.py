@@ -19,7 +19,7 @@ from safetensors.numpy import save_file
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.strikes import Commands, Striker
+from slapshot.diagnosis.pucks.launch.strikes import Commands, Striker
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.errors import InputError, reading
 from slapshot.progress import progress

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.free_form import launch_features
-from slapshot.diagnosis.pucks.gauss_newton import Fit, GaussNewton
-from slapshot.diagnosis.pucks.launch import TAILS, LaunchModel
-from slapshot.diagnosis.pucks.marginal import Marginal
-from slapshot.diagnosis.pucks.slide_model import STEP_SHARE, Column, Effects, Point, SlideModel, Values
+from slapshot.diagnosis.pucks.fit.gauss_newton import Fit, GaussNewton
+from slapshot.diagnosis.pucks.fit.marginal import Marginal
+from slapshot.diagnosis.pucks.launch.launch_model import TAILS, LaunchModel
+from slapshot.diagnosis.pucks.selection.free_form import launch_features
+from slapshot.diagnosis.pucks.slide.slide_model import STEP_SHARE, Column, Effects, Point, SlideModel, Values
 from slapshot.effects.effect import Effect
 
 LEAST_SHARE = 0.005  # of the distance: what rest points scatter by at least

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.tracks import HitTracks
+from slapshot.diagnosis.pucks.slide.tracks import HitTracks
 from slapshot.effects.effect import Effect
 from slapshot.effects.slide_law import ActiveEffect, slide
 

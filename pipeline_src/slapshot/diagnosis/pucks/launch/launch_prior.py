@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.slide_model import Column, Point, Values
+from slapshot.diagnosis.pucks.slide.slide_model import Column, Point, Values
 
 SPIN = 4  # place of the spin in a launch
 LAUNCH = 5  # numbers of a launch: x, y (m), vx, vy (m/s), spin (rad/s)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from slapshot.arrays import GRAVITY
-from slapshot.diagnosis.pucks.slide_model import Point
-from slapshot.diagnosis.pucks.tracks import HitTracks
+from slapshot.diagnosis.pucks.slide.slide_model import Point
+from slapshot.diagnosis.pucks.slide.tracks import HitTracks
 
 # Prior of the nuisance parameters: any dry surface.
 NUISANCE_MEAN = np.log([0.35, 0.35, 0.01])

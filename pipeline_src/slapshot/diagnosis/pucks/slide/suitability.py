@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slapshot.diagnosis.pucks.tracks import (
+from slapshot.diagnosis.pucks.slide.tracks import (
     NEVER_RESTED,
     NO_FRAMES,
     NO_REST_POINT,

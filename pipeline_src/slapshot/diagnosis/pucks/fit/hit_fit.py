@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.first_guess import first_guess
-from slapshot.diagnosis.pucks.gauss_newton import FIELD, Fit, GaussNewton
-from slapshot.diagnosis.pucks.launch_prior import LAUNCH, LaunchPrior, UnknownLaunch
-from slapshot.diagnosis.pucks.marginal import Marginal, marginalise
-from slapshot.diagnosis.pucks.noise import CameraNoise, frame_speeds, leaps, outliers
-from slapshot.diagnosis.pucks.slide_model import LATENTS, Column, Effects, Point, SlideModel, Values
-from slapshot.diagnosis.pucks.swing_error import LATENESS, with_errors
+from slapshot.diagnosis.pucks.fit.gauss_newton import FIELD, Fit, GaussNewton
+from slapshot.diagnosis.pucks.fit.marginal import Marginal, marginalise
+from slapshot.diagnosis.pucks.launch.launch_prior import LAUNCH, LaunchPrior, UnknownLaunch
+from slapshot.diagnosis.pucks.launch.swing_error import LATENESS, with_errors
+from slapshot.diagnosis.pucks.slide.first_guess import first_guess
+from slapshot.diagnosis.pucks.slide.noise import CameraNoise, frame_speeds, leaps, outliers
+from slapshot.diagnosis.pucks.slide.slide_model import LATENTS, Column, Effects, Point, SlideModel, Values
 
 SHOWN = 4  # frames that stand for a track where its shift is told
 NEAR = 0.3  # of a parameter's scale, within which derivatives by fields are taken for the same

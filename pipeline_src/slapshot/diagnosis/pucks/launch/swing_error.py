@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.free_form import ARM_JOINTS
+from slapshot.diagnosis.pucks.selection.free_form import ARM_JOINTS
 from slapshot.effects.effect import Effect, Parameter
 
 LATENESS = "joint_lateness"

@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.evidence import project
-from slapshot.diagnosis.pucks.gauss_newton import Fit
-from slapshot.diagnosis.pucks.search import CLASS, Candidate, Screen, Search
-from slapshot.diagnosis.pucks.slide_model import Column
+from slapshot.diagnosis.pucks.fit.gauss_newton import Fit
+from slapshot.diagnosis.pucks.selection.evidence import project
+from slapshot.diagnosis.pucks.selection.search import CLASS, Candidate, Screen, Search
+from slapshot.diagnosis.pucks.slide.slide_model import Column
 from slapshot.diagnosis.pucks.verdict import (
     Limit,
     Location,

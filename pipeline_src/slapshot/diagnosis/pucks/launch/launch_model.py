@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.camera_view import start_shift
-from slapshot.diagnosis.pucks.encoders import Encoders, each, value_at
-from slapshot.diagnosis.pucks.execution import Execution, Readings, pace_matrix
-from slapshot.diagnosis.pucks.free_form import FreeLaunchForm, NominalLaunches, launch_features
-from slapshot.diagnosis.pucks.launch_prior import LAUNCH, SPIN
-from slapshot.diagnosis.pucks.on_the_way import OnTheWay
-from slapshot.diagnosis.pucks.signatures import LOOK, Signatures
-from slapshot.diagnosis.pucks.slide_model import NUISANCE, NUISANCE_STEPS, Column, Point, Values
-from slapshot.diagnosis.pucks.swing_error import LATENESS, LONGEST, launches_late, swings_late
+from slapshot.diagnosis.pucks.launch.encoders import Encoders, each, value_at
+from slapshot.diagnosis.pucks.launch.execution import Execution, Readings, pace_matrix
+from slapshot.diagnosis.pucks.launch.launch_prior import LAUNCH, SPIN
+from slapshot.diagnosis.pucks.launch.on_the_way import OnTheWay
+from slapshot.diagnosis.pucks.launch.signatures import LOOK, Signatures
+from slapshot.diagnosis.pucks.launch.swing_error import LATENESS, LONGEST, launches_late, swings_late
+from slapshot.diagnosis.pucks.selection.free_form import FreeLaunchForm, NominalLaunches, launch_features
+from slapshot.diagnosis.pucks.slide.camera_view import start_shift
+from slapshot.diagnosis.pucks.slide.slide_model import NUISANCE, NUISANCE_STEPS, Column, Point, Values
 from slapshot.effects.effect import Effect
 
 LEAST_SD = np.array([5e-4, 5e-4, 5e-3, 5e-3, 0.1])  # m, m/s, rad/s: contact is no better known than that

@@ -14,12 +14,12 @@ import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.inference.mismatch_test import Scores, mismatch_test
-from slapshot.diagnosis.pucks.evidence import LARGEST, SIZES, LinearEvidence, project
-from slapshot.diagnosis.pucks.fitter import Fitter
-from slapshot.diagnosis.pucks.gauss_newton import FIELD, Fit
-from slapshot.diagnosis.pucks.law_error import with_law_errors
-from slapshot.diagnosis.pucks.marginal import Marginal
-from slapshot.diagnosis.pucks.slide_model import Column, Effects
+from slapshot.diagnosis.pucks.fit.fitter import Fitter
+from slapshot.diagnosis.pucks.fit.gauss_newton import FIELD, Fit
+from slapshot.diagnosis.pucks.fit.marginal import Marginal
+from slapshot.diagnosis.pucks.selection.evidence import LARGEST, SIZES, LinearEvidence, project
+from slapshot.diagnosis.pucks.selection.law_error import with_law_errors
+from slapshot.diagnosis.pucks.slide.slide_model import Column, Effects
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.text import reason_of
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.evidence import LARGEST, project
-from slapshot.diagnosis.pucks.first_guess import NUISANCE_MEAN
-from slapshot.diagnosis.pucks.marginal import Marginal
-from slapshot.diagnosis.pucks.slide_model import Column, Point
+from slapshot.diagnosis.pucks.fit.marginal import Marginal
+from slapshot.diagnosis.pucks.selection.evidence import LARGEST, project
+from slapshot.diagnosis.pucks.slide.first_guess import NUISANCE_MEAN
+from slapshot.diagnosis.pucks.slide.slide_model import Column, Point
 from slapshot.effects.effect import Effect, Parameter
 
 CONVERGED = 0.02  # of the objective (nats): differences that matter are of order 1

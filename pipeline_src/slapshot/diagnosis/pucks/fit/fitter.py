@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.gauss_newton import Fit
-from slapshot.diagnosis.pucks.marginal import Marginal
-from slapshot.diagnosis.pucks.slide_model import Column, Effects, Point, Values
+from slapshot.diagnosis.pucks.fit.gauss_newton import Fit
+from slapshot.diagnosis.pucks.fit.marginal import Marginal
+from slapshot.diagnosis.pucks.slide.slide_model import Column, Effects, Point, Values
 from slapshot.effects.effect import Effect
 
 

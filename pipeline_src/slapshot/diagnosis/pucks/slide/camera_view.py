@@ -3,7 +3,7 @@
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.slide_model import Values
+from slapshot.diagnosis.pucks.slide.slide_model import Values
 from slapshot.effects.effect import Effect
 
 INVERSIONS = 20  # rounds, each of which leaves the share by which the camera stretches, at most 0.35

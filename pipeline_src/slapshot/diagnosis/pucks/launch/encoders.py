@@ -7,8 +7,8 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.execution import Execution
-from slapshot.diagnosis.pucks.slide_model import Column, Values
+from slapshot.diagnosis.pucks.launch.execution import Execution
+from slapshot.diagnosis.pucks.slide.slide_model import Column, Values
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.gauss_newton import Fit
-from slapshot.diagnosis.pucks.hit_fit import HitFitter, Scatter
-from slapshot.diagnosis.pucks.launch import LaunchModel
-from slapshot.diagnosis.pucks.level import Level
+from slapshot.diagnosis.pucks.fit.gauss_newton import Fit
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter, Scatter
+from slapshot.diagnosis.pucks.launch.launch_model import LaunchModel
 from slapshot.diagnosis.pucks.result import Setting
-from slapshot.diagnosis.pucks.search import Candidate
-from slapshot.diagnosis.pucks.slide_model import Point, SlideModel
-from slapshot.diagnosis.pucks.tracks import HitTracks
+from slapshot.diagnosis.pucks.selection.level import Level
+from slapshot.diagnosis.pucks.selection.search import Candidate
+from slapshot.diagnosis.pucks.slide.slide_model import Point, SlideModel
+from slapshot.diagnosis.pucks.slide.tracks import HitTracks
 from slapshot.diagnosis.pucks.verdict import NamedEffect, NextHit
 
 HEADINGS = np.radians(np.arange(-90, 91, 15))

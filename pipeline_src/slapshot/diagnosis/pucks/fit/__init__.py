@@ -1,0 +1,1 @@
+"""Fits of hits: launches, friction and effects in one likelihood."""

@@ -1,0 +1,1 @@
+"""Swing and contact: how the simulator launches objects, with every effect, and what encoders say of it."""
