@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.slide.tracks import HitTracks
 from slapshot.effects.effect import Effect
-from slapshot.effects.slide_law import ActiveEffect, slide
+from slapshot.effects.slide_law import STEP, ActiveEffect, slide
 
 Values = Mapping[str, float]
 Effects = Mapping[str, Values]  # effect -> parameter -> value
@@ -22,6 +22,9 @@ LATENT_STEPS = np.array([1e-3, 1e-3, 1e-2, 1e-2, 0.5, 1e-2])
 # Of each object, shared by its hits: logarithms of mu_x, mu_y and of the torsional friction in m.
 NUISANCE = ("log_mu_x", "log_mu_y", "log_mu_torsional")
 NUISANCE_STEPS = np.array([1e-2, 1e-2, 5e-2])
+# s, of slides that only serve derivatives by what acts on them: those differ by less than a thousandth from
+# derivatives at a quarter of this step (tests/diagnosis/pucks/test_slide_model.py).
+COARSE_STEP = 2 * STEP
 STEP_SHARE = 0.1  # of a parameter's scale, for derivatives
 ROWS_AT_ONCE = 4000  # hits simulated together, so that arrays stay within the caches
 
@@ -113,29 +116,34 @@ class SlideModel:
             moved = base.latents.copy()
             moved[:, j] += step
             bumped.append(_Bumped(base.hits, moved, base.log_mu))
-        for column in columns:
-            if column.object < 0 and not self._acts(column.owner):
-                continue
-            if column.object < 0:
-                bumped.append(
-                    _Bumped(
-                        base.hits, base.latents, base.log_mu, (column.owner, column.parameter, column.step)
-                    )
-                )
-            else:
-                hits = np.flatnonzero(self.tracks.object == column.object)
-                moved = base.log_mu[hits].copy()
-                moved[:, NUISANCE.index(column.parameter)] += column.step
-                bumped.append(_Bumped(hits, base.latents[hits], moved))
+        acting = [c for c, column in enumerate(columns) if column.object >= 0 or self._acts(column.owner)]
+        # Differences between slides depend far less on the time step than the slides do.
+        coarse = [c for c in acting if columns[c].object < 0 and self.effects[columns[c].owner].acts_on_slide]
+        fine = [c for c in acting if c not in set(coarse)]
+        bumped += [self._bumped(base, columns[c]) for c in fine]
         seen = self._seen(bumped, point)
         by_latent = np.stack(
             [(s - seen[0]) / step for s, step in zip(seen[1:7], LATENT_STEPS, strict=True)], axis=-1
         )
         by_column = np.zeros((*seen[0].shape, len(columns)))
-        acting = [c for c, column in enumerate(columns) if column.object >= 0 or self._acts(column.owner)]
-        for c, part, s in zip(acting, bumped[7:], seen[7:], strict=True):
+        for c, part, s in zip(fine, bumped[7:], seen[7:], strict=True):
             by_column[part.hits, ..., c] = (s - seen[0][part.hits]) / columns[c].step
+        if coarse:
+            pushed = [base, *(self._bumped(base, columns[c]) for c in coarse)]
+            first, *others = self._seen(pushed, point, COARSE_STEP)
+            for c, s in zip(coarse, others, strict=True):
+                by_column[..., c] = (s - first) / columns[c].step
         return seen[0], by_latent, by_column
+
+    def _bumped(self, base: _Bumped, column: Column) -> _Bumped:
+        """All hits that a column acts on, with a step of it."""
+        if column.object < 0:
+            changed = (column.owner, column.parameter, column.step)
+            return _Bumped(base.hits, base.latents, base.log_mu, changed)
+        hits = np.flatnonzero(self.tracks.object == column.object)
+        moved = base.log_mu[hits].copy()
+        moved[:, NUISANCE.index(column.parameter)] += column.step
+        return _Bumped(hits, base.latents[hits], moved)
 
     def _acts(self, name: str) -> bool:
         """Whether an effect changes a track, its launch being given."""
@@ -149,8 +157,8 @@ class SlideModel:
     def _base(self, point: Point) -> _Bumped:
         return _Bumped(np.arange(len(self.tracks)), point.latents, point.nuisance[self.tracks.object])
 
-    def _seen(self, parts: Sequence[_Bumped], point: Point) -> list[Array]:
-        """(hits, frames, 2) of each part."""
+    def _seen(self, parts: Sequence[_Bumped], point: Point, step: float = STEP) -> list[Array]:
+        """(hits, frames, 2) of each part, integrated in steps of some seconds."""
         groups: list[list[_Bumped]] = [[]]
         for part in parts:
             if groups[-1] and sum(len(p.hits) for p in groups[-1]) + len(part.hits) > ROWS_AT_ONCE:
@@ -158,10 +166,10 @@ class SlideModel:
             groups[-1].append(part)
         # NumPy lets go of the interpreter in its loops over thousands of rows.
         with ThreadPoolExecutor(self.threads) as pool:
-            simulated = pool.map(lambda group: self._simulate(group, point), groups)
+            simulated = pool.map(lambda group: self._simulate(group, point, step), groups)
             return [places for group in simulated for places in group]
 
-    def _simulate(self, parts: Sequence[_Bumped], point: Point) -> list[Array]:
+    def _simulate(self, parts: Sequence[_Bumped], point: Point, step: float) -> list[Array]:
         hits = np.concatenate([p.hits for p in parts])
         latents = np.concatenate([p.latents for p in parts])
         log_mu = np.concatenate([p.log_mu for p in parts])
@@ -177,7 +185,8 @@ class SlideModel:
         launches = np.column_stack([latents[:, :2], np.zeros(len(latents)), latents[:, 2:5]])
         # Nobody looks at what moves on after the last frame.
         until = {"duration": self._duration, "longest": self._duration}
-        tracks = slide(launches, friction, self.radius, acting=slides, order=self.tracks.order[hits], **until)
+        order = self.tracks.order[hits]
+        tracks = slide(launches, friction, self.radius, acting=slides, order=order, step=step, **until)
         times = self.tracks.times[hits]
         for name, (rows, v) in values.items():
             delay = self.effects[name].camera_delay(v)

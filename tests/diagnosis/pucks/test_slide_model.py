@@ -1,0 +1,31 @@
+"""Derivatives of slides by what acts on them."""
+
+import numpy as np
+import pytest
+from slapshot.diagnosis.pucks.selection.free_form import FREE_FORMS
+from slapshot.diagnosis.pucks.slide import slide_model
+from slapshot.diagnosis.pucks.slide.first_guess import first_guess
+from slapshot.diagnosis.pucks.slide.slide_model import COARSE_STEP, LATENTS, SlideModel
+from slapshot.diagnosis.pucks.slide.tracks import hit_tracks
+from slapshot.effects.catalogue import catalogue
+
+from .synthetic import CAMERA, RADIUS, recording
+
+SLIDING = {e.name: e for e in (*catalogue().values(), *FREE_FORMS) if e.acts_on_slide}
+
+
+@pytest.fixture(scope="module")
+def model():
+    tracks = hit_tracks(recording(np.random.default_rng(3), hits=12))
+    return SlideModel(tracks, SLIDING, RADIUS, CAMERA)
+
+
+@pytest.mark.parametrize("name", sorted(SLIDING))
+def test_a_coarser_step_changes_derivatives_by_less_than_a_thousandth(model, name, monkeypatch):
+    point, valid = first_guess(model.tracks), model.tracks.valid
+    point.latents[:, LATENTS.index("spin")] = 2.0  # without a spin some do nothing
+    columns = [c for c in model.columns([name]) if c.object < 0]
+    coarse = model.derivatives(point, columns)[2][valid]
+    monkeypatch.setattr(slide_model, "COARSE_STEP", COARSE_STEP / 4)
+    exact = model.derivatives(point, columns)[2][valid]
+    assert np.linalg.norm(coarse - exact) < 1e-3 * np.linalg.norm(exact)
