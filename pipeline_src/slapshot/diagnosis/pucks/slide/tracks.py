@@ -15,8 +15,8 @@ from slapshot.recordings.format import Recording
 # m from the start at which a striker has let go, unless the object still gains speed: contact lasts for
 # 3 to 8 cm.
 RELEASE_DISTANCE = 0.12
-SPEED_FRAMES = 4  # over which speed is told
-FASTER = 4.0  # sd of noise by which an object must be faster later to count as pushed until then
+SPEED_FRAMES = 4  # fewest of a piece of a way whose acceleration is told
+FASTER = 4.0  # sd by which an acceleration must exceed 0 to be that of a push
 MOVING_DISTANCE = 0.02  # m from the start at which an object has begun to move, above any camera's noise
 FEWEST_FRAMES = 8  # of a slide that is used
 RESTED_S = 6.0  # s after the release
@@ -183,7 +183,7 @@ def _cut(times: Array, places: Array) -> tuple[int, int, int] | str:
     if len(times) < FEWEST_FRAMES:
         return TOO_FEW_FRAMES
     smooth = _running_median(places)
-    end = np.median(smooth[-3:], axis=0)
+    end = np.median(places[-FEWEST_FRAMES:], axis=0)
     origin = np.median(smooth[:3], axis=0)
     away = np.linalg.norm(smooth - origin, axis=1)
     if away.max() < RELEASE_DISTANCE:
@@ -192,11 +192,14 @@ def _cut(times: Array, places: Array) -> tuple[int, int, int] | str:
     begin = _last(away <= MOVING_DISTANCE) + 1
     first = _last(away <= RELEASE_DISTANCE) + 1
     # Two frames later friction has stopped it.
-    last = _last(np.linalg.norm(smooth - end, axis=1) > MOVING_DISTANCE / 2) + 3
+    if np.linalg.norm(np.median(smooth[-3:], axis=0) - end) > MOVING_DISTANCE / 2:
+        return NEVER_RESTED
+    # The last two frames have no median of five.
+    moves = _last(np.linalg.norm(smooth[:-2] - end, axis=1) > MOVING_DISTANCE / 2) + 1
+    last = moves + 2
     if last < len(times) - FEWEST_FRAMES:
-        first = _slows_down(
-            times[:last], smooth[:last], first, max(_noise(places[first:last]), _noise(places[last:]))
-        )
+        noise = max(_noise(places[first:last]), _noise(places[last:]))
+        first = _slows_down(times[:moves], smooth[:moves], first, noise)
     if last - first < FEWEST_FRAMES:
         return TOO_SHORT_A_SLIDE
     if last >= len(times):
@@ -205,16 +208,44 @@ def _cut(times: Array, places: Array) -> tuple[int, int, int] | str:
 
 
 def _slows_down(times: Array, smooth: Array, first: int, sd: float) -> int:
-    """Row, `first` or later, at which a striker ceases to push; places have noise of `sd` in m."""
-    ways = np.linalg.norm(smooth[SPEED_FRAMES:] - smooth[:-SPEED_FRAMES], axis=1)
-    speeds = (ways / (times[SPEED_FRAMES:] - times[:-SPEED_FRAMES]))[first:]
-    if len(speeds) == 0:
+    """Row, `first` or later, at which a striker ceases to push; places have noise of `sd` in m.
+
+    Two pieces of constant acceleration along the way, joined without a jump of the speed, are fitted. What
+    gains speed in the first one is pushed until its end; what gains speed after it lost some is pulled by
+    something else than the striker.
+    """
+    if len(times) - first < FEWEST_FRAMES:
         return first
-    noise = FASTER * 2 * sd / (times[first + SPEED_FRAMES] - times[first])
-    # What gains speed after it lost some is pulled by something else than the striker.
-    lost = speeds < np.maximum.accumulate(speeds) - noise
-    fastest = int(np.argmax(speeds[: np.argmax(lost)] if lost.any() else speeds))
-    return first + fastest + SPEED_FRAMES // 2 if speeds[fastest] > speeds[0] + noise else first
+    t, ways = times[first:] - times[first], smooth[first:] - smooth[first]
+    farthest = ways[int(np.argmax((ways**2).sum(1)))]
+    way = ways @ (farthest / max(float(np.linalg.norm(farthest)), 1e-9))
+    if not _may_gain_speed(t, way, sd):
+        return first
+    parabola = np.stack([np.ones_like(t), t, t**2 / 2], axis=1)
+    best, until = np.inf, first
+    for k in range(SPEED_FRAMES, len(t) - SPEED_FRAMES):
+        design = np.column_stack([parabola, np.maximum(t - t[k], 0) ** 2 / 2])
+        fitted, _, rank, _ = np.linalg.lstsq(design, way, rcond=None)
+        square = float(((way - design @ fitted) ** 2).sum())
+        if rank < design.shape[1] or square >= best:
+            continue
+        error = sd * np.sqrt(np.linalg.inv(design.T @ design)[2, 2])
+        pushes = fitted[2] > FASTER * error and fitted[2] + fitted[3] < 0
+        best, until = square, first + k if pushes else first
+    return until
+
+
+def _may_gain_speed(t: Array, way: Array, sd: float) -> bool:
+    """Whether any beginning of a way, in m, is not surely one that slows down: most are, at little cost."""
+    for count in range(FEWEST_FRAMES, len(t) + 1, SPEED_FRAMES):
+        design = np.stack([np.ones(count), t[:count], t[:count] ** 2 / 2], axis=1)
+        covariance = np.linalg.inv(design.T @ design)
+        acceleration = covariance[2] @ (design.T @ way[:count])
+        if acceleration + 2 * sd * np.sqrt(covariance[2, 2]) > 0:
+            return True
+        if sd * np.sqrt(covariance[2, 2]) < -acceleration / 10:
+            return False
+    return False
 
 
 def _noise(places: Array) -> float:
