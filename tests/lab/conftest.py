@@ -154,7 +154,7 @@ def plain_rig() -> Rig:
         height=FLAT,
         log_friction=FLAT,
         scatter=Scatter(0.0, 0.0, (0.0,) * 7, 0.0),
-        camera=Camera(30.0, 0.0, 0.0, 0.0, 0.0, (0.05, 0.2), 0.5, None),
+        camera=Camera(30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, (0.05, 0.2), 0.5, None),
     )
 
 

@@ -216,7 +216,7 @@ def test_a_class_names_its_members_their_probabilities_and_the_reason(tilt):
 
 
 def test_what_the_catalogue_does_not_know_is_said(tilt):
-    unknown = Unknown(True, "slide", "place", 31.0, 0.012)
+    unknown = Unknown(True, "slide", "place", 31.0, 0.012, 0.48)
     verdict = replace(
         tilt.verdict,
         headline="found_not_named",
@@ -229,7 +229,7 @@ def test_what_the_catalogue_does_not_know_is_said(tilt):
         "Something is missing that the catalogue does not know: it acts in the slide of the object and "
         "follows the place on the board"
     )
-    assert "**Not in the catalogue:** something acts" in markdown(verdict)
+    assert "**Not in the catalogue** (probability 48 %): something acts" in markdown(verdict)
     assert "and something that the catalogue does not know" in headline(
         replace(tilt.verdict, unknown=unknown)
     )

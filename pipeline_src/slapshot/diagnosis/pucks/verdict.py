@@ -118,7 +118,7 @@ class Unknown:
     variable: Follows | None
     log_evidence: float
     shift_m: NotNegative
-    probability: Probability | None = None
+    probability: Probability | None
 
 
 @dataclass(frozen=True)

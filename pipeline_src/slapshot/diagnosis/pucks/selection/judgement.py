@@ -130,8 +130,8 @@ def unknown_of(search: Search[Any], leftover: Screen, least: float, shift: float
     flagged = evidence > least and moved >= shift and leftover.p_value < 0.01
     effect = search.fitter.effects[best]
     if not flagged:
-        return Unknown(False, None, None, evidence, moved)
-    return Unknown(True, effect.phase, effect.follows, evidence, moved)
+        return Unknown(False, None, None, evidence, moved, None)
+    return Unknown(True, effect.phase, effect.follows, evidence, moved, None)
 
 
 def outside_probability(unexplained: bool) -> float:
