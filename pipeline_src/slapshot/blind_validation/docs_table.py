@@ -30,7 +30,7 @@ ROWS = {
     "two effects at once: one of them is named": ("one_named", "pairs"),
     "two effects at once: both are named": ("both_named", "pairs"),
     "physics in no catalogue: a mismatch is found": ("detected", "uncatalogued"),
-    "physics in no catalogue: called unknown": ("unknown_flagged", "uncatalogued"),
+    "physics in no catalogue: called unknown, or found and not named": ("unknown_flagged", "uncatalogued"),
     "90 % intervals of a found effect's parameters: they hold the truth": ("coverage90", "plain"),
 }
 

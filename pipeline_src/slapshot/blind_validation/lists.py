@@ -82,6 +82,8 @@ CLUTTER = {"mistracks": 0.01, "noise_time": 0.04, "jitter": 0.1, "outliers": 0.0
 _FULL = (
     CaseGroup("null", 150),
     CaseGroup("null, cluttered", 100, overrides=CLUTTER),
+    CaseGroup("null, 1 % mistracks", 10, overrides={"mistracks": 0.01}),
+    CaseGroup("null, coloured noise", 10, overrides={"noise_time": 0.04}),
     CaseGroup("null, 400 hits", 6, overrides={"hits": 400}),
     CaseGroup("null, tracks only", 20, overrides=TRACKS_ONLY),
     CaseGroup("null, rest points only", 20, overrides=RESTS_ONLY),

@@ -23,6 +23,7 @@ AIMS: dict[tuple[str, str], tuple[str, float | None, float | None]] = {
     ("false_alarm", "null, rest points only"): ("at most 2 %", None, 0.02),
     ("p_below_05", "null"): ("3 to 8 %", 0.03, 0.08),
     ("naming_top1", "plain"): ("at least 95 %", 0.95, None),
+    ("naming_top1_drags_merged", "plain"): ("at least 97 %", 0.97, None),
     ("naming_top1", "launch"): ("at least 85 %", 0.85, None),
     ("naming_top1", "plain, tracks only"): ("at least 80 %", 0.80, None),
     ("naming_top1", "plain, rest points only"): ("at least 70 %", 0.70, None),
