@@ -63,6 +63,13 @@ def _parameters(prefix: str, count: int, unit: str, scale: float) -> tuple[Param
     )
 
 
+def _along_motion(along: Array, across: Array, state: SlideState) -> tuple[Array, Array]:
+    """Accelerations (n,), (n,) in the world's axes of those along the motion and to its left."""
+    speed = state.speed + 1e-9
+    along, across = along / speed, across / speed
+    return along * state.vx - across * state.vy, along * state.vy + across * state.vx
+
+
 class FreePlaceForce(Effect):
     name = "free_place"
     phase = "slide"
@@ -97,10 +104,8 @@ class FreeSpeedForce(Effect):
 
     def accelerate(self, values: Mapping[str, Array], state: SlideState) -> tuple[Array, Array]:
         """Along and across the motion, by the speed."""
-        speed = state.speed + 1e-9
-        shapes = _bumps(SPEEDS, speed)
-        along, across = _total(values, "along", shapes) / speed, _total(values, "across", shapes) / speed
-        return along * state.vx - across * state.vy, along * state.vy + across * state.vx
+        shapes = _bumps(SPEEDS, state.speed)
+        return _along_motion(_total(values, "along", shapes), _total(values, "across", shapes), state)
 
 
 class FreeTimeForce(Effect):
@@ -133,13 +138,11 @@ class FreeHeadingForce(Effect):
 
     def accelerate(self, values: Mapping[str, Array], state: SlideState) -> tuple[Array, Array]:
         """Along and across the motion, by its heading."""
-        speed = state.speed + 1e-9
         heading = np.arctan2(state.vy, state.vx)
         shapes = np.array(
             [f(k * heading) for k in range(1, HARMONICS + 1) for f in (np.sin, np.cos)],
         )
-        along, across = _total(values, "along", shapes) / speed, _total(values, "across", shapes) / speed
-        return along * state.vx - across * state.vy, along * state.vy + across * state.vx
+        return _along_motion(_total(values, "along", shapes), _total(values, "across", shapes), state)
 
 
 class FreeOrderFriction(Effect):
