@@ -218,10 +218,10 @@ def _reliability(axes: Axes, cases: pd.DataFrame) -> pd.DataFrame:
             }
         )  # fmt: skip
     table = pd.DataFrame(rows)
-    axes.plot([0, 1], [0, 1], color="#888888", lw=1, ls=":")
     if not rows:
-        axes.text(0.5, 0.6, "no name has a stated probability", ha="center", color="#888888")
+        axes.text(0.5, 0.5, "no name has a stated probability", ha="center", color="#888888")
     else:
+        axes.plot([0, 1], [0, 1], color="#888888", lw=1, ls=":")
         error = [table["share"] - table["low"], table["high"] - table["share"]]
         axes.errorbar(
             table["stated"], table["share"], yerr=error, fmt="o", ms=4, capsize=3, color=OTHER_COLOURS[0]
