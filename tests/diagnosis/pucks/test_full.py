@@ -129,6 +129,26 @@ def turned(record):
     return record({"blade_yaw": {"angle": TRUE_YAW}}, 1)
 
 
+def test_how_far_an_object_has_turned_is_what_it_spun_since(scene, commands):
+    """Between two moments of free sliding: the integral of the spin, by the trapezium rule."""
+    held = commands_through(commands, scene, DURATION + 0.6)
+    start, friction = np.tile(np.array(scene.info.start), (HITS, 1)), np.tile(FRICTION, (HITS, 1))
+    slug = [(catalogue()["offcentre_mass"], {"offset_x": -0.005, "offset_y": 0.006, "log_inertia": -0.4})]
+
+    def strike(releases):
+        striker = Striker(scene, held, releases, np.full(HITS, 0.1), friction, np.zeros(1), 2)
+        return striker.strike(start, slug)
+
+    contact = strike(np.full(HITS, DURATION + 0.5)).contact
+    assert np.abs(strike(contact - 0.02).turned).max() < 1e-3
+    moments = 0.08 + 0.005 * np.arange(9)
+    struck = [strike(contact + moment) for moment in moments]
+    spun = np.trapezoid([one.released[:, 4] for one in struck], moments, axis=0)
+    # Contacts with the board change the spin within some milliseconds.
+    np.testing.assert_allclose(struck[-1].turned - struck[0].turned, spun, atol=0.03 * np.abs(spun).max())
+    assert np.abs(struck[0].turned).max() > 0.05
+
+
 def test_near_a_slug_launches_change_with_its_inertia_as_simulated(scene, commands, record, monkeypatch):
     """What inertia does to a launch depends on where the centre of mass is: alone it does nothing."""
     monkeypatch.setattr(signatures_module, "TWO_SIDED", (-1.5, 1.5))  # few sizes are simulated faster

@@ -29,6 +29,8 @@ SCATTER = np.diag([0.004, 0.003, 0.05, 0.04, 0.5]) ** 2
 class KnownLaunch(UnknownLaunch):
     """Launches whose means are given, and follow a slope along y as after a second on it."""
 
+    flat = 0
+
     def offsets(self, point):
         means = self.means.copy()
         means[:, 3] -= GRAVITY * point.effects.get("tilt", {"slope_y": 0.0})["slope_y"]
@@ -125,6 +127,29 @@ def test_what_tracks_say_of_an_effect_does_not_depend_on_where_launches_should_b
     else:
         # Two parameters gain a nat by chance.
         assert abs(told.gain_by_tracks(with_tilt, "tilt")) < 5
+
+
+def test_tracks_alone_do_not_tell_how_large_a_camera_shows_places(fitter):
+    """Launches and friction scaled with the places give the same frames: a likelihood is the same, too."""
+    tracks, size = fitter.model.tracks, 0.1
+    hits = HitFitter(
+        SlideModel(tracks, {"camera_scale": catalogue()["camera_scale"]}, RADIUS, CAMERA), fitter.noise
+    )
+    latents = fitter.fit(fitter.start()).point.latents.copy()
+    latents[:, 4] = 0.0  # what spins has a radius that no camera scales
+    nuisance = np.log([[0.35, 0.35, 0.005]])
+    shrunk = latents.copy()
+    shrunk[:, :2] = CAMERA + (latents[:, :2] - CAMERA) * np.exp(-size)
+    shrunk[:, 2:4] *= np.exp(-size)
+    values = {"log_scale": size, "shift_x": 0.0, "shift_y": 0.0}
+    points = [
+        Point(latents, nuisance),
+        Point(shrunk, nuisance - size * np.array([1, 1, 0]), {"camera_scale": values}),
+    ]
+    plain, scaled = (hits.evaluate(point, [], Scatter(0.03, np.zeros((0, 0)))) for point in points)
+    np.testing.assert_allclose(scaled.squares, plain.squares, rtol=1e-3)
+    # Were the prior flat in metres, 4 numbers a launch would make it 8 size = 0.8 a hit.
+    np.testing.assert_allclose(scaled.log_volume, plain.log_volume, atol=0.01)
 
 
 def test_a_late_camera_shows_the_faster_motion_before_the_release(fitter):

@@ -2,9 +2,12 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
-from slapshot.diagnosis.pucks.selection.judgement import _class, outside_probability
+from slapshot.diagnosis.pucks.selection.judgement import _class, outside_probability, parameters_of
 from slapshot.diagnosis.pucks.selection.search import Candidate
+from slapshot.diagnosis.pucks.slide.slide_model import Column
+from slapshot.effects.catalogue import catalogue
 
 GAIN = 2000.0  # nats of what was named
 DISPERSION = 2.0
@@ -39,6 +42,25 @@ def test_exact_laws_are_told_apart_by_evidence():
 
 def test_what_parameters_cost_counts_whatever_laws_err_by():
     assert set(members(0.15, candidate("map", 0.0, cost=20.0))) == {"lag"}
+
+
+def test_an_interval_holds_that_beside_what_is_left_over():
+    """One slope 0.1 with sd 0.01; beside a free form it would be 0.05 with sd 0.02."""
+    columns = [Column("object", "log_mu_x", 0, 0.01), Column("tilt", "slope_x", -1, 0.001)]
+    marginal = SimpleNamespace(scores=np.zeros((3, 2)))
+    values = {"tilt": {"slope_x": 0.1}}
+    fit = SimpleNamespace(
+        columns=columns,
+        covariance=np.diag([1.0, 0.01**2]),
+        marginal=marginal,
+        point=SimpleNamespace(effects=values),
+    )
+    search = SimpleNamespace(fitter=SimpleNamespace(effects=catalogue()))
+    (alone,) = parameters_of(search, fit, "tilt")
+    assert (alone.low, alone.high) == pytest.approx((0.1 - 0.01645, 0.1 + 0.01645))
+    beside = np.array([0.0, -0.05]), np.array([1.0, 0.02])
+    (wide,) = parameters_of(search, fit, "tilt", beside)
+    assert (wide.value, wide.low, wide.high) == pytest.approx((0.1, 0.05 - 0.0329, 0.1 + 0.01645))
 
 
 def test_what_is_in_no_catalogue_is_as_probable_as_its_flag_makes_it():

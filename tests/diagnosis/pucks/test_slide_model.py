@@ -1,5 +1,7 @@
 """Derivatives of slides by what acts on them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from slapshot.diagnosis.pucks.selection.free_form import FREE_FORMS
@@ -18,6 +20,20 @@ SLIDING = {e.name: e for e in (*catalogue().values(), *FREE_FORMS) if e.acts_on_
 def model():
     tracks = hit_tracks(recording(np.random.default_rng(3), hits=12))
     return SlideModel(tracks, SLIDING, RADIUS, CAMERA)
+
+
+def test_an_object_that_turned_before_its_release_has_its_slug_elsewhere(model):
+    """After a quarter turn a slug that was ahead is on the left."""
+    point = first_guess(model.tracks)
+    point.latents[:, LATENTS.index("spin")] = 5.0
+    ahead, left = (
+        {"offcentre_mass": {"offset_x": x, "offset_y": y, "log_inertia": 0.0}}
+        for x, y in ((0.01, 0.0), (0.0, 0.01))
+    )
+    turned = model.of(replace(model.tracks, turned=np.full(len(model.tracks), np.pi / 2)))
+    expected = model.predict(replace(point, effects=left))
+    np.testing.assert_allclose(turned.predict(replace(point, effects=ahead)), expected, atol=1e-9)
+    assert np.abs(model.predict(replace(point, effects=ahead)) - expected).max() > 1e-3
 
 
 @pytest.mark.parametrize("name", sorted(SLIDING))

@@ -126,7 +126,7 @@ def diagnose(
         level = level.without_names()
         fit, notes = errors(level), (*notes, refuted_note(tried))
         doubt = distrust(level, tracks.hit[kept], doubtful)
-    named = tuple(sorted(found_effects(search, level.final), key=lambda e: -e.shift_m))
+    named = tuple(sorted(found_effects(search, level.final, level.leftover), key=lambda e: -e.shift_m))
     unknown, mismatch = level.unknown, level.mismatch
     if named and not unknown.flagged and not explained(fit, LARGEST_ERROR):
         unknown = replace(unknown, flagged=True)

@@ -84,7 +84,7 @@ def diagnose_rests(
         level = level.without_names()
         fit = _errors(test, level, setting, resample_rng)
         doubt = distrust(level, tracks.hit[kept], ())
-    named = tuple(_of_class(level, effect) for effect in found_effects(search, level.final))
+    named = tuple(_of_class(level, effect) for effect in found_effects(search, level.final, level.leftover))
     headline = headline_of(level.mismatch.found, bool(named), fit)
     if headline == "nothing_found":
         doubt = undecided(level, tracks.hit[kept], ())

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.fit.gauss_newton import FIELD, Fit, GaussNewton
 from slapshot.diagnosis.pucks.fit.marginal import Marginal, marginalise
-from slapshot.diagnosis.pucks.launch.launch_prior import LAUNCH, LaunchPrior, UnknownLaunch
+from slapshot.diagnosis.pucks.launch.launch_prior import LAUNCH, NEARLY_FLAT, LaunchPrior, UnknownLaunch
 from slapshot.diagnosis.pucks.launch.swing_error import LATENESS, with_errors
 from slapshot.diagnosis.pucks.slide.first_guess import first_guess
 from slapshot.diagnosis.pucks.slide.noise import CameraNoise, frame_speeds, leaps, outliers
@@ -77,6 +77,10 @@ class HitFitter(GaussNewton):
         """The same frames with another prior of launches."""
         other = copy(self)
         other.launches = launches
+        tracks = self.model.tracks
+        if launches.turned is not None and not np.array_equal(launches.turned, tracks.turned):
+            other.model = self.model.of(replace(tracks, turned=launches.turned))
+            other._at = other._wide = None
         return other
 
     def slides_alone(self, point: Point, shown: NDArray[np.bool_] | None = None) -> "HitFitter":
@@ -243,7 +247,7 @@ class HitFitter(GaussNewton):
         by_prior = np.zeros((count, size, j.shape[-1]))
         by_prior[:, :LAUNCH] = self.launches.slopes(columns, point)
         marginal = marginalise(z, h, j, offset, root, by_prior)
-        volume = marginal.log_volume + log_det + 2 * np.log(scatter.friction)
+        volume = marginal.log_volume + log_det + 2 * np.log(scatter.friction) - self._flat_volume(h)
         told = point.latents[:, :LAUNCH] + measured, noise
         marginal = replace(marginal, log_volume=volume, told=told)
         read = self.launches.encoder_rows(columns, point)
@@ -256,6 +260,19 @@ class HitFitter(GaussNewton):
             scores=marginal.scores + np.einsum("nrp,nr->np", by_shared, residual),
             squares=marginal.squares + (residual**2).sum(1),
         )
+
+    def _flat_volume(self, by_latent: Array) -> Array | float:
+        """(n,) log det of the information on what a launch's prior says nothing about.
+
+        Such a prior is flat in what the camera sees, not in metres: else a camera that shrinks places would
+        seem likelier, since more launches then lead to what was seen.
+        """
+        flat = self.launches.flat
+        if not flat:
+            return 0.0
+        seen = by_latent[..., :flat]
+        information = seen.transpose(0, 2, 1) @ seen + NEARLY_FLAT**2 * np.eye(flat)
+        return np.asarray(np.linalg.slogdet(information)[1])
 
     def _whitened(self, predicted: Array, by_latent: Array, by_column: Array) -> tuple[Array, Array, Array]:
         """Residuals of frames (n, rows), and derivatives by latents (n, rows, 6) and columns (n, rows, p)."""

@@ -85,6 +85,7 @@ class LaunchModel:
         approach: Array,
         base: Mapping[str, Values] | None = None,
         reference: Execution | None = None,
+        turned: Array | None = None,
         local: Mapping[str, LocalChange] | None = None,
     ) -> None:
         """Of n hits.
@@ -106,10 +107,12 @@ class LaunchModel:
             approach: (n, 2) as in NominalLaunches.
             base: effects with which hits were simulated; None for the nominal scene.
             reference: execution whose scatter is taken for known; None to estimate it.
+            turned: (n,) rad by which objects had turned at the release; None for not at all.
             local: effect/parameter -> how it goes on changing about `base`, instead of as in the signatures.
         """
         self._effects, self._camera, self._starts = effects, camera, starts
         self._starts_seen = starts_seen[:, None]
+        self.turned = np.zeros(len(rows)) if turned is None else turned
         self._simulated, self._object, self._friction = simulated, objects, friction
         ahead = releases - signatures.contact[rows] - LOOK
         struck = np.where(np.isnan(contact), releases, contact)
@@ -213,6 +216,8 @@ class LaunchModel:
     def first_scatter(self) -> Array:
         """(5, 5) before it is estimated."""
         return np.diag(FIRST_SD**2)
+
+    flat = 0
 
     @property
     def rows(self) -> int:

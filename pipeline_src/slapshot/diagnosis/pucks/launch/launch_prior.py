@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -21,6 +21,14 @@ class LaunchPrior(Protocol):
     @property
     def first_scatter(self) -> Array:
         """(5, 5) covariance from hit to hit before it is estimated; (0, 0) where there is none."""
+
+    @property
+    def turned(self) -> Array | None:
+        """(n,) rad by which objects turned before their release; None where nothing is known of it."""
+
+    @property
+    def flat(self) -> int:
+        """Of the numbers of a launch, the first ones on which the prior says nothing."""
 
     @property
     def rows(self) -> int:
@@ -72,6 +80,8 @@ class UnknownLaunch:
     spin: Array | None = None
     spin_sd: float = UNKNOWN_SPIN_SD
     rows: int = -4
+    flat: ClassVar[int] = SPIN
+    turned: ClassVar[None] = None
 
     @property
     def first_scatter(self) -> Array:

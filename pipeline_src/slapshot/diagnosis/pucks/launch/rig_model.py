@@ -15,6 +15,7 @@ from slapshot.diagnosis.pucks.launch.launch_model import LaunchModel, LocalChang
 from slapshot.diagnosis.pucks.launch.signatures import LOOK, Signatures, digest_of, make_signatures
 from slapshot.diagnosis.pucks.launch.strikes import Commands, Striker, commands_of
 from slapshot.diagnosis.pucks.launch.swing_error import LATENESS, lateness_of
+from slapshot.diagnosis.pucks.selection.free_form import NominalLaunches, contact_features, launch_features
 from slapshot.diagnosis.pucks.slide.camera_view import start_shift
 from slapshot.diagnosis.pucks.slide.slide_model import Values
 from slapshot.diagnosis.pucks.slide.tracks import HitTracks
@@ -22,7 +23,8 @@ from slapshot.effects.effect import Effect, Parameter
 from slapshot.recordings.format import Recording
 from slapshot.scenes.scene import Scene
 
-LOCAL_STEP = 1.0  # of a parameter's scale: less is lost in the scatter of contact
+LOCAL_STEP = 1.0  # of a parameter's scale, to either side: less is lost in the scatter of contact
+ROWS_A_FEATURE = 3  # hits for each feature that a change of launches is smoothed by
 
 
 class RigModel:
@@ -144,11 +146,30 @@ class RigModel:
         return found
 
     def _local_change(self, owner: str, parameter: Parameter) -> LocalChange:
+        """By a central difference where bounds leave room: launches bend over a scale of a parameter."""
         here, step = self._base[owner][parameter.name], LOCAL_STEP * parameter.scale
-        there = here + step if here + step <= parameter.high else here - step
-        changed = {**self._base, owner: {**self._base[owner], parameter.name: there}}
-        struck = self._strike([(self._effects[name], values) for name, values in changed.items()])
-        return LocalChange(here, there, struck.released - self._struck.released)
+        ends = (max(here - step, parameter.low), min(here + step, parameter.high))
+        low, high = (self._released_at(owner, parameter.name, value) for value in ends)
+        change = (high - low) * (step / (ends[1] - ends[0]))
+        return LocalChange(here, here + step, self._smoothed(change))
+
+    def _smoothed(self, change: Array) -> Array:
+        """What of a change (n, 5) of launches is smooth in the command, along and across the heading.
+
+        The rest is contact's scatter, which a fit would take for knowledge of the parameter.
+        """
+        of = NominalLaunches(self._struck.released, np.empty((len(change), 5, 0)), self._approach)
+        features = np.concatenate([launch_features(of.simulated), contact_features(of.approach)], axis=1)
+        if len(change) < ROWS_A_FEATURE * features.shape[1]:
+            return change
+        local = np.einsum("nji,nj->ni", of.turn, change)
+        fitted = features @ np.linalg.lstsq(features, local, rcond=None)[0]
+        return np.asarray(np.einsum("nij,nj->ni", of.turn, fitted))
+
+    def _released_at(self, owner: str, parameter: str, value: float) -> Array:
+        """(n, 5) launches with one value changed."""
+        changed = {**self._base, owner: {**self._base[owner], parameter: value}}
+        return self._strike([(self._effects[name], values) for name, values in changed.items()]).released
 
     def launches(
         self, rows: NDArray[np.int64], reference: Execution | None = None, fitted: bool = True
@@ -182,6 +203,7 @@ class RigModel:
             self._approach[rows],
             self._base,
             reference,
+            self._struck.turned[rows],
             {name: change.take(rows) for name, change in self._local_changes().items()} if fitted else {},
         )
 

@@ -46,11 +46,13 @@ class Strikes:
         released: (n, 5) x, y (m), vx, vy (m/s), spin (rad/s) of the object at the release.
         joints: (n, readings, joints) rad, of the arm at the times asked for.
         contact: (n,) s at which the object began to move.
+        turned: (n,) rad by which the object had turned at the release.
     """
 
     released: Array
     joints: Array
     contact: Array
+    turned: Array
 
 
 def commands_of(recording: Recording, tracks: HitTracks, scene: Scene, until: float) -> Commands:
@@ -188,6 +190,7 @@ class Striker:
         joints = came.joints[:, np.minimum(rows, targets.shape[1] - 1)]
         released, contact = np.zeros((count, 5)), np.full(count, np.nan)
         released[:, :2] = starts
+        turned = np.zeros(count)
         planar = [0, 1, 3]
         column = {int(row): k for k, row in enumerate(rows)}
         before: Array | None = None
@@ -210,6 +213,7 @@ class Striker:
                 at = (1 - share) * earlier[now] + share * state[now]
                 released[now] = at[:, [0, 1, 3, 4, 5]]
                 released[now, :2] += start
+                turned[now] = at[:, 2]
             before = state
             running = ids[here & (ticks > tick)]
             if len(running):
@@ -221,7 +225,7 @@ class Striker:
         if waits is not None:
             mu = self._friction[:, :2].mean(1)
             released = _told_at(released, self._releases - releases, GRAVITY * mu)
-        return Strikes(released, joints, contact)
+        return Strikes(released, joints, contact, turned)
 
     def _dress(self, batch: Batch, model: mujoco.MjModel) -> None:
         """Each hit's object and friction."""

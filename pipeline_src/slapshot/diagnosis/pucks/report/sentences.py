@@ -115,11 +115,12 @@ def _mismatch(verdict: Verdict) -> str:
     if verdict.headline == "nothing_found":
         return (
             f"**No.** {held_out} The test of what is left after friction was refitted falls short of what "
-            f"counts as missing physics ({facts}; it takes p < {P_VALUE:g}, more than {LEAST_EVIDENCE:g} "
-            f"nats and at least {MM * LEAST_SHIFT:g} mm). {noise}"
+            f"counts as missing physics ({facts}; it takes p < {P_VALUE:g} and more than "
+            f"{LEAST_EVIDENCE:g} nats). {noise}"
         )
     if mismatch.decided_by == "tests":
-        return f"**Yes.** After friction was refitted, something is left: {facts}. {held_out} {noise}"
+        small = " It is real, and small." if mismatch.shift_m < LEAST_SHIFT else ""
+        return f"**Yes.** After friction was refitted, something is left: {facts}.{small} {held_out} {noise}"
     return (
         f"**Yes.** {held_out} The test of single hypotheses alone would not have said so ({facts}). {noise}"
     )

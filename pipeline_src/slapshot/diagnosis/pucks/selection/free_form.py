@@ -46,6 +46,12 @@ def launch_features(launches: Array) -> Array:
     return np.stack([s**i * heading**j for i, j in _LAUNCH_POWERS], axis=1)
 
 
+def contact_features(approach: Array) -> Array:
+    """(n, 6) powers of where and at which angle faces meet objects (n, 2), of order 1."""
+    offset, angle = ((x - x.mean()) / max(float(x.std()), 1e-3) for x in approach.T)
+    return np.stack([offset**i * angle**j for i, j in _CONTACT_POWERS], axis=1)
+
+
 def _bumps(centres: Array, x: Array) -> Array:
     """(centres, n) Gaussian bumps whose width is their distance."""
     width = centres[1] - centres[0]
@@ -223,8 +229,7 @@ class FreeContact(FreeLaunchForm):
 
     def basis(self, of: NominalLaunches) -> Array:
         """Polynomials of where and at which angle the striker's face meets the object, by the speed."""
-        offset, angle = ((x - x.mean()) / max(float(x.std()), 1e-3) for x in of.approach.T)
-        features = np.stack([offset**i * angle**j for i, j in _CONTACT_POWERS], axis=1)
+        features = contact_features(of.approach)
         speed = np.hypot(of.simulated[:, 2], of.simulated[:, 3])
         by_speed = (speed / max(float(speed.mean()), 1e-3))[:, None]
         parts = [features, features, features * by_speed, features * by_speed, features * by_speed]

@@ -32,19 +32,25 @@ FLAGGED, FLAGGED_BY_MISTAKE = (3 + 1) / (5 + 2), (2 + 1) / (36 + 2)
 MOST_PARAMETERS = 4  # of an effect that are listed one by one
 
 
-def mismatch_of(screen: Screen, p_value: float, evidence: float, shift: float) -> Mismatch:
-    """Found if it cannot be chance, is worth its parameters, and is large enough to matter."""
+def mismatch_of(screen: Screen, p_value: float, evidence: float) -> Mismatch:
+    """Found if it cannot be chance and is worth its parameters, however small it is."""
     best = max(screen.log_evidence, key=lambda name: screen.log_evidence[name])
-    large = max((screen.shift[n] for n, e in screen.log_evidence.items() if e > evidence), default=0.0)
-    found = screen.p_value < p_value and screen.log_evidence[best] > evidence and large >= shift
+    found = screen.p_value < p_value and screen.log_evidence[best] > evidence
     return Mismatch(
         found, "tests" if found else None, screen.p_value, screen.log_evidence[best], screen.shift[best]
     )
 
 
-def found_effects(search: Search[Any], final: Candidate) -> tuple[NamedEffect, ...]:
-    """The effects of a fit, each with those that this recording cannot tell from it."""
+def found_effects(search: Search[Any], final: Candidate, leftover: Screen) -> tuple[NamedEffect, ...]:
+    """The effects of a fit, each with those that this recording cannot tell from it.
+
+    Args:
+        search: that found them.
+        final: fit of them.
+        leftover: screen beyond it.
+    """
     found = []
+    beside = _beside_what_is_left(search, final, leftover)
     for name in final.effects:
         rest = tuple(n for n in final.effects if n != name)
         members = _class(search, final, rest, name)
@@ -57,7 +63,7 @@ def found_effects(search: Search[Any], final: Candidate) -> tuple[NamedEffect, .
                 members=members,
                 log_evidence=search.gain(final, name),
                 shift_m=search.shift(final, name),
-                parameters=parameters_of(search, final.fit, name),
+                parameters=parameters_of(search, final.fit, name, beside),
                 physics=" ".join(effect.physics.split("\n")),
             )
         )
@@ -90,21 +96,54 @@ def _behind(best: Candidate, rival: Candidate, unsure: float) -> float:
     return max(best.log_evidence - rival.log_evidence - misfit * (1 - 1 / unsure), 0.0)
 
 
-def parameters_of(search: Search[Any], fit: Fit, name: str) -> tuple[ParameterValue, ...]:
-    """Values with 90 % intervals; of a field, its largest weights."""
+def parameters_of(
+    search: Search[Any], fit: Fit, name: str, beside: tuple[Array, Array] | None = None
+) -> tuple[ParameterValue, ...]:
+    """Values with 90 % intervals; of a field, its largest weights.
+
+    Args:
+        search: that found the effect.
+        fit: of it.
+        name: of the effect.
+        beside: change and sd (p,) of the fit's shared parameters once what is left over is fitted with them:
+            an interval holds those of either fit.
+    """
     effect = search.fitter.effects[name]
-    covariance = robust_covariance(fit)
+    sd = np.sqrt(np.diagonal(robust_covariance(fit)))
+    moved, wide = beside or (np.zeros_like(sd), sd)
     values = []
     for c, column in enumerate(fit.columns):
         if column.owner == name:
             p = next(q for q in effect.parameters if q.name == column.parameter)
-            value, sd = fit.point.effects[name][p.name], float(np.sqrt(covariance[c, c]))
-            values.append(
-                ParameterValue(p.name, p.unit, value, value - Z90 * sd, value + Z90 * sd, p.meaning)
-            )
+            value = fit.point.effects[name][p.name]
+            low = value + min(-Z90 * sd[c], moved[c] - Z90 * wide[c])
+            high = value + max(Z90 * sd[c], moved[c] + Z90 * wide[c])
+            values.append(ParameterValue(p.name, p.unit, value, float(low), float(high), p.meaning))
     if len(values) > MOST_PARAMETERS:
         values = sorted(values, key=lambda v: -abs(v.value))[:MOST_PARAMETERS]
     return tuple(values)
+
+
+def _beside_what_is_left(
+    search: Search[Any], final: Candidate, leftover: Screen
+) -> tuple[Array, Array] | None:
+    """Change and sd (p,) of a fit's shared parameters with the free form of what is left beside them.
+
+    None where no free form says anything.
+    """
+    form = leftover.best([n for n in search.free if n in leftover.log_evidence])[:1]
+    if not form or leftover.log_evidence[form[0]] <= 0:
+        return None
+    fit = final.fit
+    columns, marginal, _ = final.fitter.quadratic(fit, [*final.effects, *form])
+    _, precision = final.fitter.prior(columns)
+    covariance = np.linalg.inv(marginal.information.sum(0) / max(1.0, fit.dispersion) + np.diag(precision))
+    added = np.array([column.owner in form for column in columns])
+    # At the fit only what was added pulls.
+    pull = np.where(added, marginal.scores.sum(0) / max(1.0, fit.dispersion), 0.0)
+    place = {(column.owner, column.parameter, column.object): c for c, column in enumerate(columns)}
+    mine = [place[column.owner, column.parameter, column.object] for column in fit.columns]
+    return (covariance @ pull)[mine], np.sqrt(np.diagonal(covariance))[mine]
 
 
 def robust_covariance(fit: Fit) -> Array:

@@ -10,8 +10,8 @@ from slapshot.diagnosis.pucks.selection.search import ADD, CLASS, Candidate, Scr
 from slapshot.diagnosis.pucks.selection.trial import dropped_note
 from slapshot.diagnosis.pucks.verdict import Mismatch, Unknown
 
-LEAST_SHIFT = 0.003  # m, rms of rest points: less is not called missing physics
-P_VALUE = 0.004
+LEAST_SHIFT = 0.003  # m, rms of rest points: less is real where a test says so, and small
+P_VALUE = 0.01
 LEAST_EVIDENCE = 2.0  # nats
 LINEAR = 0.5  # of what a refit finds may be missing from what a linear screen promises
 
@@ -55,7 +55,7 @@ def examine(search: Search[Any]) -> Level:
     """Whether something is missing, and if so what."""
     nominal = search.seen.get(()) or search.nominal()
     screen = search.screen(nominal, [*search.catalogue, *search.free])
-    mismatch = mismatch_of(screen, P_VALUE, LEAST_EVIDENCE, LEAST_SHIFT)
+    mismatch = mismatch_of(screen, P_VALUE, LEAST_EVIDENCE)
     final, leftover = nominal, screen
     if mismatch.found:
         final, leftover = _search(search, nominal, screen)
@@ -96,8 +96,7 @@ def without_hidden(search: Search[Any], at: Candidate) -> Candidate:
 def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Candidate, Screen]:
     """Add effects while the recording asks for them, then delete what became superfluous."""
     best = search.grow(nominal, screen, search.catalogue)[0]
-    shifts = [search.shift(best, name) for name in best.effects]
-    if best.log_evidence < LEAST_EVIDENCE or max(shifts, default=0.0) < LEAST_SHIFT:
+    if best.log_evidence < LEAST_EVIDENCE:
         return nominal, screen
     leftover, refused = search.screen_beyond(best), set[str]()
     while len(best.effects) < search.most and leftover.p_value <= P_VALUE:

@@ -140,6 +140,7 @@ def _tracks_of(recorded: HitTracks, launches: Array) -> HitTracks:
         times=np.tile(np.arange(frames) * PERIOD_S, (count, 1)),
         places=np.zeros((count, frames, 2)),
         valid=np.ones((count, frames), bool),
+        turned=zero,
         resting=recorded.resting,
         dropped={},
     )

@@ -34,6 +34,7 @@ TESTED = 1.0  # information in units of the priors, of a direction that is teste
 RIVAL = 0.4  # share of the best one's gain with which another may still win once both are exact
 RIVALS = 3  # at most so many
 STAYED, EXACT = 0.1, 0.5  # of a parameter's scale, from where hits were simulated: no more, near enough
+WITHIN = 0.5  # of a parameter's standard error: by as much the scatter of contact moves it
 FINISHED = 6  # most rounds of fitting about the last fit
 CONTINUED = 5  # times that a fit which stopped before it had converged goes on
 CREEP = 20.0  # of the objective: as many steps as a fit takes, each of which may raise it by 1
@@ -286,21 +287,24 @@ class Search(Generic[F]):
             fitter.sizes = self.fitter.sizes
             fit = fitter.fit(fit.point, fit.scatter, candidate.effects)
             # What went far from where it was simulated is not known to be as good as it seems.
-            if not self._stayed(before, fit.point.effects, EXACT):
+            if not self._stayed(before, fit, EXACT):
                 continue
             gained = min((f.objective for f, _ in near), default=np.inf) - fit.objective
             near.append((fit, fitter))
-            if self._stayed(before, fit.point.effects, STAYED) or gained < 2 * ADD:
+            if self._stayed(before, fit, STAYED) or gained < 2 * ADD:
                 break
         fit, fitter = min(near, key=lambda one: one[0].objective, default=(fit, fitter))
         evidence = self._log_evidence(fit)
         self.seen[candidate.effects] = Candidate(candidate.effects, fit, evidence, fitter)
         return self.seen[candidate.effects]
 
-    def _stayed(self, before: Effects, after: Effects, share: float) -> bool:
-        """Whether no parameter moved by more than a share of its scale."""
+    def _stayed(self, before: Effects, fit: Fit, share: float) -> bool:
+        """Whether a fit moved all parameters by less than a share of their scales or standard errors."""
+        variance = np.diagonal(fit.covariance)
+        sd = {(c.owner, c.parameter): np.sqrt(v) for c, v in zip(fit.columns, variance, strict=True)}
         return all(
-            abs(after[name][p.name] - before[name][p.name]) < share * p.scale
+            abs(fit.point.effects[name][p.name] - before[name][p.name])
+            < max(share * p.scale, WITHIN * sd.get((name, p.name), 0.0))
             for name in before
             for p in self._effects[name].parameters
         )

@@ -182,7 +182,7 @@ class SlideModel:
         ]
         friction = np.exp(log_mu)
         friction[:, :2] *= np.exp(latents[:, 5:6])
-        launches = np.column_stack([latents[:, :2], np.zeros(len(latents)), latents[:, 2:5]])
+        launches = np.column_stack([latents[:, :2], self.tracks.turned[hits], latents[:, 2:5]])
         # Nobody looks at what moves on after the last frame.
         until = {"duration": self._duration, "longest": self._duration}
         order = self.tracks.order[hits]

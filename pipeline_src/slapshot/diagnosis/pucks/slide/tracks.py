@@ -48,6 +48,7 @@ class HitTracks:
         times: (n, frames) s since the release.
         places: (n, frames, 2) m.
         valid: (n, frames) which of them are frames.
+        turned: (n,) rad by which objects turned between being struck and the release; 0 if nobody knows.
         resting: residuals (m, 2) in m from their mean and time since the frame before (m,) in s, of frames
             at rest, one hit after another; the interval is infinite for a hit's first.
         dropped: hits that are not used -> why.
@@ -64,6 +65,7 @@ class HitTracks:
     times: Array
     places: Array
     valid: NDArray[np.bool_]
+    turned: Array
     resting: tuple[Array, Array]
     dropped: dict[int, str]
 
@@ -74,7 +76,7 @@ class HitTracks:
         """Some of the hits."""
         arrays = {
             name: getattr(self, name)[rows]
-            for name in ("hit", "object", "order", "command", "start", "seen_start", "release")
+            for name in ("hit", "object", "order", "command", "start", "seen_start", "release", "turned")
         }
         frames = {name: getattr(self, name)[rows] for name in ("times", "places", "valid")}
         return HitTracks(objects=self.objects, resting=self.resting, dropped=self.dropped, **arrays, **frames)
@@ -136,6 +138,7 @@ def hit_tracks(recording: Recording, left_out: Mapping[int, str] | None = None) 
         times=times,
         places=places,
         valid=valid,
+        turned=np.zeros(len(rows)),
         resting=(
             np.concatenate([p[0] for p in pairs]) if pairs else np.zeros((0, 2)),
             np.concatenate([p[1] for p in pairs]) if pairs else np.zeros(0),
@@ -157,6 +160,7 @@ def rest_tracks(recording: Recording) -> HitTracks:
         times=np.full((count, 1), RESTED_S),
         places=hits[["rest_x", "rest_y"]].to_numpy(float)[:, None],
         valid=np.ones((count, 1), bool),
+        turned=np.zeros(count),
         resting=(np.zeros((0, 2)), np.zeros(0)),
         dropped=dict.fromkeys(ordered.loc[~rested, "hit"].astype(int), NO_REST_POINT),
     )
