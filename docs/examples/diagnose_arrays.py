@@ -6,7 +6,7 @@ A pendulum (simulated here, in place of a real one) has dry friction at its join
 import mujoco
 import numpy as np
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.rig import bind
+from slapshot.diagnosis.model.rig import bind
 from slapshot.recordings.channels import Channel
 from slapshot.recordings.signals import SignalRecording
 

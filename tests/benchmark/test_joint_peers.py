@@ -5,10 +5,10 @@ import numpy as np
 import pandas as pd
 from slapshot.benchmark.joint_peers import LINKS, RIG, SCENARIOS, fit_by_sysid, write_comparison
 from slapshot.calibration.calibration_rigs import calibration_rig, simulate_recording
-from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
-from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.rig_motion import rig_motion
-from slapshot.diagnosis.segments import segment_recording
+from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.rig_motion import rig_motion
+from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.effects.joints.catalogue import instances
 from slapshot.lab.joints.rigs import nominal_model
 

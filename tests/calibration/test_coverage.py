@@ -15,8 +15,8 @@ from slapshot.calibration.coverage import (
 )
 from slapshot.calibration.stage_coverage_table import coverage_aims, coverage_table
 from slapshot.command import Run
-from slapshot.diagnosis.problem import Problem
-from slapshot.diagnosis.segments import segment_recording
+from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection.problem import Problem
 from slapshot.effects.joints.effect import JointEffect, Parameter
 from slapshot.effects.joints.linear_drag import LinearDrag
 

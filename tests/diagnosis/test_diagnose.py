@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis import diagnose, held_out
-from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.segments import segment_recording
-from slapshot.diagnosis.steps import Search, Step
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection.steps import Search, Step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.joint_elasticity import JointElasticity

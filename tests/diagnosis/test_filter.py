@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from slapshot.diagnosis.filter import Covariances, Linear, innovations, leave_one_out, smooth
+from slapshot.diagnosis.fit.filter import Covariances, Linear, innovations, leave_one_out, smooth
 
 S, L, N, NV, NY, P = 3, 7, 4, 2, 3, 2  # segments, nodes, states, forces, channels, columns
 

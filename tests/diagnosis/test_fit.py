@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from scipy import optimize, stats
-from slapshot.diagnosis.filter import innovations
-from slapshot.diagnosis.fit import Fit, Fitter, prior_of, project_to_bounds
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.linear import STEP_ERROR, Perturbation
-from slapshot.diagnosis.noise import Noise, marginal_likelihood
-from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
-from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.rig_motion import rig_motion, torque_scale
-from slapshot.diagnosis.segments import Segments, segment_recording
+from slapshot.diagnosis.fit.filter import innovations
+from slapshot.diagnosis.fit.fit import Fit, Fitter, prior_of, project_to_bounds
+from slapshot.diagnosis.fit.linear import STEP_ERROR, Perturbation
+from slapshot.diagnosis.fit.noise import Noise, marginal_likelihood
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.rig_motion import rig_motion, torque_scale
+from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.effects.joints.actuator_gain import ActuatorGain
 from slapshot.effects.joints.armature import Armature
 from slapshot.effects.joints.effect import JointEffect, Parameter

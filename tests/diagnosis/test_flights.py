@@ -5,7 +5,7 @@ import pytest
 from mujoco import MjSpec
 from scipy.integrate import solve_ivp
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.rig import bind
+from slapshot.diagnosis.model.rig import bind
 
 from .mechanisms import place, recording
 

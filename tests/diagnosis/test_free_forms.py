@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
-from slapshot.diagnosis.free_forms import BUMPS, FREE, FreeForce, FreeReading, free_forms, is_free
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.model.segments import Segments
+from slapshot.diagnosis.selection.free_forms import BUMPS, FREE, FreeForce, FreeReading, free_forms, is_free
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import Joint, JointEffect, Observed, RigMotion, SensedChannel, State
 

@@ -9,12 +9,12 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis import held_out
 from slapshot.diagnosis.diagnose import diagnose, split
+from slapshot.diagnosis.fit.noise import Noise
 from slapshot.diagnosis.held_out import Predictions, initial_trajectory, predict
-from slapshot.diagnosis.noise import Noise
-from slapshot.diagnosis.problem import Problem
-from slapshot.diagnosis.pulses import WINDOW_S
-from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.segments import Segments, segment_recording
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.segments import Segments, segment_recording
+from slapshot.diagnosis.selection.problem import Problem
+from slapshot.diagnosis.selection.pulses import WINDOW_S
 from slapshot.errors import InputError
 from slapshot.recordings.signals import SignalRecording
 

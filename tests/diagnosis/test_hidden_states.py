@@ -8,10 +8,10 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis import held_out
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.problem import Problem
-from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.segments import segment_recording
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection.problem import Problem
 
 from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
-from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.rig_motion import rig_motion
-from slapshot.diagnosis.segments import segment_recording
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator, actuator_torque
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.rig_motion import rig_motion
+from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.effects.joints.command_delay import CommandDelay
 from slapshot.effects.joints.effect import JointEffect, Parameter, State
 from slapshot.effects.joints.joint_offset import JointOffset

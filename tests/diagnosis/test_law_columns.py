@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.law_columns import law_columns
-from slapshot.diagnosis.noise import LARGEST_LAW_ERROR
-from slapshot.diagnosis.problem import Problem
+from slapshot.diagnosis.fit.law_columns import law_columns
+from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.selection.problem import Problem
 from slapshot.recordings.channels import Channel
 
 from .mechanisms import control_channel, joint

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.law_error import Friction, Law, law_errors
-from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
-from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.rig_motion import rig_motion
-from slapshot.diagnosis.segments import segment_recording
+from slapshot.diagnosis.fit.law_error import Friction, Law, law_errors
+from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.rig_motion import rig_motion
+from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.effects.joints.effect import Joint, RigMotion, State
 
 from .mechanisms import PENDULUM, control_channel, joint, recording

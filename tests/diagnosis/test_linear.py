@@ -7,12 +7,12 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.free_forms import FreeForce, free_forms
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.linear import STEP_ERROR, Linearised, linearise, perturbations_of
-from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.rig_motion import rig_motion
-from slapshot.diagnosis.segments import Segments, segment_recording
+from slapshot.diagnosis.fit.linear import STEP_ERROR, Linearised, linearise, perturbations_of
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.rig_motion import rig_motion
+from slapshot.diagnosis.model.segments import Segments, segment_recording
+from slapshot.diagnosis.selection.free_forms import FreeForce, free_forms
 from slapshot.effects.joints.actuator_gain import ActuatorGain
 from slapshot.effects.joints.actuator_lag import ActuatorLag
 from slapshot.effects.joints.armature import Armature

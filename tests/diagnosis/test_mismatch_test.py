@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from scipy import stats
-from slapshot.diagnosis.filter import Covariances, Linear, innovations
+from slapshot.diagnosis.fit.filter import Covariances, Linear, innovations
 from slapshot.diagnosis.inference.mismatch_test import (
     Draws,
     Eliminated,

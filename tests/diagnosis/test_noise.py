@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from slapshot.diagnosis.filter import Linear, innovations
-from slapshot.diagnosis.noise import (
+from slapshot.diagnosis.fit.filter import Linear, innovations
+from slapshot.diagnosis.fit.noise import (
     DRIFT,
     FORCE_HOLD_S,
     NOMINAL,
@@ -19,7 +19,7 @@ from slapshot.diagnosis.noise import (
     marginal_likelihood,
     posterior_means,
 )
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.model.segments import Segments
 
 INTERVAL, TORQUE, INERTIA = 0.01, 2.0, 0.5
 KINDS = ("position", "velocity")

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.problem import Problem
-from slapshot.diagnosis.pulses import WINDOW_S
-from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.search import _forward_step, _pair_step
-from slapshot.diagnosis.segments import segment_recording
-from slapshot.diagnosis.steps import Step, nominal_step
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection.problem import Problem
+from slapshot.diagnosis.selection.pulses import WINDOW_S
+from slapshot.diagnosis.selection.search import _forward_step, _pair_step
+from slapshot.diagnosis.selection.steps import Step, nominal_step
 from slapshot.effects.joints.external_pulse import ExternalPulse
 
 from .mechanisms import control_channel, joint, recording

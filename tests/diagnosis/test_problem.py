@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from scipy.signal import lfilter
-from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.problem import Problem, fit_and_score, initial_fit
-from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.segments import segment_recording
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection.problem import Problem, fit_and_score, initial_fit
 from slapshot.effects.joints.catalogue import instances
 
 from .mechanisms import ARM, PENDULUM, control_channel, joint, recording, simulate

@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 from scipy import stats
-from slapshot.diagnosis.filter import Linear, innovations
-from slapshot.diagnosis.noise import FORCE_HOLD_S, Noise
-from slapshot.diagnosis.pulses import (
+from slapshot.diagnosis.fit.filter import Linear, innovations
+from slapshot.diagnosis.fit.noise import FORCE_HOLD_S, Noise
+from slapshot.diagnosis.model.segments import Segments
+from slapshot.diagnosis.selection.pulses import (
     Scan,
     covariance_inflation,
     push_error,
@@ -16,7 +17,6 @@ from slapshot.diagnosis.pulses import (
     pushes_where_inflated,
     scan,
 )
-from slapshot.diagnosis.segments import Segments
 from slapshot.effects.joints.effect import Joint, RigMotion, State
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 

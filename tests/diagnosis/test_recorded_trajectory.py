@@ -4,12 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.linear import linearise
-from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
-from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.rig_motion import rig_motion, torque_scale
-from slapshot.diagnosis.segments import Segments, segment_recording
+from slapshot.diagnosis.fit.linear import linearise
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.rig_motion import rig_motion, torque_scale
+from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.recordings.channels import QUATERNION, Channel
 
 from .mechanisms import ARM, BRICK, CART, HANGER, PENDULUM, control_channel, joint, place, recording, simulate

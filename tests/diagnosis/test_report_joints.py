@@ -16,6 +16,7 @@ from rerun.chunk import RrdReader
 from slapshot import plotting
 from slapshot.diagnosis import outputs
 from slapshot.diagnosis.diagnose import Diagnosis, diagnose
+from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.outputs import write_outputs
 from slapshot.diagnosis.report.markdown import markdown
 from slapshot.diagnosis.report.motion import Motion, predicted_motion, recorded_motion
@@ -31,7 +32,6 @@ from slapshot.diagnosis.report.presentation import (
 )
 from slapshot.diagnosis.report.residuals import added_force, binned, misfit, variables
 from slapshot.diagnosis.report.terminal import terminal_text
-from slapshot.diagnosis.rig import bind
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
     Errors,

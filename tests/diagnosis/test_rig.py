@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.hypothesis import Simulator
-from slapshot.diagnosis.rig import bind, load_spec
+from slapshot.diagnosis.model.hypothesis import Simulator
+from slapshot.diagnosis.model.rig import bind, load_spec
 from slapshot.errors import InputError
 from slapshot.recordings.channels import QUATERNION, Channel
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from slapshot.diagnosis.diagnose import free_effects
-from slapshot.diagnosis.problem import Problem
-from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.rig_file import bound_rig, read_rig_file, rig_of_model
-from slapshot.diagnosis.segments import segment_recording
+from slapshot.diagnosis.model.rig import Rig
+from slapshot.diagnosis.model.rig_file import bound_rig, read_rig_file, rig_of_model
+from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection.problem import Problem
 from slapshot.errors import InputError
 from slapshot.recordings.signals import SignalRecording
 

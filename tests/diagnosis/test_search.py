@@ -3,10 +3,10 @@
 from types import SimpleNamespace
 
 import numpy as np
-from slapshot.diagnosis.fit import Fit
-from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.search import _preselect
-from slapshot.diagnosis.steps import Rival, Search, Step
+from slapshot.diagnosis.fit.fit import Fit
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.selection.search import _preselect
+from slapshot.diagnosis.selection.steps import Rival, Search, Step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.encoder_delay import EncoderDelay
 from slapshot.effects.joints.payload import Payload

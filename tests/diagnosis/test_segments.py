@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mujoco import MjSpec
-from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.segments import (
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.segments import (
     LONGEST_AVERAGE_S,
     ControlSignal,
     Segments,

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.problem import Problem
-from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.segments import segment_recording
-from slapshot.diagnosis.shooting import shoot, simulate
-from slapshot.diagnosis.structure import restructured
+from slapshot.diagnosis.fit.shooting import shoot, simulate
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.model.structure import restructured
+from slapshot.diagnosis.selection.problem import Problem
 from slapshot.effects.joints.actuator_gain import ActuatorGain
 from slapshot.effects.joints.backlash import Backlash
 from slapshot.effects.joints.catalogue import instances

@@ -7,12 +7,12 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
-from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.rig_motion import rig_motion
-from slapshot.diagnosis.segments import Segments, segment_recording
-from slapshot.diagnosis.structure import reindexed_motion, restructured, transferred_trajectory
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.rig_motion import rig_motion
+from slapshot.diagnosis.model.segments import Segments, segment_recording
+from slapshot.diagnosis.model.structure import reindexed_motion, restructured, transferred_trajectory
 from slapshot.effects.joints.backlash import Backlash
 from slapshot.effects.joints.base_compliance import BaseCompliance
 from slapshot.effects.joints.effect import JointEffect, RigMotion, State

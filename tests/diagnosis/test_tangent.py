@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from slapshot.diagnosis.tangent import Tangent
+from slapshot.diagnosis.model.tangent import Tangent
 
 # A free joint, a ball joint, a hinge and a slide, and an actuator with a state: nq = 13, nv = 11, na = 1.
 MODEL = mujoco.MjModel.from_xml_string("""

@@ -24,10 +24,10 @@ import pandas as pd
 from slapshot.arrays import Array
 from slapshot.benchmark.peers import need_sysid
 from slapshot.diagnosis.diagnose import Diagnosis, diagnose, predict_windows, split
-from slapshot.diagnosis.problem import Problem
-from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.segments import Segments, segment_recording
-from slapshot.diagnosis.steps import nominal_step
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.segments import Segments, segment_recording
+from slapshot.diagnosis.selection.problem import Problem
+from slapshot.diagnosis.selection.steps import nominal_step
 from slapshot.effects.joints.catalogue import instances
 from slapshot.errors import InputError, writing
 from slapshot.lab.joints.record_case import make_case

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.hypothesis import Hypothesis, actuator_torque
-from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.structure import restructured
+from slapshot.diagnosis.model.hypothesis import Hypothesis, actuator_torque
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.structure import restructured
 from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
 from slapshot.lab.joints.rig import draw_excitation
 from slapshot.lab.joints.rigs import rig_named

@@ -16,10 +16,10 @@ from slapshot.calibration.calibration_rigs import (
     simulate_recording,
 )
 from slapshot.diagnosis.diagnose import estimated_parameter
-from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score
-from slapshot.diagnosis.segments import segment_recording
-from slapshot.diagnosis.steps import Step, nominal_step, one_step_values, refit
-from slapshot.diagnosis.structural_search import structural_fit
+from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score
+from slapshot.diagnosis.selection.steps import Step, nominal_step, one_step_values, refit
+from slapshot.diagnosis.selection.structural_search import structural_fit
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.effects.joints.effect import JointEffect, RigMotion
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse

@@ -10,10 +10,10 @@ from threadpoolctl import threadpool_limits
 from slapshot.command import Run, stage_command
 from slapshot.config.calibration import NullBlockSettings
 from slapshot.diagnosis.diagnose import split
-from slapshot.diagnosis.problem import Problem
-from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.segments import segment_recording
-from slapshot.diagnosis.steps import nominal_step
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection.problem import Problem
+from slapshot.diagnosis.selection.steps import nominal_step
 from slapshot.lab.joints.case_spec import Colour
 from slapshot.lab.joints.record_case import make_case
 from slapshot.lab.joints.rigs import nominal_model

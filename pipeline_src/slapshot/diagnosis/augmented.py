@@ -18,9 +18,9 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.hypothesis import Hypothesis, actuator_torque
-from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.sensors import OWN
+from slapshot.diagnosis.model.hypothesis import Hypothesis, actuator_torque
+from slapshot.diagnosis.model.rig import Rig
+from slapshot.diagnosis.model.sensors import OWN
 from slapshot.effects.joints.effect import JointEffect, State, overrides
 from slapshot.errors import InputError, writing
 from slapshot.text import reason_of

@@ -8,9 +8,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.model.rig_file import RigFile, bound_rig, read_rig_file, rig_of_model
 from slapshot.diagnosis.outputs import write_outputs
 from slapshot.diagnosis.report.terminal import terminal_text
-from slapshot.diagnosis.rig_file import RigFile, bound_rig, read_rig_file, rig_of_model
 from slapshot.diagnosis.verdict import versioned
 from slapshot.effects.joints.catalogue import import_joint_effects
 from slapshot.errors import InputError, check_writable, writing

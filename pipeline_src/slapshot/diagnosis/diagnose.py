@@ -15,15 +15,15 @@ from threadpoolctl import threadpool_limits
 
 from slapshot.arrays import Array
 from slapshot.diagnosis import held_out
-from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.held_out import HeldOutPush, Predictions
-from slapshot.diagnosis.hypothesis import Hypothesis
 from slapshot.diagnosis.inference.mismatch_test import Elimination
-from slapshot.diagnosis.problem import Problem
-from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.search import search
-from slapshot.diagnosis.segments import Segments, segment_recording
-from slapshot.diagnosis.steps import EQUIVALENCE_NATS, P_VALUE, Search, Step
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.model.rig import Rig
+from slapshot.diagnosis.model.segments import Segments, segment_recording
+from slapshot.diagnosis.selection.free_forms import is_free
+from slapshot.diagnosis.selection.problem import Problem
+from slapshot.diagnosis.selection.search import search
+from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS, P_VALUE, Search, Step
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
     Errors,

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import Linear, innovations, smooth
-from slapshot.diagnosis.fit import Fit, Fitter, prior_of
-from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.linear import Perturbation, residuals
-from slapshot.diagnosis.noise import CLIP, Noise, fit_noise, posterior_means
-from slapshot.diagnosis.problem import NUISANCE, Problem
-from slapshot.diagnosis.pulses import INFLATION_ROUNDS, covariance_inflation, pushes_where_inflated
-from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
-from slapshot.diagnosis.segments import Segments
-from slapshot.diagnosis.shooting import shoot, simulate
-from slapshot.diagnosis.structure import transferred_trajectory
+from slapshot.diagnosis.fit.filter import Linear, innovations, smooth
+from slapshot.diagnosis.fit.fit import Fit, Fitter, prior_of
+from slapshot.diagnosis.fit.linear import Perturbation, residuals
+from slapshot.diagnosis.fit.noise import CLIP, Noise, fit_noise, posterior_means
+from slapshot.diagnosis.fit.shooting import shoot, simulate
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
+from slapshot.diagnosis.model.segments import Segments
+from slapshot.diagnosis.model.structure import transferred_trajectory
+from slapshot.diagnosis.selection.problem import NUISANCE, Problem
+from slapshot.diagnosis.selection.pulses import INFLATION_ROUNDS, covariance_inflation, pushes_where_inflated
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 WINDOW_S = 0.5

@@ -5,7 +5,7 @@ from importlib.metadata import version
 from slapshot.command import Run, stage_command
 from slapshot.config.cases import JointVerdictSettings
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.rig_file import bound_rig, read_rig_file
+from slapshot.diagnosis.model.rig_file import bound_rig, read_rig_file
 from slapshot.diagnosis.verdict import versioned, write_verdict
 from slapshot.recordings.signal_quality import quality_warning_lines
 from slapshot.recordings.signals import read_signals

@@ -8,10 +8,10 @@ from typing import Literal
 import mujoco
 import numpy as np
 from slapshot.arrays import Array
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.rig_motion import rig_motion
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.rig_motion import rig_motion
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, Observed, RigMotion, overrides
 from slapshot.recordings.channels import Channel

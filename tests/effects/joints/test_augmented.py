@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from slapshot.arrays import Array
 from slapshot.diagnosis.augmented import augmented_model, forces, write_augmented
-from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.rig import bind
-from slapshot.diagnosis.structure import restructured
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.structure import restructured
 from slapshot.effects.joints.effect import JointEffect, overrides
 from slapshot.errors import InputError
 

@@ -5,7 +5,7 @@ from collections import Counter
 
 import mujoco
 import numpy as np
-from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.effects.joints.catalogue import instances, joint_effects
 from slapshot.effects.joints.effect import JointEffect, overrides
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse

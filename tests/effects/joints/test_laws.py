@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
-from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.effects.joints.command_delay import CommandDelay
 from slapshot.effects.joints.effect import Parameter, State

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.rig_file import bound_rig, read_rig_file
+from slapshot.diagnosis.model.rig_file import bound_rig, read_rig_file
 from slapshot.lab.joints.record_case import make_case
 from slapshot.lab.joints.rigs import nominal_model
 

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import Innovations
+from slapshot.diagnosis.fit.filter import Innovations
 
 _FEWEST = 0.01  # minimum degrees of freedom between segments
 _ROUND = 1e-8  # relative jitter for duplicate columns

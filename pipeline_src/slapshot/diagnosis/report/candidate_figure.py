@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from slapshot.diagnosis.free_forms import is_free
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.presentation import AUGMENTED, FREE_FORM, mark_stand_in
-from slapshot.diagnosis.steps import EQUIVALENCE_NATS, Step
+from slapshot.diagnosis.selection.free_forms import is_free
+from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS, Step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.plotting import Drawing
 

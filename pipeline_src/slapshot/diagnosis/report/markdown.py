@@ -22,7 +22,7 @@ from slapshot.diagnosis.report.presentation import (
     several,
     shown_models,
 )
-from slapshot.diagnosis.steps import P_VALUE
+from slapshot.diagnosis.selection.steps import P_VALUE
 from slapshot.diagnosis.verdict import Errors, NamedEffect, Verdict
 from slapshot.plotting import STAND_IN
 from slapshot.text import markdown_table

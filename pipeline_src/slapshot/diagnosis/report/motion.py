@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import smooth
-from slapshot.diagnosis.fit import Fitter
+from slapshot.diagnosis.fit.filter import smooth
+from slapshot.diagnosis.fit.fit import Fitter
 from slapshot.diagnosis.held_out import initial_trajectory
+from slapshot.diagnosis.model.rig import Rig
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.report.outcome import Outcome
-from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.segments import Segments
 
 _ROUNDS = 5
 _SHARE, _NO_FORCE = 0.01, 1e-6  # of the noise of readings; of the torque that moves each joint

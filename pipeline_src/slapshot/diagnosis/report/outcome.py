@@ -7,9 +7,9 @@ import mujoco
 from slapshot.arrays import Array
 from slapshot.diagnosis.diagnose import Diagnosis, Prediction
 from slapshot.diagnosis.held_out import Predictions
-from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.segments import Segments
-from slapshot.diagnosis.steps import Search, Step
+from slapshot.diagnosis.model.rig import Rig
+from slapshot.diagnosis.model.segments import Segments
+from slapshot.diagnosis.selection.steps import Search, Step
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.recordings.signals import SignalRecording
 

@@ -12,10 +12,10 @@ import rerun.blueprint as rrb
 from matplotlib.colors import to_rgb
 
 from slapshot.arrays import Array
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.report.motion import Motion, predicted_half, predicted_motion, recorded_motion
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.presentation import MODEL_COLOURS, MODELS, RECORDED, plain, scaled
-from slapshot.diagnosis.segments import Segments
 from slapshot.viewer.bodies import APPLICATION, SOLID, TIME, rotation_quaternion, shape_of
 
 RECORDING_FILE = "recording.rrd"

@@ -14,8 +14,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import smooth
-from slapshot.diagnosis.linear import STEP_ERROR
+from slapshot.diagnosis.fit.filter import smooth
+from slapshot.diagnosis.fit.linear import STEP_ERROR
 from slapshot.diagnosis.report.outcome import Coordinate, Outcome, coordinates
 from slapshot.diagnosis.report.presentation import Z90
 

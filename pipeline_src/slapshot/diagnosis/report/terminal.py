@@ -14,7 +14,7 @@ from slapshot.diagnosis.report.presentation import (
     rivals_text,
     several,
 )
-from slapshot.diagnosis.steps import P_VALUE
+from slapshot.diagnosis.selection.steps import P_VALUE
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.plotting import STAND_IN
 from slapshot.text import printable

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import Linear, innovations
-from slapshot.diagnosis.law_error import NEAR_REST
-from slapshot.diagnosis.noise import FORCE_HOLD_S, Noise
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.fit.filter import Linear, innovations
+from slapshot.diagnosis.fit.law_error import NEAR_REST
+from slapshot.diagnosis.fit.noise import FORCE_HOLD_S, Noise
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.effects.joints.effect import RigMotion
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import Linear, innovations
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.linear import Perturbation, linearise
-from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, Noise
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.fit.filter import Linear, innovations
+from slapshot.diagnosis.fit.linear import Perturbation, linearise
+from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, Noise
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.model.segments import Segments
 
 # Minimum information on a mixture of shapes at the largest error, relative to its prior: mixtures below it
 # are not identifiable.

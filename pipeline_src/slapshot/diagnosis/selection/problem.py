@@ -8,15 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import Linear, innovations
-from slapshot.diagnosis.fit import Fit, Fitter
-from slapshot.diagnosis.free_forms import free_forms, is_free
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
-from slapshot.diagnosis.inference.mismatch_test import Gain, Scores, gains, scores
-from slapshot.diagnosis.law_columns import LawColumns, law_columns
-from slapshot.diagnosis.law_error import law_errors
-from slapshot.diagnosis.linear import STEP_ERROR, Perturbation, perturbations_of
-from slapshot.diagnosis.noise import (
+from slapshot.diagnosis.fit.filter import Linear, innovations
+from slapshot.diagnosis.fit.fit import Fit, Fitter
+from slapshot.diagnosis.fit.law_columns import LawColumns, law_columns
+from slapshot.diagnosis.fit.law_error import law_errors
+from slapshot.diagnosis.fit.linear import STEP_ERROR, Perturbation, perturbations_of
+from slapshot.diagnosis.fit.noise import (
     Noise,
     Prior,
     fit_noise,
@@ -25,7 +22,20 @@ from slapshot.diagnosis.noise import (
     marginal_likelihood,
     posterior_means,
 )
-from slapshot.diagnosis.pulses import (
+from slapshot.diagnosis.inference.mismatch_test import Gain, Scores, gains, scores
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator, actuator_torque
+from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
+from slapshot.diagnosis.model.rig import Rig
+from slapshot.diagnosis.model.rig_motion import rig_motion, torque_scale
+from slapshot.diagnosis.model.segments import Segments
+from slapshot.diagnosis.model.structure import (
+    reindexed_motion,
+    restructured,
+    substeps_for,
+    transferred_trajectory,
+)
+from slapshot.diagnosis.selection.free_forms import free_forms, is_free
+from slapshot.diagnosis.selection.pulses import (
     INFLATION_ROUNDS,
     Scan,
     covariance_inflation,
@@ -33,11 +43,6 @@ from slapshot.diagnosis.pulses import (
     scan,
     window_nodes,
 )
-from slapshot.diagnosis.recorded_trajectory import recorded_trajectory
-from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.rig_motion import rig_motion, torque_scale
-from slapshot.diagnosis.segments import Segments
-from slapshot.diagnosis.structure import reindexed_motion, restructured, substeps_for, transferred_trajectory
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, RigMotion, State, overrides
 from slapshot.effects.joints.external_pulse import ExternalPulse

@@ -13,8 +13,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from slapshot.diagnosis.sensors import OWN, SCALAR, add_sensor, check_part
-from slapshot.diagnosis.urdf import is_urdf, readable_urdf
+from slapshot.diagnosis.model.sensors import OWN, SCALAR, add_sensor, check_part
+from slapshot.diagnosis.model.urdf import is_urdf, readable_urdf
 from slapshot.errors import InputError
 from slapshot.recordings.channels import PLACE, QUATERNION, Channel
 from slapshot.text import reason_of

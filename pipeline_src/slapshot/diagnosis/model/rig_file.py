@@ -15,7 +15,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from slapshot.diagnosis.rig import Rig, bind, load_spec
+from slapshot.diagnosis.model.rig import Rig, bind, load_spec
 from slapshot.errors import InputError
 from slapshot.own_code import MODULE
 from slapshot.recordings.channels import TARGETS, Channel, Component

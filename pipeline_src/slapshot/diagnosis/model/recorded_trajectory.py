@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.segments import Segments
-from slapshot.diagnosis.tangent import Tangent, angular_velocity
+from slapshot.diagnosis.model.rig import Rig
+from slapshot.diagnosis.model.segments import Segments
+from slapshot.diagnosis.model.tangent import Tangent, angular_velocity
 
 _WINDOW_S = 0.06  # longer than the noise of an encoder, shorter than the motion of a robot
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import Linear
-from slapshot.diagnosis.hypothesis import Hypothesis, actuator_force
-from slapshot.diagnosis.linear import Perturbation
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.fit.filter import Linear
+from slapshot.diagnosis.fit.linear import Perturbation
+from slapshot.diagnosis.model.hypothesis import Hypothesis, actuator_force
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.effects.joints.effect import (
     Joint,
     JointEffect,

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit import Fit
-from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.fit.fit import Fit
+from slapshot.diagnosis.fit.noise import fit_process_force
 from slapshot.diagnosis.inference.mismatch_test import DRAWS, MismatchTest, mismatch_test
-from slapshot.diagnosis.noise import fit_process_force
-from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score, initial_fit
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score, initial_fit
 from slapshot.effects.joints.effect import JointEffect
 
 P_VALUE = 0.01

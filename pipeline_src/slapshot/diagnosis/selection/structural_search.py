@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit import Fit
-from slapshot.diagnosis.hypothesis import Hypothesis
-from slapshot.diagnosis.noise import Noise, fit_noise
-from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score
-from slapshot.diagnosis.shooting import shoot, simulate
-from slapshot.diagnosis.steps import EQUIVALENCE_NATS, Report, Rival, Step, test_of
+from slapshot.diagnosis.fit.fit import Fit
+from slapshot.diagnosis.fit.noise import Noise, fit_noise
+from slapshot.diagnosis.fit.shooting import shoot, simulate
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score
+from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS, Report, Rival, Step, test_of
 from slapshot.effects.joints.effect import JointEffect
 
 _JOINTS = 3  # with the largest scores

@@ -13,16 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import Linear, innovations
-from slapshot.diagnosis.fit import Fit
-from slapshot.diagnosis.free_forms import is_free
-from slapshot.diagnosis.hypothesis import Hypothesis
+from slapshot.diagnosis.fit.filter import Linear, innovations
+from slapshot.diagnosis.fit.fit import Fit
+from slapshot.diagnosis.fit.law_error import LOW_SPEED
+from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, fit_process_force
 from slapshot.diagnosis.inference.mismatch_test import gains, overdispersion, scores
-from slapshot.diagnosis.law_error import LOW_SPEED
-from slapshot.diagnosis.noise import LARGEST_LAW_ERROR, fit_process_force
-from slapshot.diagnosis.problem import Problem, ScoredFit, fit_and_score, is_incredible
-from slapshot.diagnosis.pulses import covariance_inflation, pushes, pushes_where_inflated, window_nodes
-from slapshot.diagnosis.steps import (
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.selection.free_forms import is_free
+from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score, is_incredible
+from slapshot.diagnosis.selection.pulses import (
+    covariance_inflation,
+    pushes,
+    pushes_where_inflated,
+    window_nodes,
+)
+from slapshot.diagnosis.selection.steps import (
     P_VALUE,
     Report,
     Rival,
@@ -36,7 +41,7 @@ from slapshot.diagnosis.steps import (
     step_to,
     test_of,
 )
-from slapshot.diagnosis.structural_search import structural_step
+from slapshot.diagnosis.selection.structural_search import structural_step
 from slapshot.effects.joints.effect import JointEffect, overrides
 from slapshot.effects.joints.external_pulse import ExternalPulse
 

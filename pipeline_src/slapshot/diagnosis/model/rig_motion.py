@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.hypothesis import actuator_force
-from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.model.hypothesis import actuator_force
+from slapshot.diagnosis.model.rig import Rig
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.effects.joints.effect import Joint, RigMotion, SensedChannel
 
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))

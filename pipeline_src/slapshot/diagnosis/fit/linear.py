@@ -13,11 +13,11 @@ import numpy as np
 from mujoco import MjModel
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.derivatives import Midpoint
-from slapshot.diagnosis.filter import Linear
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator, actuator_torque
-from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.fit.derivatives import Midpoint
+from slapshot.diagnosis.fit.filter import Linear
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator, actuator_torque
+from slapshot.diagnosis.model.rig import Rig
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
 
 _STEP = 1e-6  # of differences of observations

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.effects.joints.effect import (
     Joint,
     JointEffect,

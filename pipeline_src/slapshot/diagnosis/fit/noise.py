@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import Covariances, Innovations, Linear, innovations, leave_one_out
+from slapshot.diagnosis.fit.filter import Covariances, Innovations, Linear, innovations, leave_one_out
 from slapshot.diagnosis.inference.fisher_scoring import Evaluation, maximise
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.model.segments import Segments
 
 FORCE_HOLD_S = 0.01  # the process force is given as the sd of a force held for this time
 LARGEST_LAW_ERROR = 0.15  # rms share of a law

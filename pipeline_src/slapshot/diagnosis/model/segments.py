@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.rig import Control, Rig
+from slapshot.diagnosis.model.rig import Control, Rig
 from slapshot.errors import InputError
 from slapshot.recordings.signal_statistics import channel_statistics
 from slapshot.recordings.signals import SignalRecording

@@ -10,9 +10,9 @@ from mujoco import rollout
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.rig import Rig
-from slapshot.diagnosis.segments import Segments
-from slapshot.diagnosis.tangent import Tangent
+from slapshot.diagnosis.model.rig import Rig
+from slapshot.diagnosis.model.segments import Segments
+from slapshot.diagnosis.model.tangent import Tangent
 from slapshot.effects.joints.effect import JointEffect, Observed, Parameter, State, overrides
 
 # In the order in which MuJoCo has them.

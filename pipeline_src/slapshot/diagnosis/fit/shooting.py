@@ -10,10 +10,10 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit import CONVERGED_SD, Fit
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.noise import Noise
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.fit.fit import CONVERGED_SD, Fit
+from slapshot.diagnosis.fit.noise import Noise
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.model.segments import Segments
 
 _POSITION_STEP, _VELOCITY_STEP = 1e-4, 1e-2
 _PARAMETER_STEP = 0.03  # prior standard deviations

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.filter import Linear, innovations, smooth
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
-from slapshot.diagnosis.law_error import added_law_errors, presliding, soft_limit
-from slapshot.diagnosis.linear import Linearised, Perturbation, linearise
-from slapshot.diagnosis.noise import ADDED, DRIFT, NOMINAL, Noise, Prior, log_likelihood
-from slapshot.diagnosis.segments import Segments
+from slapshot.diagnosis.fit.filter import Linear, innovations, smooth
+from slapshot.diagnosis.fit.law_error import added_law_errors, presliding, soft_limit
+from slapshot.diagnosis.fit.linear import Linearised, Perturbation, linearise
+from slapshot.diagnosis.fit.noise import ADDED, DRIFT, NOMINAL, Noise, Prior, log_likelihood
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.effects.joints.effect import RigMotion, State
 
 # Movement of values, in posterior standard deviations, after which derivatives are recomputed.

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
 
 _POSITION_STEP, _VELOCITY_STEP = 1e-6, 1e-5
 _FORCE_STEP = 1e-2  # share of the rms torque

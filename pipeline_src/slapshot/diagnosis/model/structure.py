@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.rig import Rig, bind
-from slapshot.diagnosis.segments import Segments
-from slapshot.diagnosis.sensors import OWN
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.segments import Segments
+from slapshot.diagnosis.model.sensors import OWN
 from slapshot.effects.joints.effect import JointEffect, RigMotion
 from slapshot.effects.joints.split import SplitJoint, deflection
 from slapshot.recordings.channels import Channel

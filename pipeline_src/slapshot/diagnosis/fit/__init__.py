@@ -1,0 +1,1 @@
+"""The fit of a hypothesis: linearisation, filter, noise, errors of laws."""

@@ -1,0 +1,1 @@
+"""The search for what is missing: candidates, tests, refits."""
