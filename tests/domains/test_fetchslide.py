@@ -148,6 +148,28 @@ def test_the_gripper_does_not_touch_the_puck_before_the_cached_state(fetchslide)
         assert gap > info.object_radius + corner
 
 
+def test_a_puck_that_lies_nearer_is_simulated_from_an_earlier_state(fetchslide):
+    """Alone a gripper moves as beside a puck it does not touch: rest points are those from the first state."""
+    swings, radius = fetchslide.swings, fetchslide.scene.info.object_radius
+    hits = fetchslide.hits(40, seed=8)
+    ahead = swings.normal[hits.swings, swings.first[hits.swings], :2]
+    nearer = replace(hits, start_errors=-0.02 * ahead)
+    from_first = replace(swings, positions=swings.positions[:, :1], velocities=swings.velocities[:, :1])
+    skipped = {}
+    for name, these in (("nominal", hits), ("nearer", nearer)):
+        collector = Collector(fetchslide.scene, swings, 1)
+        places = swings.starts[these.swings] + these.start_errors
+        skipped[name] = collector._last_clear(these.swings, places)
+        ticks = swings.first[these.swings] + skipped[name]
+        gap = np.linalg.norm(swings.striker[these.swings, ticks, :2] - places, axis=1)
+        assert gap.min() > radius + np.hypot(fetchslide.scene.info.striker_half_thickness, 0.015)
+        rests = (c.collect(these).rests for c in (collector, Collector(fetchslide.scene, from_first, 1)))
+        off = 1e3 * np.linalg.norm(np.subtract(*(r[:, :2] for r in rests)), axis=1)
+        assert np.median(off) < 2.0  # mm, as far as contact is chaotic
+    assert (skipped["nearer"] <= skipped["nominal"]).all()
+    assert skipped["nearer"].mean() < skipped["nominal"].mean()
+
+
 def test_hardly_a_puck_leaves_the_table(fetchslide):
     """About one in a thousand does: the fastest pushes under the least friction."""
     outcomes = Collector(fetchslide.scene, fetchslide.swings, 1).collect(fetchslide.hits(200, seed=7))

@@ -14,7 +14,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.domains.fetchslide.execution import REACH
+from slapshot.domains.fetchslide.execution import CLEAR, REACH
 from slapshot.domains.fetchslide.gripper import Grippers
 from slapshot.domains.fetchslide.model import CONTROL_PERIOD, OBJECT, OBJECT_JOINT, SUBSTEPS, TABLE
 from slapshot.rollouts.hits import Hits, Outcomes
@@ -64,21 +64,25 @@ class Collector:
         friction = np.stack([hits.conditions[f"friction_{k}"] for k in ("x", "torsional", "rolling")], axis=1)
         self._robots.reset(ids, places, friction)
         rows = hits.swings
-        self._robots.restore(ids, swings.positions[rows, 0], swings.velocities[rows, 0])
-        first, ticks = int(swings.first[rows].min()), swings.targets.shape[1]
-        before = np.repeat(_planar(self._robots.pucks(ids)[0])[:, None], first, axis=1)
-        pushed = np.empty((count, ticks - first, 3))
+        near = self._last_clear(rows, places)
+        self._robots.restore(ids, swings.positions[rows, near], swings.velocities[rows, near])
+        began, ticks = swings.first[rows] + near, swings.targets.shape[1]
+        first = int(began.min())
+        before = np.repeat(_planar(self._robots.pucks(ids)[0])[:, None], ticks, axis=1)
+        pushed = before[:, first:].copy()
         poses, velocities, parted_at = np.empty((count, 7)), np.empty((count, 6)), np.full(count, ticks)
+        parted = np.zeros(count, bool)
         for tick in range(first, ticks + 1):
+            ids = np.flatnonzero((began <= tick) & ~parted)
             poses[ids], velocities[ids] = self._robots.pucks(ids)
             gone = self._has_parted(rows[ids], tick, poses[ids], velocities[ids], friction[ids, 0])
-            parted_at[ids[gone]] = tick
+            parted_at[ids[gone]], parted[ids[gone]] = tick, True
             ids = ids[~gone]
-            if tick == ticks or not len(ids):
+            if tick == ticks or parted.all():
                 break
             pushed[ids, tick - first] = _planar(poses[ids])
             self._robots.command(ids, swings.targets[rows[ids], tick])
-        ids = np.arange(count)
+        before, ids = before[:, :first], np.arange(count)
         slid, periods = self._table.slide(poses, velocities, friction)
         launches = np.concatenate([_planar(poses), velocities[:, :2], velocities[:, 5:]], axis=1)
         outcomes = Outcomes(
@@ -91,6 +95,14 @@ class Collector:
             np.concatenate([before[i], pushed[i, : parted_at[i] - first], slid[i, : periods[i] + 1]])
             for i in range(count)
         ]
+
+    def _last_clear(self, swings: Rows, places: Array) -> Rows:
+        """(n,) number of the last state that was kept in which no gripper has come near its puck."""
+        first, window = self._swings.first[swings], self._swings.positions.shape[1]
+        ticks = first[:, None] + np.arange(window)
+        grip = self._swings.striker[swings[:, None], ticks, :2]
+        near = np.linalg.norm(grip - places[:, None], axis=2) <= REACH + CLEAR
+        return np.where(near.any(1), np.maximum(near.argmax(1) - 1, 0), window - 1)
 
     def _has_parted(
         self, swings: Rows, tick: int, poses: Array, velocities: Array, friction: Array

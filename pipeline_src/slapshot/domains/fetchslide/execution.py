@@ -13,10 +13,10 @@ from slapshot.scenes.scene import Scene
 from slapshot.trajectories.swings import Swings, pose_stride
 from slapshot.trajectories.vae import TrajectoryVae
 
-LEAD = 3  # control periods from the cached state to the nominal contact
+LEAD = 3  # control periods before the nominal contact from which on states are kept
 LEAST_SPEED = 0.15  # m/s of the gripper at contact
 REACH = PUCK_RADIUS + FINGER_HALF_THICKNESS  # m, from grip to puck for a central contact
-# m, additional distance of the gripper up to the cached state, because REACH neglects the fingers' corners.
+# m, additional distance up to which the gripper moves alone, because REACH neglects the fingers' corners.
 CLEAR = 0.012
 _FRICTION = np.array([0.1, 0.005, 0.0001])  # the environment's own; without effect, as the puck is far away
 
@@ -62,8 +62,8 @@ def execute(
         splits=np.asarray(splits, np.int64),
         starts=starts,
         targets=commands,
-        positions=positions[:, first : first + 1],
-        velocities=velocities[:, first : first + 1],
+        positions=positions[:, first : contact + 1],
+        velocities=velocities[:, first : contact + 1],
         first=np.full(count, first),
         striker=grip[:, :ticks],
         normal=normal,
