@@ -149,7 +149,7 @@ def test_the_gripper_does_not_touch_the_puck_before_the_cached_state(fetchslide)
 
 
 def test_a_puck_that_lies_nearer_is_simulated_from_an_earlier_state(fetchslide):
-    """Alone a gripper moves as beside a puck it does not touch: rest points are those from the first state."""
+    """Alone a gripper moves as beside a puck it does not touch: rests are those from the first state."""
     swings, radius = fetchslide.swings, fetchslide.scene.info.object_radius
     hits = fetchslide.hits(40, seed=8)
     ahead = swings.normal[hits.swings, swings.first[hits.swings], :2]
