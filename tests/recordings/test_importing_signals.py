@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from slapshot.errors import InputError
 from slapshot.recordings.cli import run_check, run_import
+from slapshot.recordings.importing.keys_table import as_markdown
 from slapshot.recordings.importing.signal_importer import SignalSummary, import_signals
 from slapshot.recordings.importing.signal_mapping import is_signal_mapping, load_signal_mapping
 from slapshot.recordings.signal_quality import signal_warnings
@@ -427,3 +428,27 @@ def test_real_pendulums(
     kinds = {finding.kind for finding in signal_warnings(recording, all_channel_statistics(recording))}
     assert odd <= kinds
     assert ("no_own_velocity" in kinds) == ("no_own_velocity" in odd)
+
+
+def test_the_only_clock_need_not_be_named(tmp_path):
+    write_csv(tmp_path / "csv" / "one.csv", good_rows(), HEADER)
+    recording, _ = imported(tmp_path, clocks={"mocap": {"time": {"column": "time"}}})
+    assert {channel.clock for channel in recording.channels.values()} == {"mocap"}
+
+
+def test_flights_of_a_ball_are_imported_in_si(tmp_path):
+    """A parabola in ms and mm, with a gap: places in m at times from 0."""
+    t = 0.005 * np.arange(100)
+    height = 1.2 + 3 * t - 9.81 / 2 * t**2
+    rows = [[1e6 + 1e3 * a, 1e3 * 4 * a, 0.0, 1e3 * h] for a, h in zip(t, height, strict=True)]
+    rows = [row if k not in (40, 41) else [row[0], "", "", ""] for k, row in enumerate(rows)]
+    write_csv(tmp_path / "csv" / "throw.csv", rows, ["time_ms", "x_mm", "y_mm", "z_mm"])
+    import_signals(ROOT / "config/recordings/ball.yaml", tmp_path / "csv", tmp_path / "out")
+    table = read_signals(tmp_path / "out").signals["mocap"]
+    kept = np.delete(np.arange(100), (40, 41))
+    np.testing.assert_allclose(table["t"] - table["t"].iloc[0], t[kept], atol=1e-9)
+    np.testing.assert_allclose(table["z"], height[kept], atol=1e-12)
+
+
+def test_the_keys_in_the_documentation_are_those_of_the_code():
+    assert as_markdown() in (ROOT / "docs/recordings.md").read_text()

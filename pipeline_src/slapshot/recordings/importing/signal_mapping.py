@@ -13,7 +13,7 @@ from slapshot.recordings.header import FreeText, Line, StandIn
 from slapshot.recordings.importing.mapping import ColumnRef, CsvStyle, Files, Given, Number, ScaledColumn
 from slapshot.recordings.importing.name_pattern import NamePattern
 from slapshot.recordings.si import to_si
-from slapshot.validation import Model, ProblemAtError, validated
+from slapshot.validation import LONGEST_NAME, Model, ProblemAtError, validated
 from slapshot.yaml_file import Document, read_document
 
 SIGNAL_KEYS = frozenset({"format_version", "channels", "clocks"})  # of which a mapping of tracks has none
@@ -61,10 +61,15 @@ class ClockFiles(Model):
 class ChannelColumn(Channel):
     """A channel and the column that it is from: value in `unit` = sign * scale * number + offset."""
 
-    clock: Name = Field(default=ONLY_CLOCK, description="which of the clocks has it")
+    clock: Name = Field(
+        default=ONLY_CLOCK, description="which of the clocks has it; not needed where there is one"
+    )
+    unit: Annotated[str, Field(max_length=LONGEST_NAME)] = Field(
+        description="of the column: rad, deg, rev, m, mm, rad/s, N m, ...; counts are rev with a scale"
+    )
     column: ColumnRef = Field(description="name in the header, or number of the column from 0")
     scale: Annotated[Number, Field(gt=0)] = Field(
-        default=1.0, description="what to multiply by: a gear's ratio, or a sensor's unit a count"
+        default=1.0, description="what to multiply by: a gear's ratio, or one over an encoder's counts"
     )
     sign: Literal[1, -1] = Field(default=1, description="-1 turns an axis round")
     offset: Number = Field(default=0.0, description="what to add after that, in the channel's unit")
@@ -123,6 +128,10 @@ class SignalMapping(Model):
 
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
+        if len(self.clocks) == 1:
+            for name, channel in self.channels.items():
+                if "clock" not in channel.model_fields_set:
+                    self.channels[name] = channel.model_copy(update={"clock": next(iter(self.clocks))})
         for name, channel in self.channels.items():
             if channel.clock not in self.clocks:
                 raise ProblemAtError(
