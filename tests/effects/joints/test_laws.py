@@ -599,3 +599,16 @@ def test_effects_add_up():
     v = np.array([[0.2, 0, 0, 0, 0, 0]])
     at = State(state.x[0, :1, :7], v, np.zeros((1, 6)), np.zeros(1), np.zeros(1))
     assert hypothesis.force(at, np.array([3.0, 0.6, 0.0])) == pytest.approx(np.zeros((1, 6)), abs=1e-12)
+
+
+def test_ripple_is_told_by_its_amplitude_and_its_phase_at_angle_zero():
+    """The same torque as its sine and cosine about the middle of the travel."""
+    effect = rotor((0.0, 3.0)).effect("torque_ripple")
+    values = np.array([0.03, -0.02, 5.0])
+    told = effect.same_as(values)
+    amplitude, inside = float(told.split()[0]), told.split("sin(")[1].split(")")[0]
+    order, phase = float(inside.split()[0]), float(inside.split()[2])
+    angle = np.linspace(-1, 1, 9)
+    about = values[2] * (angle - effect._joint.middle)
+    expected = values[0] * np.sin(about) + values[1] * np.cos(about)
+    np.testing.assert_allclose(amplitude * np.sin(order * angle + phase), expected, atol=1e-4)

@@ -49,6 +49,15 @@ class TorqueRipple(JointEffect):
         ripple = values[0] * np.sin(angle) + values[1] * np.cos(angle)
         return on_joint(j, ripple, state.v.shape[1])
 
+    def same_as(self, values: Array) -> str:
+        """Its amplitude, and its phase at angle 0."""
+        sine, cosine, order = (float(value) for value in values)
+        phase = np.arctan2(cosine, sine) - order * self._joint.middle
+        phase = (phase + np.pi) % (2 * np.pi) - np.pi
+        return (
+            f"{np.hypot(sine, cosine):.4g} {self._joint.unit} * sin({order:.5g} q {phase:+.4f}) at position q"
+        )
+
     def note(self, values: Array) -> str:
         """The law."""
         angle = f"{values[2]:.6g} (q - {self._joint.middle:.6g})"
