@@ -56,6 +56,35 @@ def test_an_effect_that_makes_errors_larger_is_dropped_though_windows_are_more_l
     assert list(cut.named) == effects[:1]
 
 
+@pytest.mark.parametrize(
+    ("shrunk", "agree"),
+    [
+        ([0.5, 0.9, 0.6, 0.7], True),  # by chance in one of 16 cases
+        ([0.5, 0.9, 0.6], False),  # in one of 8
+        ([0.5, 1.3, 0.6, 0.7], False),
+        ([0.5, 1.01, 0.6, 0.7, 0.6, 0.8], True),
+        ([1.0, 1.0, 1.0, 1.0], False),
+    ],
+)
+def test_where_errors_shrink_in_window_after_window_the_likelihood_has_no_veto(shrunk, agree):
+    """It may be that of a smaller process force, which one window with something else makes unlikely."""
+    count = len(shrunk)
+
+    def prediction(errors, likelihood, place=10.0):
+        ones = np.ones((count, 1, 1))
+        found = SimpleNamespace(
+            error=np.array(errors)[:, None, None],
+            floor=ones,
+            predicted=place * ones,
+            log_likelihood=np.full(count, likelihood),
+        )
+        return SimpleNamespace(predictions=found)
+
+    before, after = prediction([1.0] * count, 0.0, place=0.0), prediction(shrunk, -50.0)
+    assert diagnose._improves(before, after) == agree
+    assert diagnose._improves(before, prediction(shrunk, 50.0)) == (min(shrunk) < 1)
+
+
 @pytest.mark.parametrize(("apart", "kept"), [(1.99, 2), (2.01, 1)])
 def test_an_effect_that_no_held_out_window_shows_stays(monkeypatch, apart, kept):
     """Of one reading, two standard deviations apart: two nats are expected to tell."""
@@ -84,6 +113,8 @@ def test_a_push_after_a_law_that_does_not_hold_saves_it_not(monkeypatch):
     cut, _ = diagnose._predict_models(searched(rig, [*laws, push]), None, None, notes.append)
     assert list(cut.named) == laws[:1]
     assert notes == [f"dropped {laws[1].key}, {push.key}: it does not predict held-out windows better"]
+    assert cut.dropped == (laws[1], push)
+    assert push.variant in diagnose._unknown(cut.final, 0.001, cut.dropped)
     predictions(monkeypatch, [0.0, 50.0])
     cut, _ = diagnose._predict_models(searched(rig, [push]), None, None, notes.append)
     assert list(cut.named) == [push]

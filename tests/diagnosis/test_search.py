@@ -47,8 +47,8 @@ def test_a_search_before_an_effect_ends_where_that_was_not_yet_there():
     assert [effect.key for effect in found.named] == [payload.key]
     assert found.before(payload).steps == (nominal, first)
     assert found.before(payload).before(friction).final is nominal
-    assert found.since(friction) == [friction.key, payload.key]
-    assert found.since(payload) == [payload.key]
+    assert found.since(friction) == [friction, payload]
+    assert found.since(payload) == [payload]
 
 
 def test_a_delay_is_raced_from_both_signs_and_the_best_candidate_comes_first():

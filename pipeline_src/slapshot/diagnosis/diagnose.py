@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import wilcoxon
 from threadpoolctl import threadpool_limits
 
 from slapshot.arrays import Array
@@ -56,6 +57,7 @@ _RESAMPLES = 1000
 # Pushes in a larger share of at least this many episodes are not events but systematic.
 _MAX_PUSHED_SHARE, _MIN_EPISODES = 0.5, 4
 _DISTINGUISHABLE_NATS = 2.0  # two standard deviations under noise
+_AGREE = 0.1  # probability by which windows may agree by chance: four of four
 
 
 @dataclass(frozen=True)
@@ -289,8 +291,9 @@ def _predict_models(
         after = last if step is found.final else predicted(step, step.scored.fit.theta)
         if _improves(before, after):
             break
-        report(f"dropped {', '.join(found.since(step.added))}: it does not predict held-out windows better")
-        found, last = less, before
+        dropped = found.since(step.added)
+        report(f"dropped {', '.join(e.key for e in dropped)}: it does not predict held-out windows better")
+        found, last = replace(less, dropped=(*dropped, *found.dropped)), before
     hidden = any(effect.hidden_state for effect in found.named)
     if hidden and found.by_laws and not _improves(refitted, last):
         report("the hidden state does not predict held-out windows better: laws instead")
@@ -366,6 +369,7 @@ def _verdict(
             "the named effects are not observable in held-out windows: only the fit supports them",
         ]
     left = last.test.p_value
+    notes = [*notes, *(_dropped_note(effect) for effect in found.dropped)]
     recurring = _recurring_pushes(last, named)
     flagged = missing and (left < P_VALUE or worse[1] or not named or recurring is not None)
     headline = "nothing_found"
@@ -398,7 +402,7 @@ def _verdict(
         # Scores and free forms know nothing of pushes, above all where their windows were set aside.
         strongest = pushes[0]
         location = Location(part=strongest.part, follows="time", size=None)
-    unknown = recurring or _unknown(last, left)
+    unknown = recurring or _unknown(last, left, found.dropped)
     if pushed and p >= P_VALUE and not worse[0]:
         location, unknown = Location(part=pushed[0].joint, follows="time", size=None), str(pushed[0])
     return Verdict(
@@ -456,8 +460,23 @@ def _improves(before: Prediction, after: Prediction) -> bool:
     if not distinguishable(old, new):
         return True
     scale = np.maximum(old.floor.mean(axis=(0, 1)), 1e-12)
-    errors = [float(np.nanmean((prediction.error / scale) ** 2)) for prediction in (old, new)]
-    return bool(errors[1] < errors[0] and new.log_likelihood.sum() > old.log_likelihood.sum())
+    squares = [np.nanmean((found.error / scale) ** 2, axis=(1, 2)) for found in (old, new)]
+    if np.nanmean(squares[1]) >= np.nanmean(squares[0]):
+        return False
+    return bool(new.log_likelihood.sum() > old.log_likelihood.sum() or _windows_agree(*squares))
+
+
+def _windows_agree(before: Array, after: Array) -> bool:
+    """Whether errors shrink in window after window by more than chance (Wilcoxon's signed ranks of logs).
+
+    Then the likelihood has no veto: it is that of the process force which a model was left with, and
+    punishes the better model for the smaller one as soon as a window has something that no model has.
+    """
+    there = np.isfinite(before) & np.isfinite(after) & (before > 0) & (after > 0) & (before != after)
+    if not there.any():
+        return False
+    shrunk = np.log(after[there] / before[there])
+    return bool(wilcoxon(shrunk, alternative="less").pvalue < _AGREE)
 
 
 def _errors(
@@ -584,13 +603,26 @@ def _recurring_pushes(step: Step, named: Sequence[JointEffect]) -> str | None:
     return f"pushes come in {pushed} of {episodes} episodes, with a cause that no named effect explains"
 
 
-def _unknown(step: Step, p_value: float) -> str:
+def _dropped_note(effect: JointEffect) -> str:
+    return f"{_told(effect)}: fitted, but held-out windows are not predicted better with it; not named"
+
+
+def _told(effect: JointEffect) -> str:
+    """Its phrase, and of pushes when they come."""
+    when = f" ({effect.variant})" if isinstance(effect, ExternalPulse) else ""
+    return _phrase(effect) + when
+
+
+def _unknown(step: Step, p_value: float, dropped: Sequence[JointEffect] = ()) -> str:
+    pushes = [_told(effect) for effect in dropped if isinstance(effect, ExternalPulse)]
+    if pushes:
+        return f"beside laws that do not hold it looked like {' and '.join(pushes)}"
     scored = step.scored
     found = scored.gains
     free = [i for i, effect in enumerate(scored.effects) if is_free(effect)]
     seen = "" if p_value < P_VALUE else "seen in held-out windows only; "
     if not free:
-        return f"{seen}it has no free form"
+        return f"{seen}no free form describes it"
     best = max(free, key=lambda i: found[i].log_evidence)
     return f"{seen}best described as {_phrase(scored.effects[best])}"
 

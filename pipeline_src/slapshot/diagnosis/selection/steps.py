@@ -79,11 +79,13 @@ class Search:
         free: effects of the nominal rig itself.
         by_laws: steps that would have been taken but for a model with hidden states, which explains more of
             what was fitted; none where no such model was taken.
+        dropped: effects that were added, but do not predict held-out windows better.
     """
 
     steps: tuple[Step, ...]
     free: tuple[JointEffect, ...]
     by_laws: tuple[Step, ...] = ()
+    dropped: tuple[JointEffect, ...] = ()
 
     @property
     def nominal(self) -> Step:
@@ -106,10 +108,10 @@ class Search:
         since = next((i for i, step in enumerate(self.steps) if step.added is effect), len(self.steps))
         return replace(self, steps=self.steps[:since])
 
-    def since(self, effect: JointEffect | None) -> list[str]:
-        """Keys of an effect and of those that were added after it."""
+    def since(self, effect: JointEffect | None) -> list[JointEffect]:
+        """An effect and those that were added after it."""
         later = self.steps[len(self.before(effect).steps) :]
-        return list(dict.fromkeys(step.added.key for step in later if step.added is not None))
+        return list({step.added.key: step.added for step in later if step.added is not None}.values())
 
 
 def nominal_step(
