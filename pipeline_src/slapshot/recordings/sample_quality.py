@@ -182,7 +182,7 @@ def _outliers(measured: ChannelStatistics) -> Iterator[QualityWarning]:
             "outliers",
             masks,
             f"{count} of {len(measured.samples)} samples of {measured.name} are outliers",
-            f"readings or times off by {STANDS_OUT:g} times the noise dominate a fit: exclude them",
+            f"readings or times off by {STANDS_OUT:g} times the noise; leave cells blank that are wrong",
         )
 
 

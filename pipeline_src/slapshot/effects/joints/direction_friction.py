@@ -12,7 +12,10 @@ from slapshot.effects.joints.parts import add_friction
 
 class DirectionFriction(JointEffect):
     name = "direction_friction"
-    physics = "Preload or a worn flank makes dry friction larger in one direction than in the other."
+    physics = (
+        "Preload or a worn flank makes dry friction larger in one direction than in the other; so does a "
+        "constant torque beside it (the offset of a drive)."
+    )
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
     phrase = "friction at {part} that differs between directions"
     empirical = True
