@@ -8,6 +8,7 @@ import pytest
 from slapshot.diagnosis.pucks.headline import explained, names_hold
 from slapshot.diagnosis.pucks.selection.level import LEAST_SHIFT, least_gain, least_shift, without_hidden
 from slapshot.diagnosis.pucks.selection.search import ADD, Candidate, Screen, Search
+from slapshot.diagnosis.pucks.slide.slide_model import Column
 from slapshot.diagnosis.pucks.verdict import Errors, Interval
 from slapshot.effects.catalogue import catalogue
 
@@ -175,9 +176,10 @@ def test_errors_of_a_law_do_not_reach_what_others_are_told_by(name, other, nats)
 
 
 class Rounds(Search):
-    """Rounds of simulation and fit whose values (in scales of a drag) and objectives are given."""
+    """Rounds of simulation and fit whose values (in scales of a drag), error and objectives are given."""
 
-    def __init__(self, ends):
+    def __init__(self, ends, sd=0.0):
+        self.sd = sd
         self.ends, self.scale = iter(ends), catalogue()["linear_drag"].parameters[0].scale
         super().__init__(SimpleNamespace(effects=catalogue(), sizes={}), (), (), None, about=self.simulated)
 
@@ -186,7 +188,13 @@ class Rounds(Search):
 
     def at(self, value, objective):
         effects = {"linear_drag": {"rate": value * self.scale}}
-        return SimpleNamespace(point=SimpleNamespace(effects=effects), scatter=None, objective=objective)
+        return SimpleNamespace(
+            point=SimpleNamespace(effects=effects),
+            scatter=None,
+            objective=objective,
+            columns=[Column("linear_drag", "rate", -1, 0.1)],
+            covariance=np.array([[(self.sd * self.scale) ** 2]]),
+        )
 
     def _log_evidence(self, fit):
         return -fit.objective
@@ -208,3 +216,10 @@ def test_the_best_of_those_rounds_counts_that_stay_where_they_were_simulated(end
     assert found.fit.objective == chosen
     assert found.final
     assert search.seen["linear_drag",] is found
+
+
+def test_a_value_stays_that_moves_by_less_than_half_its_standard_error():
+    """By as much the scatter of contact moves it: two scales of an error of five."""
+    search = Rounds([(2.0, 100.0), (4.0, 90.0)], sd=5.0)
+    begin = Candidate(("linear_drag",), search.at(0.0, 500.0), 0.0, search.fitter, final=False)
+    assert search.finish(begin).fit.objective == 100.0
