@@ -291,7 +291,8 @@ def _predict_models(
         after = last if step is found.final else predicted(step, step.scored.fit.theta)
         if _improves(before, after):
             break
-        dropped = found.since(step.added)
+        named = {effect.key for effect in found.named}
+        dropped = [effect for effect in found.since(step.added) if effect.key in named]
         report(f"dropped {', '.join(e.key for e in dropped)}: it does not predict held-out windows better")
         found, last = replace(less, dropped=(*dropped, *found.dropped)), before
     hidden = any(effect.hidden_state for effect in found.named)
@@ -369,7 +370,10 @@ def _verdict(
             "the named effects are not observable in held-out windows: only the fit supports them",
         ]
     left = last.test.p_value
-    notes = [*notes, *(_dropped_note(effect) for effect in found.dropped)]
+    # Laws that stand in for a hidden state may have been dropped before.
+    kept = {effect.key for effect in named}
+    dropped = [effect for effect in found.dropped if effect.key not in kept]
+    notes = [*notes, *(_dropped_note(effect) for effect in dropped)]
     recurring = _recurring_pushes(last, named)
     flagged = missing and (left < P_VALUE or worse[1] or not named or recurring is not None)
     headline = "nothing_found"
@@ -402,7 +406,7 @@ def _verdict(
         # Scores and free forms know nothing of pushes, above all where their windows were set aside.
         strongest = pushes[0]
         location = Location(part=strongest.part, follows="time", size=None)
-    unknown = recurring or _unknown(last, left, found.dropped)
+    unknown = recurring or _unknown(last, left, dropped)
     if pushed and p >= P_VALUE and not worse[0]:
         location, unknown = Location(part=pushed[0].joint, follows="time", size=None), str(pushed[0])
     return Verdict(

@@ -79,7 +79,7 @@ class UnknownLaunch:
     count: int
     spin: Array | None = None
     spin_sd: float = UNKNOWN_SPIN_SD
-    rows: int = -4
+    rows: int = -SPIN
     flat: ClassVar[int] = SPIN
     turned: ClassVar[None] = None
 

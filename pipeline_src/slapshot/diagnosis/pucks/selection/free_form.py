@@ -47,7 +47,7 @@ def launch_features(launches: Array) -> Array:
 
 
 def contact_features(approach: Array) -> Array:
-    """(n, 6) powers of where and at which angle faces meet objects (n, 2), of order 1."""
+    """(n, 7) powers of where and at which angle faces meet objects (n, 2), of order 1."""
     offset, angle = ((x - x.mean()) / max(float(x.std()), 1e-3) for x in approach.T)
     return np.stack([offset**i * angle**j for i, j in _CONTACT_POWERS], axis=1)
 

@@ -131,6 +131,8 @@ def _beside_what_is_left(
 
     None where no free form says anything.
     """
+    if not final.effects:
+        return None
     form = leftover.best([n for n in search.free if n in leftover.log_evidence])[:1]
     if not form or leftover.log_evidence[form[0]] <= 0:
         return None
