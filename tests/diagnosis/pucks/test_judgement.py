@@ -4,8 +4,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from slapshot.diagnosis.pucks.selection.judgement import _class, outside_probability, parameters_of
-from slapshot.diagnosis.pucks.selection.search import Candidate
+from slapshot.diagnosis.pucks.selection.judgement import (
+    _beside_what_is_left,
+    _class,
+    mismatch_of,
+    outside_probability,
+    parameters_of,
+)
+from slapshot.diagnosis.pucks.selection.search import Candidate, Screen
 from slapshot.diagnosis.pucks.slide.slide_model import Column
 from slapshot.effects.catalogue import catalogue
 
@@ -42,6 +48,38 @@ def test_exact_laws_are_told_apart_by_evidence():
 
 def test_what_parameters_cost_counts_whatever_laws_err_by():
     assert set(members(0.15, candidate("map", 0.0, cost=20.0))) == {"lag"}
+
+
+def test_a_mismatch_is_found_by_its_p_value_however_small_it_is():
+    for p_value, evidence, found in ((0.005, 10.0, True), (0.02, 10.0, False), (0.005, 1.0, False)):
+        screen = Screen({"tilt": evidence}, {"tilt": 1e-4}, p_value, {})
+        assert mismatch_of(screen, 0.01, 2.0).found == found
+
+
+def test_beside_what_is_left_a_value_is_that_of_a_fit_of_both():
+    """Against dense least squares of one effect and a free form on 40 readings."""
+    rng = np.random.default_rng(0)
+    by = rng.normal(size=(40, 2)) + np.array([1.0, 1.0])
+    readings = by @ [0.3, 0.5] + rng.normal(size=40)
+    columns = [Column("tilt", "slope_x", -1, 0.1), Column("free", "weight", -1, 0.1)]
+    alone = by[:, 0] @ readings / (by[:, 0] @ by[:, 0])  # at whose fit the effect has no score left
+    left = readings - alone * by[:, 0]
+    marginal = SimpleNamespace(information=(by.T @ by)[None], scores=(by.T @ left)[None])
+    fitter = SimpleNamespace(
+        quadratic=lambda fit, effects: (columns, marginal, None), prior=lambda columns: (None, np.zeros(2))
+    )
+    fit = SimpleNamespace(dispersion=1.0, columns=columns[:1])
+    final = Candidate(("tilt",), fit, 0.0, fitter)
+    for evidence in (3.0, -1.0):
+        screen = Screen({"free": evidence}, {"free": 0.0}, 0.5, {})
+        beside = _beside_what_is_left(SimpleNamespace(free=["free"]), final, screen)
+        if evidence < 0:
+            assert beside is None
+            continue
+        moved, sd = beside
+        both = np.linalg.solve(by.T @ by, by.T @ readings)
+        assert alone + moved == pytest.approx(both[:1])
+        assert sd == pytest.approx(np.sqrt(np.linalg.inv(by.T @ by)[0, 0]))
 
 
 def test_an_interval_holds_that_beside_what_is_left_over():
