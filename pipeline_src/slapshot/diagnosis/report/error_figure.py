@@ -14,7 +14,7 @@ from slapshot.plotting import Drawing
 NAME = "J3-errors"
 CAPTION = (
     "Root mean square errors of held-out windows, by kind of channel, with 90 % bootstrap intervals "
-    "over windows. Dotted: what noise alone leaves of the model that explains most."
+    "over windows. Dotted: what noise of the readings alone leaves of the model that explains most."
 )
 _NAMES = {
     "nominal": "nominal,\nas given",
