@@ -15,9 +15,10 @@ from slapshot.lab.camera import observe
 from slapshot.lab.commands import Diverse, Latents, Pool, Session, Source, draw_session
 from slapshot.lab.concealed.draw import draw_concealed
 from slapshot.lab.concealed.effect_size_calibration import EffectSizeCalibration
-from slapshot.lab.hit import BATCH_SIZE, RigSimulator
+from slapshot.lab.hit import RigSimulator
 from slapshot.lab.hit_types import Hit, HitNoise, HitSpec, draw_hit_noise
 from slapshot.lab.rig import Rig, draw_rig, truth_dict
+from slapshot.lab.rig_batch import BATCH_SIZE
 from slapshot.lab.rng_streams import recording_streams, stream_for
 from slapshot.lab.tables import commanded, hits_table, joint_table, read_encoders, tracks_table
 from slapshot.progress import progress

@@ -3,41 +3,34 @@
 Arm, blade and object are simulated in MuJoCo from rest until blade and object have separated for good. From
 there `slide` integrates the object's motion with the surface forces at every point of its support. On a flat
 board with isotropic friction MuJoCo gives the same rest point within 2 mm, but more slowly.
+
+A flexible blade needs time steps of 0.05 ms, but bends only where it strikes. Until shortly before it reaches
+the object, and after it has parted from it, it is simulated as rigid, in long steps of fourth order.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
-from numpy.typing import NDArray
 
-from slapshot.arrays import GRAVITY, Array
-from slapshot.lab.blade import compile_rig, striker_pairs
+from slapshot.arrays import Array
+from slapshot.lab.blade import compile_rig
 from slapshot.lab.executed_trajectory import ExecutedPath
 from slapshot.lab.hit_types import Hit, HitNoise, HitSpec, Launch
 from slapshot.lab.release_detection import StrikerPath
 from slapshot.lab.rig import Rig
+from slapshot.lab.rig_batch import BATCH_SIZE, RigBatch, Rows
 from slapshot.lab.slide import slide
-from slapshot.lab.surface import feel
-from slapshot.scenes.scene import Scene
+from slapshot.scenes.scene import Scene, SceneInfo
 from slapshot.trajectories.motion import Motion
 
 TIMESTEP = 2e-4  # s
 SETTLE = 0.05  # s simulated after the motion's end
 LONGEST_CONTACT = 0.5  # s after the motion's end by which blade and object have separated at the latest
-FLAT = 1e-3  # m above the board: an object that is no higher counts as sliding
-# m/s, largest vertical speed of an object that counts as sliding. An object may still hop when it is
-# launched, and friction slows it only where it lands. From a launch with vertical speed w, the board's normal
-# impulse over a time t is m (g t - w), whereas `slide` assumes m g t. This is exact for w = 0; for w = 5 cm/s
-# the speed is wrong by mu w, or 1 %.
-LEVEL = 0.01
-MOVING = 0.01  # m/s: slower objects have not been hit yet
-BATCH_SIZE = 64  # hits simulated together, which share the overhead of Python
-_ROLLING = 1e-4  # placeholder: contacts of dimension 4 do not use it
-_PLANAR = [0, 1, 3]  # x, y, yaw among x, y, z, yaw
+# s before the executed path reaches the object from which on a flexible blade bends. The arm is ahead of its
+# path by less, and what vibrates because bending starts there is damped out by then.
+NEAR = 0.03
 
 
 class RigSimulator:
@@ -46,15 +39,15 @@ class RigSimulator:
     def __init__(self, scene: Scene, rig: Rig, timestep: float = TIMESTEP, cores: int = 1) -> None:
         info = scene.info
         self._scene, self._rig, self._cores = scene, rig, cores
-        self._ground = rig.ground
-        self._model = model = compile_rig(scene, rig.striker, timestep, rig.edits)
-        self._substeps = round(info.control_period / model.opt.timestep)
-        self._arm = np.array([model.joint(name).qposadr[0] for name in info.joints])
-        self._object_q = np.array([model.joint(name).qposadr[0] for name in info.object_joints])
-        self._object_v = np.array([model.joint(name).dofadr[0] for name in info.object_joints])
-        self._body = model.body(info.object_body).id
-        self._pair = model.pair(info.object_pair).id
-        self._striker_pairs = striker_pairs(model, scene)
+        self._contact = RigBatch(scene, rig, compile_rig(scene, rig.striker, timestep, rig.edits), cores)
+        self._free = self._contact
+        # A hidden effect is compared with what happens without it, in the same steps; and edits may hide
+        # springs and stops in joints, for which long steps are not stable.
+        if rig.blade is not None and not rig.edits:
+            rigid = scene.compile(info.control_period)
+            rigid.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+            self._free = RigBatch(scene, rig, rigid, cores)
+        self._arm = np.array([self._free.model.joint(name).qposadr[0] for name in info.joints])
         self._start = np.array(info.start)
 
     def hit(self, motion: Motion, object_id: str, chance: HitNoise) -> Hit:
@@ -77,7 +70,7 @@ class RigSimulator:
             (friction[0], friction[1], friction[2]),
             self._scene.info.object_radius,
             period,
-            self._ground,
+            self._rig.ground,
             launch.time,
         )
         # The launch is the last row of the first part and the first row of the second one.
@@ -100,63 +93,46 @@ class RigSimulator:
             found += self._strike(strokes[first : first + BATCH_SIZE], arm)
         return found
 
-    @cached_property
-    def _batch(self) -> Batch:
-        return Batch(self._model, nsim=BATCH_SIZE, nthread=self._cores)
-
-    @cached_property
-    def _qpos(self) -> Array:
-        return self._batch.bind("qpos")
-
-    @cached_property
-    def _qvel(self) -> Array:
-        return self._batch.bind("qvel")
-
     def _strike(self, strokes: Sequence[HitSpec], arm: bool) -> list[Launch]:
         """Launches of at most BATCH_SIZE hits."""
-        info, period = self._scene.info, self._scene.info.control_period
+        period, rows = self._scene.info.control_period, np.arange(len(strokes))
         paths = [self._path(stroke) for stroke in strokes]
-        ends = np.array([round((path.duration + SETTLE) / period) for path in paths])
-        latest = np.array([round((path.duration + LONGEST_CONTACT) / period) for path in paths])
-        targets = np.zeros((len(strokes), latest.max() + 1, len(info.joints)))
-        for i, path in enumerate(paths):
-            targets[i, : latest[i] + 1] = path.targets(latest[i] + 1, period, info.servo_time)
-        strikers = [StrikerPath(self._scene, self._model, self._arm, path) for path in paths]
-        friction = np.array([self._friction(stroke) for stroke in strokes])
-        mass = np.array([self._rig.objects[stroke.object_id].mass for stroke in strokes])
-        self._place(strokes, paths, strikers, mass)
+        strikers = [StrikerPath(self._scene, self._free.model, self._arm, path) for path in paths]
+        motion = _Executed(paths, self._scene.info)
+        self._place(strokes, paths, strikers)
+        motion.read(0, rows, self._free)
 
-        batch, rows = self._batch, np.arange(len(strokes))
-        qpos, ctrl = self._qpos, batch.bind("ctrl")
-        joints = np.full((len(strokes), latest.max() + 1, len(info.joints)), np.nan)
-        poses = np.full((len(strokes), latest.max() + 1, 3), np.nan)
-        launched = np.full(len(strokes), -1)
-        states = self._states(rows)
-        final = states.copy()
-        joints[:, 0], poses[:, 0] = qpos[rows[:, None], self._arm], states[:, :3]
-        same_everywhere = not any(map(len, self._ground))
-        tick = 0
-        while len(rows):
-            ctrl[rows, : len(info.joints)] = targets[rows, tick]
-            if tick == 0 or not same_everywhere:
-                hardest = self._feel(rows, states[rows], tick * period, mass, friction)
-            batch.step(ids=rows, nstep=self._substeps)
-            tick += 1
-            joints[rows, tick] = qpos[rows[:, None], self._arm]
-            states[rows] = self._states(rows)
-            poses[rows, tick] = states[rows, :3]
-            candidates = rows[self._lies_flat(rows, states[rows]) & (launched[rows] < 0)]
-            for i in candidates.tolist():
-                if strikers[i].misses(states[i], tick * period, hardest[i]):
-                    launched[i], final[i] = tick, states[i]
-            lost = rows[(launched[rows] < 0) & (tick >= latest[rows])]
-            launched[lost], final[lost] = tick, states[lost]
-            rows = rows[(launched[rows] < 0) | (arm & (tick < ends[rows]))]
+        near = np.array([self._near(*each) for each in zip(strikers, strokes, strict=True)])
+        for _ in motion.ticks(self._free, np.zeros_like(near), near):
+            pass
+        self._contact.take_over(rows, self._free)
+        released = np.array([round((path.duration + LONGEST_CONTACT) / period) for path in paths])
+        for tick, moving in motion.ticks(self._contact, near, released):
+            for i in moving[self._contact.slides(moving)].tolist():
+                state, hardest = self._contact.states(moving[moving == i])[0], self._contact.hardest(i)
+                if strikers[i].misses(state, tick * period, hardest):
+                    released[i] = tick
+        launches = self._contact.states(rows)
+        ends = released
+        if arm:
+            ends = np.array([round((path.duration + SETTLE) / period) for path in paths])
+            self._free.take_over(rows, self._contact)
+            for _ in motion.ticks(self._free, released, ends):
+                pass
         return [
-            Launch(poses[i, : launched[i] + 1], _cut(joints[i], ends[i], launched[i], arm),
-                   launched[i] * period, final[i])
-            for i in range(len(strokes))
-        ]  # fmt: skip
+            Launch(
+                motion.poses[i, : released[i] + 1],
+                motion.joints[i, : ends[i] + 1],
+                released[i] * period,
+                launches[i],
+            )
+            for i in rows
+        ]
+
+    def _near(self, striker: StrikerPath, stroke: HitSpec) -> int:
+        """Number of control periods before the blade is near the object."""
+        early = striker.time_at(self._start + stroke.chance.start_error) - NEAR
+        return max(0, int(early / self._scene.info.control_period))
 
     def _path(self, stroke: HitSpec) -> ExecutedPath:
         chance = stroke.chance
@@ -176,73 +152,50 @@ class RigSimulator:
         return factor * np.array((truth.friction_x, truth.friction_y, truth.friction_torsional))
 
     def _place(
-        self,
-        strokes: Sequence[HitSpec],
-        paths: Sequence[ExecutedPath],
-        strikers: Sequence[StrikerPath],
-        mass: Array,
+        self, strokes: Sequence[HitSpec], paths: Sequence[ExecutedPath], strikers: Sequence[StrikerPath]
     ) -> None:
         """Set the initial state at rest: arms at the start of their paths, objects with start errors."""
-        batch, model, rows = self._batch, self._model, np.arange(len(strokes))
-        scale = mass / model.body_mass[self._body]
-        batch.expand("body_mass")[rows, self._body] = model.body_mass[self._body] * scale
-        inertia = model.body_inertia[self._body] * scale[:, None]
-        batch.expand("body_inertia")[rows, self._body] = inertia
-        batch.set_const(ids=rows)  # updates the subtree masses that gravity acts on
-        if self._rig.bounces:
-            solref = batch.expand("pair_solref")
-            for i, striker in enumerate(strikers):
-                speed = striker.speed_at(self._start)
-                for pair in self._striker_pairs:
-                    solref[i, pair] = self._rig.bounce(model.pair_solref[pair], speed)
-        batch.reset(ids=rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
-        qpos = self._qpos
-        qpos[rows[:, None], self._arm] = [path.position(np.zeros(1))[0] for path in paths]
-        qpos[rows[:, None], self._object_q[:2]] = [stroke.chance.start_error for stroke in strokes]
-        qpos[rows, self._object_q[3]] = [self._rig.yaw(stroke.chance.quirk) for stroke in strokes]
-
-    def _states(self, rows: NDArray[np.int64]) -> Array:
-        """(rows, 6) x, y (m, world frame), yaw (rad), vx, vy (m/s), spin (rad/s) of objects."""
-        columns = rows[:, None]
-        state = np.concatenate(
-            [self._qpos[columns, self._object_q[_PLANAR]], self._qvel[columns, self._object_v[_PLANAR]]],
-            axis=1,
+        mass = np.array([self._rig.objects[stroke.object_id].mass for stroke in strokes])
+        friction = np.array([self._friction(stroke) for stroke in strokes])
+        speed = [striker.speed_at(self._start) for striker in strikers]
+        for batch in dict.fromkeys((self._free, self._contact)):
+            batch.reset(mass, friction, speed)
+        self._free.place(
+            np.array([path.position(np.zeros(1))[0] for path in paths]),
+            np.array([stroke.chance.start_error for stroke in strokes]),
+            np.array([self._rig.yaw(stroke.chance.quirk) for stroke in strokes]),
         )
-        state[:, :2] += self._start
-        return state
-
-    def _lies_flat(self, rows: NDArray[np.int64], states: Array) -> NDArray[np.bool_]:
-        """(rows,) whether objects have been hit and no longer hop."""
-        height, rising = self._qpos[rows, self._object_q[2]], self._qvel[rows, self._object_v[2]]
-        speed = np.hypot(states[:, 3], states[:, 4])
-        return (np.abs(height) <= FLAT) & (np.abs(rising) <= LEVEL) & (speed >= MOVING)
-
-    def _feel(
-        self, rows: NDArray[np.int64], states: Array, now: float, mass: Array, friction: Array
-    ) -> Array:
-        """Apply the local surface forces to objects; return their largest deceleration, (strokes,) m/s^2."""
-        mean = np.sqrt(friction[rows, 0] * friction[rows, 1])
-        forces, factors = np.empty((len(rows), 4)), np.empty((len(rows), 2))
-        feel(self._ground, states, np.full(len(rows), now), mean, forces, factors)
-        mass = mass[rows, None]
-        applied = -mass * GRAVITY * forces[:, :2] + mass * forces[:, 2:]
-        qfrc = self._batch.bind("qfrc_applied")
-        qfrc[rows[:, None], self._object_v[:2]] = applied
-        if len(self._ground.centres):  # body forces act on the centre of mass
-            yaw, (out_x, out_y, _) = states[:, 2], self._ground.centres[0]
-            ox = np.cos(yaw) * out_x - np.sin(yaw) * out_y
-            oy = np.sin(yaw) * out_x + np.cos(yaw) * out_y
-            qfrc[rows, self._object_v[3]] = ox * applied[:, 1] - oy * applied[:, 0]
-        pair = self._batch.expand("pair_friction")
-        along = friction[rows] * np.exp(factors[:, :1]) * factors[:, 1:]
-        # Tangent 1 of a horizontal contact is the world's y axis.
-        pair[rows, self._pair, :3] = along[:, [1, 0, 2]]
-        pair[rows, self._pair, 3:] = _ROLLING
-        hardest = np.zeros(len(friction))
-        hardest[rows] = GRAVITY * friction[rows, :2].max(1) * factors[:, 1]
-        hardest[rows] += np.hypot(forces[:, 2], forces[:, 3])
-        return hardest
 
 
-def _cut(joints: Array, end: int, launched: int, arm: bool) -> Array:
-    return joints[: end + 1] if arm else joints[: launched + 1]
+class _Executed:
+    """Commands of some hits, and how arm and object move: (hits, ticks) joints and poses."""
+
+    def __init__(self, paths: Sequence[ExecutedPath], info: SceneInfo) -> None:
+        self._period = info.control_period
+        ticks = [round((path.duration + LONGEST_CONTACT) / self._period) for path in paths]
+        self._targets = np.zeros((len(paths), max(ticks) + 1, len(info.joints)))
+        for i, path in enumerate(paths):
+            self._targets[i, : ticks[i] + 1] = path.targets(ticks[i] + 1, self._period, info.servo_time)
+        self.joints = np.full(self._targets.shape, np.nan)  # rad
+        self.poses = np.full((*self._targets.shape[:2], 3), np.nan)  # x, y in m, yaw in rad
+
+    def ticks(self, batch: RigBatch, first: Rows, last: Rows) -> Iterator[tuple[int, Rows]]:
+        """Simulate each hit from its tick `first` to its tick `last`, which may be lowered on the way.
+
+        Yields:
+            every tick that is reached, and the hits that have.
+        """
+        tick = int(first.min())
+        while tick < last.max():
+            rows = np.flatnonzero((first <= tick) & (tick < last))
+            if len(rows):
+                batch.step(rows, self._targets[rows, tick], tick * self._period)
+            tick += 1
+            if len(rows):
+                self.read(tick, rows, batch)
+                yield tick, rows
+
+    def read(self, tick: int, rows: Rows, batch: RigBatch) -> None:
+        """Note where arm and object are."""
+        self.joints[rows, tick] = batch.joints(rows)
+        self.poses[rows, tick] = batch.states(rows)[:, :3]
