@@ -12,7 +12,12 @@ from slapshot.diagnosis.fit.filter import Linear, innovations
 from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.law_columns import LawColumns, law_columns
 from slapshot.diagnosis.fit.law_error import law_errors
-from slapshot.diagnosis.fit.linear import STEP_ERROR, Perturbation, perturbations_of
+from slapshot.diagnosis.fit.linear import (
+    STEP_ERROR,
+    STEP_ERROR_OF_POSITIONS,
+    Perturbation,
+    perturbations_of,
+)
 from slapshot.diagnosis.fit.noise import (
     Noise,
     Prior,
@@ -42,6 +47,7 @@ from slapshot.diagnosis.selection.pulses import (
     push_error,
     scan,
     window_nodes,
+    with_surroundings,
 )
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, RigMotion, State, overrides
@@ -49,7 +55,7 @@ from slapshot.effects.joints.external_pulse import ExternalPulse
 from slapshot.effects.joints.split import FASTEST
 from slapshot.recordings.channels import Channel
 
-NUISANCE = (STEP_ERROR,)  # of every hypothesis, besides law errors
+NUISANCE = (STEP_ERROR, STEP_ERROR_OF_POSITIONS)  # of every hypothesis, besides law errors
 POSITION_SPREAD = 0.05  # rad or m, prior sd of an initial state about the trajectory
 _SPEED_SPREAD = 3  # rms speeds
 CREDIBLE_SD = 5.0  # of a prior, beyond which a value contradicts it
@@ -437,7 +443,10 @@ def _with_inflation(
     nodes = window_nodes(segments)
     windows = float(np.sum(inflated.inflation > 1)) / nodes
     worth = windows * float(np.log(inflated.inflation.size / nodes))
-    return inflated if levels[-1] - levels[0] > worth else noise.without_inflation
+    if levels[-1] - levels[0] <= worth:
+        return noise.without_inflation
+    aside = with_surroundings(inflated.inflation, speed, segments, problem.rig_motion)
+    return replace(inflated, inflation=aside)
 
 
 def _fit_noise_with_columns(

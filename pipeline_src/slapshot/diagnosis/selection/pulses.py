@@ -285,6 +285,83 @@ def covariance_inflation(
     return inflation if 0 < pushed.mean() <= _MAX_INFLATED_SHARE else None
 
 
+def with_surroundings(inflation: Array, speed: Array, segments: Segments, rig: RigMotion) -> Array:
+    """The inflation also of the windows around: those in which a joint rests, and one more to both sides.
+
+    A push that begins or ends within a window touches it too little to be told. One that holds a joint at
+    rest shows only once the joint moves: without it, a larger friction would seem to hold the joint.
+
+    Args:
+        inflation: (S, L), more than 1 in some windows.
+        speed: (S, L, nv) of the degrees of freedom.
+        segments: data.
+        rig: whose joints may be pushed.
+    """
+    nodes, L = window_nodes(segments), segments.shape[1]
+    count = L // nodes
+    resting = _resting(speed, nodes, count, rig).any(-1)
+    inflation = inflation.copy()
+    for run in segments.runs():
+        level = inflation[run][:, : count * nodes : nodes].ravel()
+        rests = resting[run].ravel()
+        for aside in np.flatnonzero(level > 1):
+            for way in (-1, 1):
+                w = aside + way
+                while 0 <= w < len(level):
+                    s, at = run[w // count], _nodes_of(int(w % count), count, nodes, L)
+                    inflation[s, at] = np.maximum(inflation[s, at], level[aside])
+                    if not rests[w]:
+                        break
+                    w += way
+    return inflation
+
+
+def through_rest(
+    push: ExternalPulse, aside: Array, speed: Array, segments: Segments, rig: RigMotion
+) -> Sequence[ExternalPulse]:
+    """The pushes also over the windows next to them in which their joint rests: before, after, and both.
+
+    Args:
+        push: of one joint.
+        aside: (S, L) inflation of the process force; only windows where it is more than 1 count.
+        speed: (S, L, nv) of the degrees of freedom.
+        segments: data.
+        rig: whose joint is pushed.
+    """
+    nodes = window_nodes(segments)
+    count = segments.shape[1] // nodes
+    j = next(j for j, joint in enumerate(rig.joints) if joint.name == push.part)
+    free = _resting(speed, nodes, count, rig)[..., j] & _inflated_windows(aside, segments)
+    begin = segments.time[:, :1] + np.arange(count) * nodes * segments.interval
+    end = np.append(begin[:, 1:], segments.time[:, -1:] + segments.interval, axis=1)
+    found: list[ExternalPulse] = []
+    for before, after in ((True, False), (False, True), (True, True)):
+        longer = []
+        for pulse in push.pulses:
+            own = free & (segments.ids[segments.episode] == pulse.episode)[:, None]
+            first, last = pulse.begin, pulse.end
+            # A window that the push begins or ends in belongs to it too.
+            while before and (w := own & (begin < first - _ROUNDING_S) & (end > first - _ROUNDING_S)).any():
+                first = float(begin[w].min())
+            while after and (w := own & (begin < last + _ROUNDING_S) & (end > last + _ROUNDING_S)).any():
+                last = float(end[w].max())
+            longer.append(replace(pulse, begin=first, end=last))
+        if longer != list(push.pulses) and all(longer != list(other.pulses) for other in found):
+            found.append(ExternalPulse(rig.joints[j], longer))
+    return found
+
+
+def _resting(speed: Array, nodes: int, count: int, rig: RigMotion) -> NDArray[np.bool_]:
+    """(S, windows, joints) at all nodes of which a joint is slow."""
+    L = speed.shape[1]
+    found = np.zeros((len(speed), count, len(rig.joints)), bool)
+    for j, joint in enumerate(rig.joints):
+        slow = np.abs(speed[..., joint.v]) < NEAR_REST * joint.speed
+        for w in range(count):
+            found[:, w, j] = slow[:, _nodes_of(w, count, nodes, L)].all(1)
+    return found
+
+
 def _near_rest(speed: Array, usual: float, nodes: int, count: int) -> NDArray[np.bool_]:
     """(S, windows) at some node of which, or next to which, a joint is slow or turns around."""
     slow = np.abs(speed) < NEAR_REST * usual

@@ -25,9 +25,11 @@ from slapshot.diagnosis.selection.pulses import (
     covariance_inflation,
     pushes,
     pushes_where_inflated,
+    through_rest,
     window_nodes,
 )
 from slapshot.diagnosis.selection.steps import (
+    EQUIVALENCE_NATS,
     P_VALUE,
     Report,
     Rival,
@@ -185,8 +187,25 @@ def _push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | N
     best = max(rivals, key=lambda rival: rival.gain, default=None)
     if best is None or best.gain < least_gain(step.scored):
         return None
-    # From here only what a constant push leaves is set aside.
-    fit = best.fit
+    pushed = _with_push(step, best, rivals, rng)
+    # Where a joint rests, it does not show how long it has been pushed, but friction must not explain it.
+    speed = problem.speed(fit.trajectory)
+    noise = step.scored.noise
+    assert noise.inflation is not None
+    assert isinstance(best.effect, ExternalPulse)
+    for push in through_rest(best.effect, noise.inflation, speed, problem.segments, problem.rig_motion):
+        longer = refit(step, push, best.fit.theta[best.fit.hypothesis.slices[-1]])
+        other = _with_push(step, replace(best, effect=push, fit=longer), rivals, rng)
+        gain = other.scored.fit.log_evidence - pushed.scored.fit.log_evidence
+        report(f"pushed also where it rests: {gain:+.1f} nats")
+        if gain > EQUIVALENCE_NATS:
+            pushed = other
+    return pushed
+
+
+def _with_push(step: Step, rival: Rival, rivals: Sequence[Rival], rng: np.random.Generator) -> Step:
+    """The step that adds a push: from here only what a constant push leaves is set aside."""
+    problem, fit = step.problem, rival.fit
     system, _ = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
     none, speed = np.zeros(system.W.shape[-1]), problem.speed(fit.trajectory)
     noise = step.scored.residual_noise
@@ -194,7 +213,7 @@ def _push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | N
     if inflation is not None and noise.inflation is not None:
         inflation = np.where(noise.inflation > 1, inflation, 1.0)
     step = replace(step, scored=replace(step.scored, noise=replace(step.scored.noise, inflation=inflation)))
-    return step_to(step, fit, best.effect, best.gain, rivals, rng)
+    return step_to(step, fit, rival.effect, rival.gain, rivals, rng)
 
 
 def _refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
