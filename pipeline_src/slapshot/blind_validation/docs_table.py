@@ -16,6 +16,7 @@ END = "<!-- End of the table. -->"
 # What was asked -> measure and condition of proof.csv.
 ROWS = {
     "nothing concealed: a mismatch is found by mistake": ("false_alarm", "null"),
+    "nothing concealed, cluttered data: found by mistake": ("false_alarm", "null, cluttered"),
     "nothing concealed: p below .05": ("p_below_05", "null"),
     "an effect at least half as large as the scatter from hit to hit: named first": ("naming_top1", "plain"),
     "the same: it is in the class that is named": ("in_class", "plain"),
@@ -31,6 +32,8 @@ ROWS = {
     "two effects at once: both are named": ("both_named", "pairs"),
     "physics in no catalogue: a mismatch is found": ("detected", "uncatalogued"),
     "physics in no catalogue: called unknown, or found and not named": ("unknown_flagged", "uncatalogued"),
+    "any name with a stated probability above .9: it is wrong": ("sure_and_wrong", "all"),
+    "any name: it makes a held-out error worse": ("made_worse", "all"),
     "90 % intervals of a found effect's parameters: they hold the truth": ("coverage90", "plain"),
 }
 

@@ -55,7 +55,13 @@ the recording and the nominal scene; only the step that wrote this page opened t
 """
 
 
-def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, settings: ProofSettings) -> None:
+def write_page(
+    file: Path,
+    cases: pd.DataFrame,
+    measures: pd.DataFrame,
+    settings: ProofSettings,
+    listed: int | None = None,
+) -> None:
     """Write the page.
 
     Args:
@@ -63,12 +69,18 @@ def write_page(file: Path, cases: pd.DataFrame, measures: pd.DataFrame, settings
         cases: of cases.csv.
         measures: of proof.csv.
         settings: as the score was made with.
+        listed: number of cases of the list that they are the first of; None for all of it.
     """
     small = settings.list != "full"
     parts = [INTRODUCTION]
     if small:
         reported = "Its intervals are wide; `snakemake proof` makes the full one."
         parts.append(f"**A small proof: {len(cases)} cases.** {reported}\n")
+    if listed is not None and listed > len(cases):
+        parts.append(
+            f"**The first {len(cases)} of {listed} cases,** which were listed in random order: the others have "
+            "not been diagnosed, and intervals are wide.\n"
+        )
     shown = measures[measures["n"] > 0]
     aimed = [row for row in shown.to_dict("records") if (row["measure"], row["condition"]) in AIMS]
     parts += [
@@ -155,13 +167,14 @@ def _recording_setup(settings: ProofSettings) -> str:
     )
 
 
-def publish_proof(folder: Path, pages: Path, settings: ProofSettings) -> None:
+def publish_proof(folder: Path, pages: Path, settings: ProofSettings, listed: int | None = None) -> None:
     """Write proof.csv, proof.md and P1 to P4 from cases.csv.
 
     Args:
         folder: with cases.csv; gets the figures.
         pages: gets proof.csv and proof.md.
         settings: as the score was made with.
+        listed: see `write_page`.
 
     Raises:
         InputError: the table is missing or lacks a column.
@@ -169,6 +182,6 @@ def publish_proof(folder: Path, pages: Path, settings: ProofSettings) -> None:
     cases = read_cases_table(folder / "cases.csv")
     measures = pd.DataFrame(measures_of(cases))
     write_measures(measures, FIRST, pages / "proof.csv")
-    write_page(pages / "proof.md", cases, measures, settings)
+    write_page(pages / "proof.md", cases, measures, settings, listed)
     for drawing in draw_all(cases):
         save(drawing, folder)

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Literal
 
+from slapshot.blind_validation.cases import read_cases
 from slapshot.blind_validation.page import publish_proof
 from slapshot.config.cases import ProofSettings
 from slapshot.config.files import load_config
@@ -28,8 +29,9 @@ def redraw(folder: Path, pages: Path, which: Literal["full", "small"]) -> None:
     """
     config = load_config()
     shown = ProofSettings(list=which, pool=config.cases.pool, lab=config.lab_of_cases)
+    lists = {"full": config.cases.published, "small": config.cases.small}
     with writing(folder):
-        publish_proof(folder, pages, shown)
+        publish_proof(folder, pages, shown, listed=len(read_cases(Path(lists[which]))))
 
 
 def main() -> None:
