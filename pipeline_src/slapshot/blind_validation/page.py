@@ -78,8 +78,8 @@ def write_page(
         parts.append(f"**A small proof: {len(cases)} cases.** {reported}\n")
     if listed is not None and listed > len(cases):
         parts.append(
-            f"**The first {len(cases)} of {listed} cases,** which were listed in random order: the others have "
-            "not been diagnosed, and intervals are wide.\n"
+            f"**The first {len(cases)} of {listed} cases,** which were listed in random order: the others "
+            "have not been diagnosed, and intervals are wide.\n"
         )
     shown = measures[measures["n"] > 0]
     aimed = [row for row in shown.to_dict("records") if (row["measure"], row["condition"]) in AIMS]
