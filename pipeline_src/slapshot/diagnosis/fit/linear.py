@@ -30,7 +30,7 @@ class Perturbation:
 
     Attributes:
         effect: the effect; None for the error of the model's time step.
-        values: of its parameters; any for the error of the step on positions alone.
+        values: of its parameters.
         probe: deviation of one of them from its start.
         scale: its prior standard deviation.
     """
@@ -41,11 +41,8 @@ class Perturbation:
     scale: float
 
 
-# Half the step halves the error of a first-order integrator: twice this difference removes it. Positions have
-# a share of their own: they are ahead by half a step of the speed, as if readings were late, while what
-# friction does to speeds depends on the step in another way.
+# Half the step halves the error of a first-order integrator: twice this difference removes it.
 STEP_ERROR = Perturbation(None, (), 1.0, 2.0)
-STEP_ERROR_OF_POSITIONS = Perturbation(None, (1.0,), 1.0, 2.0)
 
 
 def perturbations_of(effects: Sequence[JointEffect]) -> list[Perturbation]:
@@ -226,8 +223,6 @@ def linearise(
                 moved, _, _ = advance(hypothesis, theta, finer, x, np.repeat(control, 2, axis=1))
                 halved = tangent.subtract(moved, base)
             W[:, :, k] = halved
-            if perturbation.values:
-                W[:, nv:, k] = 0
         elif is_law(perturbation.effect):
             start = np.array([parameter.start for parameter in perturbation.effect.parameters])
             law_column(k, perturbation.effect, np.array(perturbation.values), start, perturbation.probe, 0.5)

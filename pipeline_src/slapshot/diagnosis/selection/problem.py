@@ -12,12 +12,7 @@ from slapshot.diagnosis.fit.filter import Linear, innovations
 from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.law_columns import LawColumns, law_columns
 from slapshot.diagnosis.fit.law_error import law_errors
-from slapshot.diagnosis.fit.linear import (
-    STEP_ERROR,
-    STEP_ERROR_OF_POSITIONS,
-    Perturbation,
-    perturbations_of,
-)
+from slapshot.diagnosis.fit.linear import STEP_ERROR, Perturbation, perturbations_of
 from slapshot.diagnosis.fit.noise import (
     Noise,
     Prior,
@@ -55,7 +50,7 @@ from slapshot.effects.joints.external_pulse import ExternalPulse
 from slapshot.effects.joints.split import FASTEST
 from slapshot.recordings.channels import Channel
 
-NUISANCE = (STEP_ERROR, STEP_ERROR_OF_POSITIONS)  # of every hypothesis, besides law errors
+NUISANCE = (STEP_ERROR,)  # of every hypothesis, besides law errors
 POSITION_SPREAD = 0.05  # rad or m, prior sd of an initial state about the trajectory
 _SPEED_SPREAD = 3  # rms speeds
 CREDIBLE_SD = 5.0  # of a prior, beyond which a value contradicts it
@@ -422,31 +417,40 @@ def _with_inflation(
 
     They must be worth their windows, each of which could have been any.
     """
-    segments, inflated = problem.segments, noise.without_inflation
+    segments, plain = problem.segments, noise.without_inflation
     used, own = _select_columns(system, explains), prior.select(explains)
-    whole = fit_process_force(used, own, inflated, segments.interval)
+    whole = fit_process_force(used, own, plain, segments.interval)
     explains = _credible(explains, system, prior, whole, segments)
-    used, own = _select_columns(system, explains), prior.select(explains)
-    levels: list[float] = []
-    for _ in range(INFLATION_ROUNDS):
-        whole = fit_process_force(used, own, inflated, segments.interval)
-        found = innovations(used, whole.covariances(segments.interval))
-        levels.append(marginal_likelihood(found, own.at(whole)))
-        values = posterior_means(found, own.at(whole))
-        inflation = covariance_inflation(used, values, speed, whole, segments, problem.rig_motion)
-        before = inflated.inflation
-        if np.array_equal(inflation is not None and inflation > 1, before is not None and before > 1):
-            break
-        inflated = replace(inflated, inflation=inflation)
+    inflated, gain = windows_that_stand_out(
+        problem, _select_columns(system, explains), prior.select(explains), speed, plain
+    )
     if inflated.inflation is None:
         return inflated
     nodes = window_nodes(segments)
     windows = float(np.sum(inflated.inflation > 1)) / nodes
-    worth = windows * float(np.log(inflated.inflation.size / nodes))
-    if levels[-1] - levels[0] <= worth:
-        return noise.without_inflation
+    if gain <= windows * float(np.log(inflated.inflation.size / nodes)):
+        return plain
     aside = with_surroundings(inflated.inflation, speed, segments, problem.rig_motion)
     return replace(inflated, inflation=aside)
+
+
+def windows_that_stand_out(
+    problem: Problem, system: Linear, prior: Prior, speed: Array, noise: Noise
+) -> tuple[Noise, float]:
+    """Noise with a larger process force in the windows of a few enormous pushes; gain by it in nats."""
+    segments, inflated = problem.segments, noise.without_inflation
+    levels: list[float] = []
+    for _ in range(INFLATION_ROUNDS):
+        whole = fit_process_force(system, prior, inflated, segments.interval)
+        found = innovations(system, whole.covariances(segments.interval))
+        levels.append(marginal_likelihood(found, prior.at(whole)))
+        values = posterior_means(found, prior.at(whole))
+        inflation = covariance_inflation(system, values, speed, whole, segments, problem.rig_motion)
+        before = inflated.inflation
+        if np.array_equal(inflation is not None and inflation > 1, before is not None and before > 1):
+            break
+        inflated = replace(inflated, inflation=inflation)
+    return inflated, levels[-1] - levels[0]
 
 
 def _fit_noise_with_columns(

@@ -299,7 +299,7 @@ def with_surroundings(inflation: Array, speed: Array, segments: Segments, rig: R
     """
     nodes, L = window_nodes(segments), segments.shape[1]
     count = L // nodes
-    resting = _resting(speed, nodes, count, rig).any(-1)
+    resting = np.asarray(_resting(speed, nodes, count, rig).any(-1))
     inflation = inflation.copy()
     for run in segments.runs():
         level = inflation[run][:, : count * nodes : nodes].ravel()

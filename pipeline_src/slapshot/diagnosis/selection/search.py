@@ -16,11 +16,17 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Linear, innovations
 from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.fit.law_error import LOW_SPEED
-from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, fit_process_force
+from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, Noise, fit_process_force
 from slapshot.diagnosis.inference.mismatch_test import gains, overdispersion, scores
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.selection.free_forms import is_free
-from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score, is_incredible
+from slapshot.diagnosis.selection.problem import (
+    Problem,
+    ScoredFit,
+    fit_and_score,
+    is_incredible,
+    windows_that_stand_out,
+)
 from slapshot.diagnosis.selection.pulses import (
     covariance_inflation,
     pushes,
@@ -182,18 +188,23 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
 def _push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
     """Add the pushes of windows that were set aside; None where they are not worth it."""
     problem, fit = step.problem, step.scored.fit
-    system, _ = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    rivals = _refitted_set_aside(step, system, report)
+    speed, noise = problem.speed(fit.trajectory), step.scored.residual_noise
+    assert noise.inflation is not None
+    system, prior = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
+    # Of the windows that are set aside, those in which something acts.
+    pushed_there, _ = windows_that_stand_out(problem, system, prior, speed, noise)
+    if pushed_there.inflation is not None:
+        noise = replace(noise, inflation=np.where(noise.inflation > 1, pushed_there.inflation, 1.0))
+    rivals = _refitted_set_aside(step, system, noise, report)
     best = max(rivals, key=lambda rival: rival.gain, default=None)
     if best is None or best.gain < least_gain(step.scored):
         return None
     pushed = _with_push(step, best, rivals, rng)
     # Where a joint rests, it does not show how long it has been pushed, but friction must not explain it.
-    speed = problem.speed(fit.trajectory)
-    noise = step.scored.noise
-    assert noise.inflation is not None
+    aside = step.scored.residual_noise.inflation
+    assert aside is not None
     assert isinstance(best.effect, ExternalPulse)
-    for push in through_rest(best.effect, noise.inflation, speed, problem.segments, problem.rig_motion):
+    for push in through_rest(best.effect, aside, speed, problem.segments, problem.rig_motion):
         longer = refit(step, push, best.fit.theta[best.fit.hypothesis.slices[-1]])
         other = _with_push(step, replace(best, effect=push, fit=longer), rivals, rng)
         gain = other.scored.fit.log_evidence - pushed.scored.fit.log_evidence
@@ -251,9 +262,9 @@ def _refitted_push(step: Step, push: ExternalPulse) -> tuple[ExternalPulse, Fit]
     return push, refit(step, push, values[large])
 
 
-def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Rival]:
-    """Pushes of each joint in the windows that were set aside, compared with one process force everywhere."""
-    problem, noise = step.problem, step.scored.residual_noise
+def _refitted_set_aside(step: Step, system: Linear, noise: Noise, report: Report) -> list[Rival]:
+    """Pushes of each joint in windows with inflated noise, compared with one process force everywhere."""
+    problem = step.problem
     known = [pulse for e in step.hypothesis.effects if isinstance(e, ExternalPulse) for pulse in e.pulses]
     found = pushes_where_inflated(system, noise, problem.segments, problem.rig_motion, known)
     level = _evidence_without_inflation(step) if found else 0.0
