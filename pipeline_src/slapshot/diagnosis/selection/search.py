@@ -33,6 +33,7 @@ from slapshot.diagnosis.selection.pulses import (
     pushes_where_inflated,
     through_rest,
     window_nodes,
+    with_surroundings,
 )
 from slapshot.diagnosis.selection.steps import (
     EQUIVALENCE_NATS,
@@ -191,10 +192,13 @@ def _push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | N
     speed, noise = problem.speed(fit.trajectory), step.scored.residual_noise
     assert noise.inflation is not None
     system, prior = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    # Of the windows that are set aside, those in which something acts.
+    # Of the windows that are set aside, those in which something acts, and those next to them: a push may end
+    # there, and one that turns a joint around may not stand out meanwhile.
     pushed_there, _ = windows_that_stand_out(problem, system, prior, speed, noise)
     if pushed_there.inflation is not None:
-        noise = replace(noise, inflation=np.where(noise.inflation > 1, pushed_there.inflation, 1.0))
+        moving = np.full_like(speed, np.inf)
+        near = with_surroundings(pushed_there.inflation, moving, problem.segments, problem.rig_motion)
+        noise = replace(noise, inflation=np.where(noise.inflation > 1, near, 1.0))
     rivals = _refitted_set_aside(step, system, noise, report)
     best = max(rivals, key=lambda rival: rival.gain, default=None)
     if best is None or best.gain < least_gain(step.scored):
