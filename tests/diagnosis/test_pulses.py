@@ -16,8 +16,6 @@ from slapshot.diagnosis.selection.pulses import (
     pushes,
     pushes_where_inflated,
     scan,
-    through_rest,
-    with_surroundings,
 )
 from slapshot.effects.joints.effect import Joint, RigMotion, State
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
@@ -255,50 +253,6 @@ def test_many_pushed_windows_are_not_inflated():
     of = segments()
     system = masses(of, np.random.default_rng(9), (1, 1, 0.3, 1.2, 100.0))
     assert covariance_inflation(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
-
-
-def rests(of: Segments, begin: float, end: float) -> np.ndarray:
-    """(S, L, JOINTS) speeds: the first joint rests between two times of the second episode."""
-    speed = MOVING.copy()
-    speed[(of.episode == 1)[:, None] & (of.time > begin - 1e-9) & (of.time < end - 1e-9), 0] = 0.0
-    return speed
-
-
-def times_aside(of: Segments, inflation: np.ndarray) -> np.ndarray:
-    assert (inflation[of.episode == 0] == 1).all()
-    return of.time[inflation > 1]
-
-
-def test_what_is_set_aside_takes_its_surroundings_along():
-    """From 0.60 to 0.70 s: a window before and after, the whole rest before, and the window before that."""
-    of = segments()
-    inflation = np.ones(of.shape)
-    inflation[(of.episode == 1)[:, None] & (of.time > 0.6 - 1e-9) & (of.time < 0.7 - 1e-9)] = 100.0
-    alone = times_aside(of, with_surroundings(inflation, MOVING, of, rig(0.01)))
-    assert (alone.min(), alone.max()) == (pytest.approx(0.55), pytest.approx(0.74))
-    # The rest begins in the segment before, at 0.42 s; the window from 0.40 s on is not all rest.
-    found = with_surroundings(inflation, rests(of, 0.42, 0.6), of, rig(0.01))
-    resting = times_aside(of, found)
-    assert (resting.min(), resting.max()) == (pytest.approx(0.4), pytest.approx(0.74))
-    assert set(found[found > 1]) == {100.0}
-
-
-def test_a_push_may_last_where_its_joint_rests():
-    """Before it, after it, or both; only where it is set aside, and of that joint."""
-    of = segments()
-    aside = np.ones(of.shape)
-    aside[(of.episode == 1)[:, None] & (of.time > 0.4 - 1e-9) & (of.time < 0.9 - 1e-9)] = 100.0
-    push = [ExternalPulse(joint, [Pulse(9, 0.5, 0.62, 0.78)]) for joint in rig(0.01).joints]
-    speed = rests(of, 0.46, 1.2)
-    speed[(of.episode == 1)[:, None] & (of.time > 0.65 - 1e-9) & (of.time < 0.7 - 1e-9), 0] = 1.0
-    found = through_rest(push[0], aside, speed, of, rig(0.01))
-    # The window from 0.45 s on is not all rest, and from 0.9 s on nothing is set aside.
-    spans = [(p.begin, p.end) for effect in found for p in effect.pulses]
-    assert np.allclose(spans, [(0.5, 0.78), (0.62, 0.9), (0.5, 0.9)])
-    assert {effect.part for effect in found} == {"rail 0"}
-    assert not through_rest(push[1], aside, speed, of, rig(0.01))
-    assert not through_rest(push[0], np.ones(of.shape), speed, of, rig(0.01))
-    assert not through_rest(push[0], aside, MOVING, of, rig(0.01))
 
 
 def test_windows_of_known_pushes_are_not_judged():

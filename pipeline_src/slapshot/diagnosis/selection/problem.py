@@ -42,7 +42,6 @@ from slapshot.diagnosis.selection.pulses import (
     push_error,
     scan,
     window_nodes,
-    with_surroundings,
 )
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, RigMotion, State, overrides
@@ -417,40 +416,28 @@ def _with_inflation(
 
     They must be worth their windows, each of which could have been any.
     """
-    segments, plain = problem.segments, noise.without_inflation
-    used, own = _select_columns(system, explains), prior.select(explains)
-    whole = fit_process_force(used, own, plain, segments.interval)
-    explains = _credible(explains, system, prior, whole, segments)
-    inflated, gain = windows_that_stand_out(
-        problem, _select_columns(system, explains), prior.select(explains), speed, plain
-    )
-    if inflated.inflation is None:
-        return inflated
-    nodes = window_nodes(segments)
-    windows = float(np.sum(inflated.inflation > 1)) / nodes
-    if gain <= windows * float(np.log(inflated.inflation.size / nodes)):
-        return plain
-    aside = with_surroundings(inflated.inflation, speed, segments, problem.rig_motion)
-    return replace(inflated, inflation=aside)
-
-
-def windows_that_stand_out(
-    problem: Problem, system: Linear, prior: Prior, speed: Array, noise: Noise
-) -> tuple[Noise, float]:
-    """Noise with a larger process force in the windows of a few enormous pushes; gain by it in nats."""
     segments, inflated = problem.segments, noise.without_inflation
+    used, own = _select_columns(system, explains), prior.select(explains)
+    whole = fit_process_force(used, own, inflated, segments.interval)
+    explains = _credible(explains, system, prior, whole, segments)
+    used, own = _select_columns(system, explains), prior.select(explains)
     levels: list[float] = []
     for _ in range(INFLATION_ROUNDS):
-        whole = fit_process_force(system, prior, inflated, segments.interval)
-        found = innovations(system, whole.covariances(segments.interval))
-        levels.append(marginal_likelihood(found, prior.at(whole)))
-        values = posterior_means(found, prior.at(whole))
-        inflation = covariance_inflation(system, values, speed, whole, segments, problem.rig_motion)
+        whole = fit_process_force(used, own, inflated, segments.interval)
+        found = innovations(used, whole.covariances(segments.interval))
+        levels.append(marginal_likelihood(found, own.at(whole)))
+        values = posterior_means(found, own.at(whole))
+        inflation = covariance_inflation(used, values, speed, whole, segments, problem.rig_motion)
         before = inflated.inflation
         if np.array_equal(inflation is not None and inflation > 1, before is not None and before > 1):
             break
         inflated = replace(inflated, inflation=inflation)
-    return inflated, levels[-1] - levels[0]
+    if inflated.inflation is None:
+        return inflated
+    nodes = window_nodes(segments)
+    windows = float(np.sum(inflated.inflation > 1)) / nodes
+    worth = windows * float(np.log(inflated.inflation.size / nodes))
+    return inflated if levels[-1] - levels[0] > worth else noise.without_inflation
 
 
 def _fit_noise_with_columns(

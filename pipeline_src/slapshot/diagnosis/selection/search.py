@@ -16,27 +16,18 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Linear, innovations
 from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.fit.law_error import LOW_SPEED
-from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, Noise, fit_process_force
+from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, fit_process_force
 from slapshot.diagnosis.inference.mismatch_test import gains, overdispersion, scores
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.selection.free_forms import is_free
-from slapshot.diagnosis.selection.problem import (
-    Problem,
-    ScoredFit,
-    fit_and_score,
-    is_incredible,
-    windows_that_stand_out,
-)
+from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score, is_incredible
 from slapshot.diagnosis.selection.pulses import (
     covariance_inflation,
     pushes,
     pushes_where_inflated,
-    through_rest,
     window_nodes,
-    with_surroundings,
 )
 from slapshot.diagnosis.selection.steps import (
-    EQUIVALENCE_NATS,
     P_VALUE,
     Report,
     Rival,
@@ -189,38 +180,13 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
 def _push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
     """Add the pushes of windows that were set aside; None where they are not worth it."""
     problem, fit = step.problem, step.scored.fit
-    speed, noise = problem.speed(fit.trajectory), step.scored.residual_noise
-    assert noise.inflation is not None
-    system, prior = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    # Of the windows that are set aside, those in which something acts, and those next to them: a push may end
-    # there, and one that turns a joint around may not stand out meanwhile.
-    pushed_there, _ = windows_that_stand_out(problem, system, prior, speed, noise)
-    if pushed_there.inflation is not None:
-        moving = np.full_like(speed, np.inf)
-        near = with_surroundings(pushed_there.inflation, moving, problem.segments, problem.rig_motion)
-        noise = replace(noise, inflation=np.where(noise.inflation > 1, near, 1.0))
-    rivals = _refitted_set_aside(step, system, noise, report)
+    system, _ = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
+    rivals = _refitted_set_aside(step, system, report)
     best = max(rivals, key=lambda rival: rival.gain, default=None)
     if best is None or best.gain < least_gain(step.scored):
         return None
-    pushed = _with_push(step, best, rivals, rng)
-    # Where a joint rests, it does not show how long it has been pushed, but friction must not explain it.
-    aside = step.scored.residual_noise.inflation
-    assert aside is not None
-    assert isinstance(best.effect, ExternalPulse)
-    for push in through_rest(best.effect, aside, speed, problem.segments, problem.rig_motion):
-        longer = refit(step, push, best.fit.theta[best.fit.hypothesis.slices[-1]])
-        other = _with_push(step, replace(best, effect=push, fit=longer), rivals, rng)
-        gain = other.scored.fit.log_evidence - pushed.scored.fit.log_evidence
-        report(f"pushed also where it rests: {gain:+.1f} nats")
-        if gain > EQUIVALENCE_NATS:
-            pushed = other
-    return pushed
-
-
-def _with_push(step: Step, rival: Rival, rivals: Sequence[Rival], rng: np.random.Generator) -> Step:
-    """The step that adds a push: from here only what a constant push leaves is set aside."""
-    problem, fit = step.problem, rival.fit
+    # From here only what a constant push leaves is set aside.
+    fit = best.fit
     system, _ = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
     none, speed = np.zeros(system.W.shape[-1]), problem.speed(fit.trajectory)
     noise = step.scored.residual_noise
@@ -228,7 +194,7 @@ def _with_push(step: Step, rival: Rival, rivals: Sequence[Rival], rng: np.random
     if inflation is not None and noise.inflation is not None:
         inflation = np.where(noise.inflation > 1, inflation, 1.0)
     step = replace(step, scored=replace(step.scored, noise=replace(step.scored.noise, inflation=inflation)))
-    return step_to(step, fit, rival.effect, rival.gain, rivals, rng)
+    return step_to(step, fit, best.effect, best.gain, rivals, rng)
 
 
 def _refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
@@ -266,9 +232,9 @@ def _refitted_push(step: Step, push: ExternalPulse) -> tuple[ExternalPulse, Fit]
     return push, refit(step, push, values[large])
 
 
-def _refitted_set_aside(step: Step, system: Linear, noise: Noise, report: Report) -> list[Rival]:
-    """Pushes of each joint in windows with inflated noise, compared with one process force everywhere."""
-    problem = step.problem
+def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Rival]:
+    """Pushes of each joint in the windows that were set aside, compared with one process force everywhere."""
+    problem, noise = step.problem, step.scored.residual_noise
     known = [pulse for e in step.hypothesis.effects if isinstance(e, ExternalPulse) for pulse in e.pulses]
     found = pushes_where_inflated(system, noise, problem.segments, problem.rig_motion, known)
     level = _evidence_without_inflation(step) if found else 0.0

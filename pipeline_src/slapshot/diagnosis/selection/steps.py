@@ -12,7 +12,6 @@ from slapshot.diagnosis.inference.mismatch_test import DRAWS, MismatchTest, mism
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score, initial_fit
 from slapshot.effects.joints.effect import JointEffect
-from slapshot.effects.joints.external_pulse import ExternalPulse
 
 P_VALUE = 0.01
 EQUIVALENCE_NATS = float(np.log(20.0))  # rivals within a factor of twenty are equivalent
@@ -218,20 +217,12 @@ def step_to(
     rivals: Sequence[Rival],
     rng: np.random.Generator,
 ) -> Step:
-    """The step that adds an effect, from a fit with it.
-
-    Where windows were set aside before any push was named, they are chosen anew: what a law explains is none,
-    and a push stands out once that law is there.
-    """
-    noise = step.scored.noise
-    pushed = any(isinstance(known, ExternalPulse) for known in fit.hypothesis.effects)
-    anew = noise.inflation is not None and not pushed
-    scored = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, may_inflate=anew)
+    """The step that adds an effect, from a fit with it."""
+    scored = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, step.scored.noise)
     if fit.log_evidence > step.scored.fit.log_evidence + _DISTANT_NATS:
         # The noise was that of a model which explains far less, and so was the trajectory.
         fit = scored.fit
-        noise = scored.noise
         scored = fit_and_score(
-            step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=False, may_inflate=anew
+            step.problem, fit.hypothesis, fit.theta, fit.trajectory, scored.noise, near=False
         )
     return Step(step.problem, scored, test_of(scored, rng), effect, gain, tuple(rivals))
