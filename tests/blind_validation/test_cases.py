@@ -110,11 +110,11 @@ def test_settings_of_a_case_lie_over_those_that_all_share(base):
     assert all(getattr(settings, key) == getattr(base, key) for key in kept)
 
 
-@pytest.mark.parametrize("published", ["published", "small", "tiny"])
-def test_the_pool_has_commands_enough_for_every_case(published, base):
+@pytest.mark.parametrize("name", ["hits", "small", "tiny"])
+def test_the_pool_has_commands_enough_for_every_case(name, base):
     """As `slapshot.lab.commands.draw_session` counts them; a case of 400 hits repeats some."""
     pool = 256
-    for case in read_cases(ROOT / f"config/cases/{published}.csv"):
+    for case in read_cases(ROOT / f"config/cases/{name}.csv"):
         settings = case.settings(base, pool)
         repeats = settings.repeats
         single = settings.hits - repeats.hits

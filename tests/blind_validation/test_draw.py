@@ -206,12 +206,18 @@ def test_the_table_of_the_docs_is_that_of_the_published_proof():
 
 def test_another_number_is_another_table():
     measures = read_measures(ROOT / "figures/proof.csv", FIRST)
-    made = docs_table.table(measures)
+    alarms = (measures["measure"] == "false_alarm") & (measures["condition"] == "null")
+    unknown = (measures["measure"] == "false_unknown") & (measures["condition"] == "plain")
+    numbers = ["value", "low", "high", "n"]
+    measures.loc[alarms, numbers] = [0.005, 0.001, 0.03, 200]
+    measures.loc[unknown, numbers] = [8 / 53, 0.08, 0.27, 53]
+    made = docs_table.table(measures.astype({"n": int}))
     assert "| 1 of 200 | 0.5 % (0.1 to 3) | at most 2 %: met |" in made
     assert "| 8 of 53 | 15 % (8 to 27) | at most 5 %: **missed** |" in made
-    alarms = (measures["measure"] == "false_alarm") & (measures["condition"] == "null")
     measures.loc[alarms, "value"] = 0.03
-    assert "| 6 of 200 | 3 % (0.1 to 3) | at most 2 %: **missed** |" in docs_table.table(measures)
+    assert "| 6 of 200 | 3 % (0.1 to 3) | at most 2 %: **missed** |" in docs_table.table(
+        measures.astype({"n": int})
+    )
     with pytest.raises(InputError, match="no row false_alarm, null"):
         docs_table.table(measures[~alarms])
 
