@@ -33,7 +33,7 @@ ROWS = {
     "physics in no catalogue: a mismatch is found": ("detected", "uncatalogued"),
     "physics in no catalogue: called unknown, or found and not named": ("unknown_flagged", "uncatalogued"),
     "any name with a stated probability above .9: it is wrong": ("sure_and_wrong", "all"),
-    "any name: it makes a held-out error worse": ("made_worse", "all"),
+    "all verdicts: what is named makes a held-out error worse": ("made_worse", "all"),
     "90 % intervals of a found effect's parameters: they hold the truth": ("coverage90", "plain"),
 }
 

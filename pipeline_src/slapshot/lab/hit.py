@@ -108,9 +108,9 @@ class RigSimulator:
         self._contact.take_over(rows, self._free)
         released = np.array([round((path.duration + LONGEST_CONTACT) / period) for path in paths])
         for tick, moving in motion.ticks(self._contact, near, released):
-            for i in moving[self._contact.slides(moving)].tolist():
-                state, hardest = self._contact.states(moving[moving == i])[0], self._contact.hardest(i)
-                if strikers[i].misses(state, tick * period, hardest):
+            sliding = moving[self._contact.slides(moving)]
+            for i, state in zip(sliding.tolist(), self._contact.states(sliding), strict=True):
+                if strikers[i].misses(state, tick * period, self._contact.hardest(i)):
                     released[i] = tick
         launches = self._contact.states(rows)
         ends = released
