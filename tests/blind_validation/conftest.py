@@ -4,31 +4,47 @@ import json
 
 import pytest
 from slapshot.blind_validation.score import score
+from slapshot.diagnosis.pucks.verdict import (
+    Errors,
+    Interval,
+    Location,
+    Mismatch,
+    NamedEffect,
+    ParameterValue,
+    Unknown,
+    Verdict,
+)
 
-ERRORS = {
-    "track_rmse_m": {"value": 0.01, "low": 0.009, "high": 0.011},
-    "rest_rmse_m": {"value": 0.02, "low": 0.02, "high": 0.02},
-    "command_rest_rmse_m": None,
-    "loglik_per_hit": {"value": 1.5, "low": 1.0, "high": 2.0},
-    "chi2_per_freedom": {"value": 1.0, "low": 1.0, "high": 1.0},
-}
+ERRORS = Errors(
+    track_rmse_m=Interval(0.01, 0.009, 0.011),
+    rest_rmse_m=Interval(0.02, 0.02, 0.02),
+    command_rest_rmse_m=None,
+    loglik_per_hit=Interval(1.5, 1.0, 2.0),
+    chi2_per_freedom=Interval(1.0, 1.0, 1.0),
+)
 
 
 def effect(name, members=None, **parameters):
-    reported = [{"name": n, "value": v, "low": low, "high": high} for n, (v, low, high) in parameters.items()]
-    return {"name": name, "members": members or {name: 1.0}, "parameters": reported}
+    reported = tuple(ParameterValue(n, "1", *values, meaning=n) for n, values in parameters.items())
+    return NamedEffect(name, "slide", "place", members or {name: 1.0}, 9.0, 0.01, reported, name)
 
 
 def verdict(*effects, unknown=False, phase="slide", variable="place"):
-    return {
-        "cannot_tell": None,
-        "hits": 200,
-        "mismatch": {"found": bool(effects) or unknown, "p_value": 0.0005},
-        "effects": list(effects),
-        "unknown": {"flagged": unknown},
-        "location": {"phase": phase, "variable": variable},
-        "fit": dict.fromkeys(("nominal", "refitted", "augmented", "noise_floor"), ERRORS),
-    }
+    missing = bool(effects) or unknown
+    return Verdict(
+        headline="found" if effects else "found_not_named" if unknown else "nothing_found",
+        rig="stand-in",
+        kind="full",
+        stand_in=True,
+        hits=200,
+        used=200,
+        cannot_tell=None,
+        mismatch=Mismatch(missing, "tests" if missing else None, 0.0005, 50.0, 0.01),
+        effects=effects,
+        unknown=Unknown(unknown, phase, variable, 9.0, 0.01, 0.5),
+        location=Location(phase, variable, "some"),
+        fit=dict.fromkeys(("nominal", "refitted", "augmented", "noise_floor"), ERRORS),
+    )
 
 
 def concealed(kind, displacement=0.8, phase="slide", catalogued=True, like="same", **parameters):

@@ -1,9 +1,12 @@
 """Scores and measures of cases whose answer is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from slapshot.blind_validation.measures import clustered, measures_of, median, share
+from slapshot.diagnosis.pucks.verdict import Interval
 
 from .conftest import ERRORS, concealed, effect, verdict
 
@@ -72,10 +75,8 @@ def test_measures_are_shares_of_their_condition(scored):
 
 def test_names_that_do_harm_and_sure_ones_that_are_wrong_are_counted(scored):
     harmful = verdict(effect("curl"))
-    harmful["fit"] = {
-        **harmful["fit"],
-        "augmented": ERRORS | {"rest_rmse_m": {"value": 0.021, "low": 0.02, "high": 0.022}},
-    }
+    worse = replace(ERRORS, rest_rmse_m=Interval(0.021, 0.02, 0.022))
+    harmful = replace(harmful, fit=harmful.fit | {"augmented": worse})
     unsure = verdict(effect("curl", {"curl": 0.6, "tilt": 0.4}))
     rows = [
         scored("plain", [concealed("tilt")], harmful),
@@ -113,7 +114,9 @@ def test_intervals_of_one_case_go_together():
 
 
 def test_what_cannot_be_told_is_a_miss(scored):
-    untold = verdict() | {"cannot_tell": "too few hits", "mismatch": None, "location": None, "unknown": None}
+    untold = replace(
+        verdict(), cannot_tell="too few hits", mismatch=None, location=None, unknown=None, fit=None
+    )
     row = scored("plain", [concealed("tilt")], untold)
     assert (row["found"], row["top1"], row["in_class"], row["phase_right"]) == (False, False, False, False)
     assert row["both"] is None

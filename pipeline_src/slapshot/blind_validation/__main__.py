@@ -1,7 +1,5 @@
 """Stage `score`: unseal diagnosed cases, score them, and write tables and figures."""
 
-import json
-
 from slapshot.blind_validation.case_table import write_cases_table
 from slapshot.blind_validation.page import publish_proof
 from slapshot.blind_validation.score import gain_share, score
@@ -9,6 +7,7 @@ from slapshot.command import Run, stage_command
 from slapshot.config.cases import ScoreSettings
 from slapshot.diagnosis.pucks.launch.signatures import Signatures
 from slapshot.diagnosis.pucks.rig_file import setting_of
+from slapshot.diagnosis.pucks.verdict_file import read_verdict
 from slapshot.progress import progress
 from slapshot.scenes.scene import Scene
 
@@ -23,7 +22,7 @@ def produce(run: Run) -> None:
     rows = []
     for case in progress(sorted(conditions), len(conditions), "scoring"):
         folder = run.inputs[f"case/{case}"]
-        verdict = json.loads((run.inputs[f"verdict/{case}"] / "verdict.json").read_text())
+        verdict, _ = read_verdict(run.inputs[f"verdict/{case}"])
         row = score(case, conditions[case], folder, verdict)
         if row.get("named") is not None and row["conceals"]:
             row["gain_share"] = gain_share(row, folder, setting, signatures, settings.diagnosis_seed)

@@ -4,12 +4,16 @@ cases.csv has a row for each scored case; measures, page and figures are made fr
 measures of the proofs of all labs.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from slapshot.errors import InputError, reading
 from slapshot.whole_file import write_whole
+
+Cell = str | float | bool | None  # an integer is a float here
+Row = dict[str, Cell]  # of a case; None where a column does not apply
 
 FIRST, JOINTS = "first", "joints"  # labs: pucks, joints
 MEASURES = ("lab", "measure", "condition", "value", "low", "high", "n")
@@ -28,7 +32,7 @@ COLUMNS = (
 NEWER_COLUMNS = ("stated_probability", "made_worse")
 
 
-def write_cases_table(rows: list[dict[str, object]], file: Path) -> None:
+def write_cases_table(rows: Sequence[Row], file: Path) -> None:
     """Write scored cases; what does not apply to one is left empty."""
     pd.DataFrame(rows).reindex(columns=[*COLUMNS, *NEWER_COLUMNS]).to_csv(
         file, index=False, float_format="%.6g"

@@ -4,7 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.arrays import GRAVITY
-from slapshot.blind_validation.joints.score import ALIASES, LocatedEffect, equivalent_effects, parse_key
+from slapshot.blind_validation.joints.score import (
+    ALIASES,
+    ConcealedEffect,
+    LocatedEffect,
+    equivalent_effects,
+    parse_key,
+)
 from slapshot.effects.joints.catalogue import instances, joint_effects
 from slapshot.effects.joints.effect import Joint, RigMotion
 from slapshot.lab.joints.hidden_effect import Concealed
@@ -43,7 +49,7 @@ def test_every_catalogued_kind_has_an_effect_of_its_name():
     ],
 )
 def test_right_names_on_the_pendulum(one, names):
-    assert list(equivalent_effects("pendulum", one)) == names
+    assert list(equivalent_effects("pendulum", ConcealedEffect(**one))) == names
 
 
 @pytest.mark.parametrize(

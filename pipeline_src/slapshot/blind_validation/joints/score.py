@@ -5,13 +5,15 @@ the effect of the same name. On some rigs another effect is exactly the same law
 distinguishes the two: these are aliases. Neither a merely similar law nor a more general one is an alias.
 """
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from itertools import permutations
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from pydantic import BaseModel
+
+from slapshot.blind_validation.case_table import Row
 from slapshot.diagnosis.verdict import Fits, Verdict
 from slapshot.effects.joints.catalogue import joint_effects
 
@@ -40,16 +42,34 @@ ALIASES: Mapping[tuple[str, LocatedEffect], LocatedEffect] = {
 }
 
 
-def equivalent_effects(rig: str, concealed: Mapping[str, Any]) -> tuple[LocatedEffect, ...]:
+class ConcealedEffect(BaseModel):
+    """What the truth says of a hidden effect, see lab.joints.hidden_effect."""
+
+    kind: str
+    catalogued: bool
+    joint: str | None
+    body: str | None
+    amplitude: float
+    amplitude_unit: str
+
+
+class SealedTruth(BaseModel):
+    """The part of a sealed truth that is scored."""
+
+    rig: str
+    size: float
+    concealed: list[ConcealedEffect]
+
+
+def equivalent_effects(rig: str, concealed: ConcealedEffect) -> tuple[LocatedEffect, ...]:
     """Effects that correctly name a hidden effect: the effect of the same name first, then an alias.
 
     Args:
         rig: name of the stand-in rig.
         concealed: an entry of `concealed` in the truth.
     """
-    kind = concealed["kind"]
-    part = "" if kind in _OF_WHOLE_RIG else concealed["joint"] or concealed["body"]
-    own = LocatedEffect(kind, part)
+    part = "" if concealed.kind in _OF_WHOLE_RIG else concealed.joint or concealed.body or ""
+    own = LocatedEffect(concealed.kind, part)
     alias = ALIASES.get((rig, own))
     return (own,) if alias is None else (own, alias)
 
@@ -76,7 +96,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def score(case: str, condition: str, case_folder: Path, verdict: Verdict) -> dict[str, Any]:
+def score(case: str, condition: str, case_folder: Path, verdict: Verdict) -> Row:
     """A row of cases.csv; what does not apply is None.
 
     An undecided verdict (cannot_tell) is a miss wherever something is concealed; for a null it is not a false
@@ -88,21 +108,22 @@ def score(case: str, condition: str, case_folder: Path, verdict: Verdict) -> dic
         case_folder: of stage `joint_case`, with the sealed truth.
         verdict: on its recording.
     """
-    truth = json.loads((case_folder / TRUTH).read_text())
-    concealed = truth["concealed"]
-    right = [equivalent_effects(truth["rig"], one) for one in concealed]
-    known = all(one["catalogued"] for one in concealed)
-    row: dict[str, Any] = {
+    truth = SealedTruth.model_validate_json((case_folder / TRUTH).read_text())
+    concealed = truth.concealed
+    right = [equivalent_effects(truth.rig, one) for one in concealed]
+    known = all(one.catalogued for one in concealed)
+    p_value = None if verdict.mismatch is None else verdict.mismatch.p_value
+    row: Row = {
         "case": case,
         "condition": condition,
-        "rig": truth["rig"],
+        "rig": truth.rig,
         "concealed": " + ".join(map(_describe, concealed)),
-        "size": truth["size"] if concealed else None,
+        "size": truth.size if concealed else None,
         "group": _group(concealed),
-        "geared": any(one["kind"] in GEARED for one in concealed),
+        "geared": any(one.kind in GEARED for one in concealed),
         "headline": verdict.headline,
         "reason": verdict.reason if verdict.cannot_tell is None else verdict.cannot_tell,
-        "p_value": None if verdict.mismatch is None else verdict.mismatch.p_value,
+        "p_value": p_value,
         "named": " + ".join(f"{e.name}@{e.part}" if e.part else e.name for e in verdict.effects),
         "unknown": verdict.unknown is not None and verdict.unknown.flagged,
         "cpu_s": verdict.cpu_s,
@@ -110,7 +131,7 @@ def score(case: str, condition: str, case_folder: Path, verdict: Verdict) -> dic
     row["cannot_tell"] = verdict.headline == "cannot_tell"
     alarm = verdict.headline in ("found", "found_not_named")
     if not concealed:
-        row["p_below_05"] = row["p_value"] is not None and row["p_value"] < P_VALUE
+        row["p_below_05"] = p_value is not None and p_value < P_VALUE
         row["false_alarm"] = alarm
     else:
         row["detected"] = alarm
@@ -123,23 +144,23 @@ def score(case: str, condition: str, case_folder: Path, verdict: Verdict) -> dic
     return row
 
 
-def _describe(concealed: Mapping[str, Any]) -> str:
-    part = concealed["joint"] or concealed["body"]
-    value = f"{concealed['amplitude']:.3g} {concealed['amplitude_unit']}".removesuffix(" 1")
-    return f"{concealed['kind']}{f'@{part}' if part else ''} {value}"
+def _describe(concealed: ConcealedEffect) -> str:
+    part = concealed.joint or concealed.body
+    value = f"{concealed.amplitude:.3g} {concealed.amplitude_unit}".removesuffix(" 1")
+    return f"{concealed.kind}{f'@{part}' if part else ''} {value}"
 
 
-def _group(concealed: Sequence[Mapping[str, Any]]) -> str:
+def _group(concealed: Sequence[ConcealedEffect]) -> str:
     """Group by effort: structural effects add states to the model and take longest."""
     if not concealed:
         return "nothing concealed"
-    if not all(one["catalogued"] for one in concealed):
+    if not all(one.catalogued for one in concealed):
         return "uncatalogued"
     effects = joint_effects()
-    return "structural effect" if any(effects[c["kind"]].hidden_state for c in concealed) else "force effect"
+    return "structural effect" if any(effects[c.kind].hidden_state for c in concealed) else "force effect"
 
 
-def _naming(right: Sequence[tuple[LocatedEffect, ...]], verdict: Verdict) -> dict[str, bool]:
+def _naming(right: Sequence[tuple[LocatedEffect, ...]], verdict: Verdict) -> Row:
     """Of one effect: name, class and part of the effect named first; of two: whether both are named."""
     answer = [LocatedEffect(effect.name, effect.part) for effect in verdict.effects]
     if len(right) > 1:
