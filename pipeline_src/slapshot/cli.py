@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -302,7 +301,7 @@ def _diff(args: argparse.Namespace) -> int:
     return 0
 
 
-def _print_difference(first: dict[str, Any], second: dict[str, Any], a: str, b: str) -> None:
+def _print_difference(first: dict[str, object], second: dict[str, object], a: str, b: str) -> None:
     table = _table("key", a, b)
     for key in sorted(set(first) | set(second)):
         if first.get(key) != second.get(key):
@@ -331,7 +330,7 @@ def _why(args: argparse.Namespace) -> int:
     return 0
 
 
-def _distance(first: dict[str, Any], second: dict[str, Any]) -> int:
+def _distance(first: dict[str, object], second: dict[str, object]) -> int:
     return sum(first.get(key) != second.get(key) for key in set(first) | set(second))
 
 

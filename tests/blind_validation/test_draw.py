@@ -1,6 +1,7 @@
 """Page, figures and the table of docs/proof.md, from tables; what is published is what its tables say."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,7 +74,9 @@ def test_the_page_tells_aims_and_confusions(scored, cases, tmp_path, monkeypatch
 
 
 def test_cases_read_as_they_were_written(scored, cases):
-    reported = verdict() | {"cannot_tell": "too few hits"}
+    reported = replace(
+        verdict(), cannot_tell="too few hits", mismatch=None, location=None, unknown=None, fit=None
+    )
     table = cases(scored("null", [], verdict()), scored("plain", [concealed("tilt")], reported, "c2"))
     assert tuple(table) == (*COLUMNS, *NEWER_COLUMNS)
     first, second = table.to_dict("records")

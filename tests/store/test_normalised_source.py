@@ -152,6 +152,7 @@ BEHIND = (
 MAY_IMPORT = {
     "rich",
     "tqdm",
+    "slapshot.json_types",
     "slapshot.text",
     "slapshot.whole_file",
     "pyarrow",

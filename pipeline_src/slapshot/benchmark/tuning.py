@@ -8,7 +8,6 @@ conditions and recordings have no part in it.
 import argparse
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import torch
@@ -19,6 +18,7 @@ from slapshot.config.domain import Domain
 from slapshot.config.files import load_config
 from slapshot.config.methods import EnsembleTraining
 from slapshot.dag import load_plan
+from slapshot.json_types import Row
 from slapshot.store.folder import Store
 
 RATES = (0.0005, 0.001, 0.002, 0.004)
@@ -68,7 +68,7 @@ def _in_use(config: Configuration) -> pd.Series:
     return pd.Series(rates)
 
 
-def _try(trial: tuple[str, Domain, Path, str, float]) -> dict[str, Any]:
+def _try(trial: tuple[str, Domain, Path, str, float]) -> Row:
     """Train a small ensemble briefly; return its row of the table."""
     name, domain, rollouts, method, rate = trial
     torch.set_num_threads(1)

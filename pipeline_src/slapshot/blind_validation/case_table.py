@@ -10,10 +10,8 @@ from pathlib import Path
 import pandas as pd
 
 from slapshot.errors import InputError, reading
+from slapshot.json_types import Row
 from slapshot.whole_file import write_whole
-
-Cell = str | float | bool | None  # an integer is a float here
-Row = dict[str, Cell]  # of a case; None where a column does not apply
 
 FIRST, JOINTS = "first", "joints"  # labs: pucks, joints
 MEASURES = ("lab", "measure", "condition", "value", "low", "high", "n")

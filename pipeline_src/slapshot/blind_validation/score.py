@@ -9,13 +9,14 @@ from typing import Literal
 
 from pydantic import BaseModel
 
-from slapshot.blind_validation.case_table import FIT, Row
+from slapshot.blind_validation.case_table import FIT
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.launch.signatures import Signatures
 from slapshot.diagnosis.pucks.result import Setting
 from slapshot.diagnosis.pucks.verdict import Errors, Verdict
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
+from slapshot.json_types import Row
 from slapshot.recordings.read import read_recording
 
 TRUTH = Path("truth") / "truth.json"

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from slapshot.diagnosis.selection.structural_search import structural_fit
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.effects.joints.effect import JointEffect, RigMotion
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
+from slapshot.json_types import Row
 
 RIGS = ("pendulum", "arm", "ball")  # the simplest first
 # A pendulum swings in a plane: a sideways tilt changes next to nothing, and its sign is not identifiable.
@@ -52,7 +52,7 @@ def calibrated_effects(effect: str) -> list[CalibratedEffect]:
     return list(found.values())
 
 
-def intervals(tested: CalibratedEffect, seed: int, episodes: int, seconds: float) -> Iterator[dict[str, Any]]:
+def intervals(tested: CalibratedEffect, seed: int, episodes: int, seconds: float) -> Iterator[Row]:
     """Simulate a recording, fit it, and return truth and interval of each parameter.
 
     Args:

@@ -1,7 +1,5 @@
 """Stage `law_intervals`: a block of recordings of one effect's law, and the intervals of their fits."""
 
-from typing import Any
-
 import mujoco
 import pandas as pd
 from threadpoolctl import threadpool_limits
@@ -9,6 +7,7 @@ from threadpoolctl import threadpool_limits
 from slapshot.calibration.coverage import calibrated_effects, intervals
 from slapshot.command import Run, stage_command
 from slapshot.config.calibration import LawBlockSettings
+from slapshot.json_types import Row
 from slapshot.progress import progress
 
 
@@ -17,7 +16,7 @@ def produce(run: Run) -> None:
     # Fits try unstable models; MuJoCo's warnings about them are suppressed.
     mujoco.set_mju_user_warning(lambda text: None)
     own = run.settings(LawBlockSettings)
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     todo = [(tested, own.first + k) for tested in calibrated_effects(own.effect) for k in range(own.count)]
     for tested, index in progress(todo, len(todo), own.effect):
         with threadpool_limits(1):  # as in a diagnosis

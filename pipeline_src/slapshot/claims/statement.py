@@ -4,12 +4,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slapshot.json_types import Row
 from slapshot.statistics import Interval
 
 
@@ -50,7 +51,7 @@ class Statement:
             return "does not hold"
         return "undecided"
 
-    def row(self) -> dict[str, Any]:
+    def row(self) -> Row:
         """As a row of a table."""
         interval = self.interval
         return {

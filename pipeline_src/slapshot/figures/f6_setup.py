@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+
+from slapshot.config.results import SetupFigureSettings
 
 # First: it tells MuJoCo which GL library to use.
-from slapshot.config.results import SetupFigureSettings
+from slapshot.json_types import Row
 
 from slapshot.figures.rendering import render  # isort: skip
 
@@ -83,9 +84,7 @@ def _pose_before_contact(scene: Scene) -> NDArray[np.float64]:
     return Motion.through(waypoints, _DURATION).position(np.array([(CONTACT_AT - 0.12) * _DURATION]))[0]
 
 
-def _recorded(
-    axes: Axes, model: mujoco.MjModel, data: mujoco.MjData, folder: Path, name: str
-) -> list[dict[str, Any]]:
+def _recorded(axes: Axes, model: mujoco.MjModel, data: mujoco.MjData, folder: Path, name: str) -> list[Row]:
     """The ceiling camera's view with recorded rest points over it."""
     recording = read_recording(folder)
     _picture(axes, render(model, data, "ceiling", _HEIGHT, _WIDTH), f"(b) recording “{name}”")

@@ -4,13 +4,13 @@ import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from slapshot.command import Run, stage_command
 from slapshot.config.lab import DiverseCommands, LabSettings, StandIns
 from slapshot.errors import InputError
+from slapshot.json_types import JsonObject
 from slapshot.lab.camera import observe
 from slapshot.lab.commands import Diverse, Latents, Pool, Session, Source, draw_session
 from slapshot.lab.concealed.draw import draw_concealed
@@ -93,7 +93,7 @@ def record(
     # Separate random streams per hit, so that changing the camera does not change the hits.
     streams = [rng.spawn(4) for rng in hits_rng.spawn(count)]
     strokes = [_stroke(rig, session, i, streams[i][0]) for i in range(count)]
-    truths: list[dict[str, Any]] = []
+    truths: list[JsonObject] = []
     if settings.concealed:
         size_calibration = EffectSizeCalibration(
             scene, rig, strokes, stream_for(concealed_rng, "scatter"), cores
@@ -170,14 +170,14 @@ def _weigh(scene: Scene, rig: Rig, scale_sd: float, rng: np.random.Generator) ->
 
 
 def _sealed(
-    rig: Rig, concealed: list[dict[str, Any]], session: Session, strokes: list[HitSpec], hits: list[Hit]
+    rig: Rig, concealed: list[JsonObject], session: Session, strokes: list[HitSpec], hits: list[Hit]
 ) -> bytes:
     """Contents of truth.json: the rig and, for every hit, its noise and its true outcome (SI units)."""
     of_hits = [
         {"hit": i} | _chance_dict(stroke.chance) | _hit_dict(hit)
         for i, (stroke, hit) in enumerate(zip(strokes, hits, strict=True))
     ]
-    truth: dict[str, Any] = {
+    truth: JsonObject = {
         "stand_in": True,
         "rig": truth_dict(rig),
         "concealed": concealed,
@@ -189,7 +189,7 @@ def _sealed(
     return (json.dumps(truth, indent=1, sort_keys=True) + "\n").encode()
 
 
-def _chance_dict(chance: HitNoise) -> dict[str, Any]:
+def _chance_dict(chance: HitNoise) -> JsonObject:
     known = {
         "start_error_m": chance.start_error.tolist(),
         "pace": chance.pace,
@@ -199,7 +199,7 @@ def _chance_dict(chance: HitNoise) -> dict[str, Any]:
     return known | ({"quirk": dict(chance.quirk)} if chance.quirk else {})
 
 
-def _hit_dict(hit: Hit) -> dict[str, Any]:
+def _hit_dict(hit: Hit) -> JsonObject:
     return {
         "launch_time_s": hit.launch_time,
         "launch": hit.launch.tolist(),

@@ -6,12 +6,12 @@ A value in the settings is either a fixed number or a range [low, high] from whi
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.config.lab import Blade, Board, FrictionField, RigObject, StandIns
+from slapshot.json_types import JsonObject
 from slapshot.lab.blade import Edit
 from slapshot.lab.blade_truth import BladeTruth
 from slapshot.lab.board import FLAT, draw_height, draw_log_friction
@@ -210,7 +210,7 @@ def draw_rig(settings: StandIns, rng: np.random.Generator) -> Rig:
     )
 
 
-def truth_dict(rig: Rig) -> dict[str, Any]:
+def truth_dict(rig: Rig) -> JsonObject:
     """The rig as plain lists and numbers, for JSON; units as in the classes above."""
     return {
         "objects": {name: asdict(truth) for name, truth in rig.objects.items()},

@@ -18,6 +18,7 @@ from slapshot.command import Run, stage_command
 from slapshot.config.randomisation import CONDITION_PARAMETERS, Draws
 from slapshot.config.refinement import RefinementSettings
 from slapshot.errors import InputError
+from slapshot.json_types import JsonObject, Row
 from slapshot.parquet import write_table
 from slapshot.refinement.posterior import metric_of, posterior, quantiles
 from slapshot.refinement.summaries import Summaries, summarise, summarise_simulated
@@ -69,7 +70,7 @@ def produce(run: Run) -> None:
         )
     ]
     write_table(pd.DataFrame(tested), run.out / "simulated.parquet")
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for task in recorded_tasks(settings, run.inputs):
         adapt, _ = split_hits(task.hits, settings.samples, settings.repeats, rng, task.where)
         found = _refine(_summaries(method, standardiser, task, adapt), simulated, settings.nearest)
@@ -107,7 +108,7 @@ class Prior:
             columns.append(np.log((conditions[name] / factor).to_numpy(float)))
         return np.stack(columns, axis=1)
 
-    def rows(self, found: Array, noise: Array) -> list[dict[str, Any]]:
+    def rows(self, found: Array, noise: Array) -> list[Row]:
         """Rows of the table from quantiles (SHARES, p) of the parameters and (SHARES,) of the noise.
 
         Refined ranges stay within the prior's: a model cannot judge parameters that it was not trained on.
@@ -171,7 +172,7 @@ def _refine(
     )
 
 
-def configuration(own: pd.DataFrame, domain: str, rig: str) -> dict[str, Any]:
+def configuration(own: pd.DataFrame, domain: str, rig: str) -> JsonObject:
     """Values to override in the default configuration: ranges that contain all objects of one rig."""
     ranges = own.groupby("parameter", sort=False).agg({"low": "min", "high": "max"})
     randomisation = {

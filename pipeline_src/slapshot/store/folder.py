@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from slapshot.errors import InputError
 from slapshot.store.lock import held
@@ -22,6 +21,7 @@ from slapshot.store.recipe import ID_LENGTH, Recipe
 from slapshot.store.version_file import (
     REPAIR,
     VERSION_FILE,
+    VersionRecord,
     damaged_files,
     digest_of_content,
     read_version_file,
@@ -73,7 +73,7 @@ class Store:
                 return True
         return False
 
-    def find(self, stage: str, version_id: str) -> dict[str, Any] | None:
+    def find(self, stage: str, version_id: str) -> VersionRecord | None:
         """The version.json of a version; None if it is missing or damaged."""
         try:
             return read_version_file(self.folder(stage, version_id))
@@ -133,7 +133,7 @@ class Store:
                 f"touch {self.root / STORE_MARK}"
             )
 
-    def versions(self) -> Iterator[tuple[Path, dict[str, Any]]]:
+    def versions(self) -> Iterator[tuple[Path, VersionRecord]]:
         """Folder and version.json of every version whose version.json is undamaged."""
         for folder in self.folders():
             version = self.find(folder.parent.name, folder.name)

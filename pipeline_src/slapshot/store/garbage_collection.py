@@ -3,17 +3,16 @@
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 from slapshot.errors import InputError, writing
 from slapshot.store.folder import PARTIAL, Store
 from slapshot.store.recipe import ID_LENGTH
-from slapshot.store.version_file import VERSION_FILE
+from slapshot.store.version_file import VERSION_FILE, VersionRecord
 
 _ID = re.compile(f"[0-9a-f]{{{ID_LENGTH}}}")
 
 
-def find_version(store: Store, beginning: str) -> dict[str, Any]:
+def find_version(store: Store, beginning: str) -> VersionRecord:
     """version.json of the only version whose id (or stage/id) begins with `beginning`.
 
     Raises:
@@ -27,9 +26,9 @@ def find_version(store: Store, beginning: str) -> dict[str, Any]:
     return found[0]
 
 
-def flatten(value: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def flatten(value: Mapping[str, object], prefix: str = "") -> dict[str, object]:
     """Nested mapping to one with dotted keys."""
-    flat: dict[str, Any] = {}
+    flat: dict[str, object] = {}
     for key, item in value.items():
         name = f"{prefix}{key}"
         if isinstance(item, Mapping) and item:

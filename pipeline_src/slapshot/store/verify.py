@@ -6,7 +6,7 @@ every numeric column: on another platform digests may differ while the numbers a
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 import pandas as pd
@@ -76,8 +76,8 @@ def remove_damaged(
     store.check_mark()
     upstream = {(recipe.stage, recipe.id): {*recipe.upstream.values()} for recipe in recipes}
     for folder, written in store.versions():
-        above = written["recipe"]["upstream"].values()
-        upstream[folder.parent.name, folder.name] = {(stage, version_id) for stage, version_id in above}
+        pairs = written["recipe"]["upstream"].values()  # lists, as JSON has them
+        upstream[folder.parent.name, folder.name] = {(stage, version_id) for stage, version_id in pairs}
     why = dict(problems)
     waiting = list(problems)
     for bad in waiting:  # the list grows during the loop
@@ -96,13 +96,21 @@ def remove_damaged(
     return removed
 
 
-def make_lock(store: Store, recipes: dict[str, Recipe]) -> dict[str, Any]:
+class LockedVersion(TypedDict):
+    """What pipeline.lock says of a version: id, content digests, and column statistics of its tables."""
+
+    id: str
+    content: dict[str, str]
+    numbers: dict[str, dict[str, list[float]]]
+
+
+def make_lock(store: Store, recipes: dict[str, Recipe]) -> dict[str, LockedVersion]:
     """Content of pipeline.lock: label -> id, content digests and column statistics.
 
     Raises:
         InputError: a version is damaged, or was made from content that has since changed.
     """
-    lock = {}
+    lock: dict[str, LockedVersion] = {}
     for label, recipe in recipes.items():
         folder = store.folder(recipe.stage, recipe.id)
         problem = problem_of(store, (recipe.stage, recipe.id))
@@ -118,7 +126,7 @@ def make_lock(store: Store, recipes: dict[str, Recipe]) -> dict[str, Any]:
     return lock
 
 
-def compare(store: Store, recipes: dict[str, Recipe], lock: dict[str, Any]) -> dict[str, str]:
+def compare(store: Store, recipes: dict[str, Recipe], lock: Mapping[str, LockedVersion]) -> dict[str, str]:
     """Label -> identical, equal within tolerance, or a description of the difference or damage."""
     verdicts = {}
     for label in sorted(set(recipes) | set(lock)):
@@ -133,7 +141,7 @@ def compare(store: Store, recipes: dict[str, Recipe], lock: dict[str, Any]) -> d
     return verdicts
 
 
-def _compare_one(store: Store, recipe: Recipe, locked: dict[str, Any]) -> str:
+def _compare_one(store: Store, recipe: Recipe, locked: LockedVersion) -> str:
     folder = store.folder(recipe.stage, recipe.id)
     problem = problem_of(store, (recipe.stage, recipe.id))
     if problem:

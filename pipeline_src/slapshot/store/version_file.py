@@ -20,13 +20,41 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 import pyarrow as pa
 
 from slapshot.errors import InputError
+from slapshot.json_types import JsonObject
 from slapshot.store.content import content_digest
 from slapshot.store.recipe import ID_LENGTH, Recipe, canonical_json, file_digest
+
+
+class RecipeRecord(TypedDict):
+    """A recipe as it is written, see store.recipe."""
+
+    schema: int
+    stage: str
+    config: JsonObject
+    code: str
+    upstream: dict[str, tuple[str, str]]
+    libraries: dict[str, str]
+    files: dict[str, str]
+
+
+class VersionRecord(TypedDict):
+    """What version.json holds, see above."""
+
+    id: str
+    recipe: RecipeRecord
+    content: dict[str, str]
+    bytes: NotRequired[dict[str, str]]
+    inputs: NotRequired[dict[str, str]]
+    label: NotRequired[str]
+    seconds: float
+    made_at: str
+    checksum: NotRequired[str]
+
 
 VERSION_FILE = "version.json"
 REPAIR = (
@@ -52,7 +80,7 @@ def write_version_file(
         label: of the version, for people.
     """
     paths = {p.relative_to(folder).as_posix(): p for p in sorted(folder.rglob("*")) if p.is_file()}
-    version = {
+    version: VersionRecord = {
         "id": recipe.id,
         "recipe": json.loads(recipe.to_json()),
         "content": {name: content_digest(path) for name, path in paths.items()},
@@ -66,7 +94,7 @@ def write_version_file(
     (folder / VERSION_FILE).write_text(canonical_json(version) + "\n", "utf-8")
 
 
-def read_version_file(folder: Path) -> dict[str, Any]:
+def read_version_file(folder: Path) -> VersionRecord:
     """The version.json of a finished version.
 
     Raises:
@@ -103,7 +131,7 @@ def damaged_files(folder: Path) -> list[str]:
     ]
 
 
-def digest_of_content(version: Mapping[str, Any]) -> str:
+def digest_of_content(version: VersionRecord) -> str:
     """One digest of the content of all files of a version."""
     return _digest(version["content"])
 

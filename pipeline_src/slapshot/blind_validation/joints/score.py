@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 from pydantic import BaseModel
 
-from slapshot.blind_validation.case_table import Row
 from slapshot.diagnosis.verdict import Fits, Verdict
 from slapshot.effects.joints.catalogue import joint_effects
+from slapshot.json_types import Row
 
 _KEY = re.compile(r"(?P<name>[^@ ]+)(?:@(?P<part>.*?))?(?: \(.*\))?(?: from order \S+)?$")
 _OF_WHOLE_RIG = {"gravity_tilt", "base_compliance"}  # their effects sit on no part

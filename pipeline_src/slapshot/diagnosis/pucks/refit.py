@@ -2,12 +2,12 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from slapshot.diagnosis.pucks.result import Diagnosis
 from slapshot.diagnosis.pucks.selection.judgement import robust_covariance
+from slapshot.json_types import JsonObject
 from slapshot.recordings.format import Recording
 from slapshot.whole_file import write_whole
 
@@ -26,7 +26,7 @@ def write_refit(diagnosis: Diagnosis, recording: Recording, folder: Path) -> Non
     if search is None or nominal is None or final is None or held is None:
         return
     tracks = search.fitter.model.tracks
-    objects: dict[str, dict[str, Any]] = {}
+    objects: dict[str, JsonObject] = {}
     for k, name in enumerate(tracks.objects):
         info = recording.objects[name]
         objects[name] = {"mass_kg": info.mass_kg, "mass_sd_kg": info.mass_sd_kg}

@@ -1,7 +1,5 @@
 """J3: prediction errors of held-out windows by model, against what noise alone leaves."""
 
-from typing import Any
-
 import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
@@ -9,6 +7,7 @@ from matplotlib.axes import Axes
 from slapshot.diagnosis.report.outcome import Outcome
 from slapshot.diagnosis.report.presentation import MODEL_COLOURS, error_unit, mark_stand_in, shown_models
 from slapshot.diagnosis.verdict import Verdict
+from slapshot.json_types import Row
 from slapshot.plotting import Drawing
 
 NAME = "J3-errors"
@@ -46,7 +45,7 @@ def draw(outcome: Outcome) -> Drawing:
 def error_table(verdict: Verdict) -> pd.DataFrame:
     """A row a model and quantity: value with its 90 % interval, in SI units."""
     assert verdict.fit is not None
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for model in shown_models(verdict):
         for kind, interval in getattr(verdict.fit, model).rms.items():
             rows.append({"kind": kind, "model": model, **interval.model_dump()})

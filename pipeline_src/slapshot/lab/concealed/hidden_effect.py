@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
+from slapshot.json_types import JsonObject
 from slapshot.lab.blade_truth import BladeTruth
 from slapshot.lab.surface import Ground
 from slapshot.scenes.scene import Scene
@@ -152,7 +153,7 @@ class Concealed:
     requested: float | None = None
     bounded: bool = False
 
-    def truth(self) -> dict[str, Any]:
+    def truth(self) -> JsonObject:
         """For the sealed file: plain numbers, lists and words."""
         effect = self.effect
         return {

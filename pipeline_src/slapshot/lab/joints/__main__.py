@@ -7,9 +7,9 @@ sealed/truth.json. All but the last are for a diagnosis.
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 from slapshot.errors import InputError, check_writable, writing
+from slapshot.json_types import JsonObject
 from slapshot.lab.joints.case_spec import CaseSpec, MeasurementCondition
 from slapshot.lab.joints.cases import read_cases
 from slapshot.lab.joints.noise import CORRELATION
@@ -22,7 +22,7 @@ from slapshot.whole_file import replacing
 LIST = Path("config/cases/joints.csv")
 
 
-def write_case(spec: CaseSpec, out: Path) -> dict[str, Any]:
+def write_case(spec: CaseSpec, out: Path) -> JsonObject:
     """Make a case and write it, whole or not at all; returns the truth.
 
     Raises:

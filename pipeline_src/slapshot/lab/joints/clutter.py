@@ -5,11 +5,10 @@ joint's speed and of what its actuator does, that is 10 % rms. Its component alo
 over the session's motion, force h is uncorrelated with force, so that it is a pure shape error.
 """
 
-from typing import Any
-
 import numpy as np
 
 from slapshot.arrays import Array
+from slapshot.json_types import JsonObject
 from slapshot.lab.joints.hidden_effect import Law, NominalMotion, Plant, StepState
 
 LAW_ERROR = 0.1  # rms of h
@@ -58,7 +57,7 @@ class LawError:
         """The law for a simulated rig."""
         return _Law(self, plant)
 
-    def truth(self) -> dict[str, Any]:
+    def truth(self) -> JsonObject:
         """For the sealed file; waves are (actuators and dampings, joints, waves, speed and force)."""
         return {
             "rms": LAW_ERROR,

@@ -14,6 +14,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from slapshot.arrays import Array
+from slapshot.json_types import JsonObject
 from slapshot.lab.joints.rig import Rig
 
 Shape = Mapping[str, Any]
@@ -207,7 +208,7 @@ class Concealed:
     requested: float | None = None
     bounded: bool = False
 
-    def truth(self) -> dict[str, Any]:
+    def truth(self) -> JsonObject:
         """For the sealed file: plain numbers, lists and words."""
         effect = self.effect
         parameters = effect.parameters(self.amplitude, self.shape)

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
 from slapshot.arrays import Array
+from slapshot.json_types import JsonObject
 from slapshot.lab.joints.case_spec import Colour, MeasurementCondition
 from slapshot.lab.joints.execution import SimulatedMotion
 from slapshot.lab.joints.hidden_effect import Concealed
@@ -64,7 +64,7 @@ class SensorNoise:
 
     sample_delay: Array
     added: Array
-    truth: dict[str, Any]
+    truth: JsonObject
 
 
 def draw_sensor_noise(
@@ -73,7 +73,7 @@ def draw_sensor_noise(
     """Draw the noise of a session of `shape` (episodes, samples, observed), with samples `period` s apart."""
     noise_rng, jitter_rng, tail_rng, drift_rng = rng.spawn(4)
     noise = _coloured(CORRELATION[condition.noise] / period, shape, noise_rng)
-    truth: dict[str, Any] = {"noise_sd": NOISE_SD, "correlation_s": CORRELATION[condition.noise]}
+    truth: JsonObject = {"noise_sd": NOISE_SD, "correlation_s": CORRELATION[condition.noise]}
     sample_delay, drift = np.zeros(shape[:2]), np.zeros(shape)
     if condition.cluttered:
         sample_delay = np.clip(jitter_rng.normal(0, JITTER, shape[:2]), -0.4, 0.4) * period

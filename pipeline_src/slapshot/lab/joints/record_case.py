@@ -1,13 +1,14 @@
 """Record a case: a rig with hidden effects, and a session on it."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.errors import InputError
+from slapshot.json_types import JsonObject
 from slapshot.lab.joints.case_spec import CaseSpec, Colour, MeasurementCondition
 from slapshot.lab.joints.clutter import LawError
 from slapshot.lab.joints.effect_size_calibration import EffectSizeCalibration, change
@@ -41,7 +42,7 @@ def make_case(
     episodes: int = 20,
     seconds: float = 3.0,
     size: float | None = None,
-) -> tuple[SignalRecording, dict[str, Any]]:
+) -> tuple[SignalRecording, JsonObject]:
     """Record a session on a rig with hidden effects.
 
     Args:
@@ -77,14 +78,14 @@ def make_case(
     )
 
 
-def make(spec: CaseSpec) -> tuple[SignalRecording, dict[str, Any]]:
+def make(spec: CaseSpec) -> tuple[SignalRecording, JsonObject]:
     """See `make_case`."""
     rig = rig_named(spec.rig)
     check_hidden_effects([effect for effect, _ in spec.conceals], rig)
     excitation_rng, concealed_rng, clutter_rng, noise_rng = np.random.default_rng(spec.seed).spawn(4)
     excitation = draw_excitation(rig, spec.episodes, spec.seconds, excitation_rng)
     size_calibration = EffectSizeCalibration(rig, excitation)
-    law_error = None
+    law_error: JsonObject | None = None
     if spec.condition.cluttered:
         error, plain = LawError(size_calibration.nominal, clutter_rng), size_calibration.nominal.positions
         size_calibration = EffectSizeCalibration(rig, excitation, [error.law])
@@ -99,7 +100,7 @@ def make(spec: CaseSpec) -> tuple[SignalRecording, dict[str, Any]]:
     clean = read_clean(rig, motion, concealed)
     sensor_noise = draw_sensor_noise(spec.condition, clean.shape, rig.clock.sample, noise_rng)
     readings = read_clean(rig, motion, concealed, sensor_noise.sample_delay) + sensor_noise.added
-    truth = {
+    truth: JsonObject = {
         "stand_in": True,
         "rig": rig.name,
         "seed": spec.seed,
@@ -144,7 +145,7 @@ def _find(
     return size_calibration.find(hidden_effect_named(effect), size, shape_rng)
 
 
-def _noiseless(rig: Rig, clean: Array) -> dict[str, Any]:
+def _noiseless(rig: Rig, clean: Array) -> JsonObject:
     """Noiseless readings of the last episodes, rounded to 1e-8 rad or m."""
     first = max(0, len(clean) - ORACLE_EPISODES)
     values = np.round(clean[first:], 8)
@@ -156,7 +157,7 @@ def _noiseless(rig: Rig, clean: Array) -> dict[str, Any]:
 
 def _recording(rig: Rig, motion: SimulatedMotion, readings: Array) -> SignalRecording:
     controls, observations = rig.controls(), rig.observations()
-    signals: dict[str, dict[str, Any]] = {}
+    signals: dict[str, dict[str, NDArray[np.generic]]] = {}
     for channels, values, period in (
         (controls, motion.commands, rig.clock.period),
         (observations, readings, rig.clock.sample),

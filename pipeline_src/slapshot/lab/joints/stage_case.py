@@ -4,9 +4,9 @@ import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from slapshot.command import Run, stage_command
+from slapshot.json_types import JsonObject
 from slapshot.lab.joints.case_spec import CaseSpec, JointCaseSettings
 from slapshot.lab.joints.record_case import make
 from slapshot.lab.joints.rigs import rig_named
@@ -18,7 +18,7 @@ def produce(run: Run) -> None:
     record(run.settings(JointCaseSettings).spec, run.out)
 
 
-def record(spec: CaseSpec, out: Path) -> dict[str, Any]:
+def record(spec: CaseSpec, out: Path) -> JsonObject:
     """Make a case and write it into folder `out`, which exists; returns the truth.
 
     Raises:

@@ -6,12 +6,12 @@ import uuid
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from slapshot.errors import InputError, writing
+from slapshot.json_types import JsonObject
 from slapshot.recordings.format import Recording
 from slapshot.recordings.importing.csv_files import RawHit, read_hits
 from slapshot.recordings.importing.files import natural_key
@@ -197,7 +197,7 @@ def _recorded_at(hit: RawHit, rules: TrackMapping) -> datetime:
         ) from None
 
 
-def _sources(kept: list[tuple[RawHit, HitSegment]]) -> list[dict[str, Any]]:
+def _sources(kept: list[tuple[RawHit, HitSegment]]) -> list[JsonObject]:
     """The lines of the files that each hit is from."""
     return [
         {
@@ -211,7 +211,7 @@ def _sources(kept: list[tuple[RawHit, HitSegment]]) -> list[dict[str, Any]]:
     ]
 
 
-def write_sources(out: Path, content: dict[str, Any]) -> None:
+def write_sources(out: Path, content: JsonObject) -> None:
     """Write the sources of a recording beside it.
 
     Args:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.errors import InputError
+from slapshot.json_types import JsonObject
 from slapshot.recordings.importing.files import fields_of_names, find_sources, natural_key
 from slapshot.recordings.importing.importer import write_sources
 from slapshot.recordings.importing.rows import Rows, read_rows
@@ -245,7 +245,7 @@ def _recording(rules: SignalMapping, episodes: list[dict[str, _Part]]) -> Signal
     )
 
 
-def _sources(episode: Mapping[str, _Part]) -> dict[str, Any]:
+def _sources(episode: Mapping[str, _Part]) -> JsonObject:
     """Clock -> the lines of the file that its rows are from."""
     return {
         clock: {"source": part.source, "first_line": int(part.lines[0]), "last_line": int(part.lines[-1])}

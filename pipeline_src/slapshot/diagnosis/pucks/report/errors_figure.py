@@ -1,7 +1,5 @@
 """D4: errors on held-out hits before and after, against what noise alone leaves."""
 
-from typing import Any
-
 import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
@@ -11,6 +9,7 @@ from slapshot.diagnosis.pucks.report.outcome import Outcome, RestOutcome
 from slapshot.diagnosis.pucks.report.sentences import scenes
 from slapshot.diagnosis.pucks.report.style import AUGMENTED, BELIEVED, NOMINAL, mark_stand_in
 from slapshot.diagnosis.pucks.verdict import Verdict
+from slapshot.json_types import Row
 from slapshot.plotting import Drawing
 
 NAME = "D4-errors"
@@ -58,7 +57,7 @@ def draw(outcome: Outcome | RestOutcome) -> Drawing:
 def error_table(verdict: Verdict) -> pd.DataFrame:
     """A row a scene and measure: value with its 90 % interval, in SI units."""
     assert verdict.fit is not None
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for scene in scenes(verdict):
         for measure in _MEASURES:
             interval = getattr(verdict.fit[scene], measure)
