@@ -268,16 +268,24 @@ def test_friction_is_larger_along_the_diagonal():
 
 
 @answers("curl")
-def test_curl_turns_the_path_by_strength_times_the_angle_spun(monkeypatch):
+@pytest.mark.parametrize(
+    ("spin", "log_spin", "rate"),
+    [
+        pytest.param(2.0, 4.0, 0.25 * 2.0, id="in proportion to the angle spun"),
+        pytest.param(50.0, -0.5, 0.25 * np.exp(-0.5), id="no faster beyond the spin where it levels off"),
+    ],
+)
+def test_curl_turns_the_path(monkeypatch, spin, log_spin, rate):
     monkeypatch.setattr(slide_law, "LONGEST", 0.5)
-    # Friction hardly acts: heading' = strength spin.
-    strength, spin = 0.05, 10.0
-    tracks = slid(effect("curl"), [[0, 0, 0, 1.0, 0, spin]], 1e-4, duration=0.4, strength=strength)
+    # Friction hardly acts: heading' = strength spin, or strength w_s where spin is far larger than w_s.
+    tracks = slid(
+        effect("curl"), [[0, 0, 0, 1.0, 0, spin]], 1e-4, duration=0.4, strength=0.25, log_spin=log_spin
+    )
     step = np.diff(tracks.places[0], axis=0)
     rows = np.flatnonzero(tracks.times[:-1] < 0.4)
     heading = np.arctan2(step[rows, 1], step[rows, 0])
     middle = tracks.times[rows] + (tracks.times[1] - tracks.times[0]) / 2
-    assert heading == pytest.approx(strength * spin * middle, abs=2e-3)
+    assert heading == pytest.approx(rate * middle, abs=2e-3)
 
 
 def middle_bump(x: np.ndarray) -> np.ndarray:

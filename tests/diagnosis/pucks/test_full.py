@@ -11,9 +11,8 @@ import pytest
 from slapshot.arrays import GRAVITY
 from slapshot.command import Run
 from slapshot.diagnosis.pucks.diagnose import diagnose
-from slapshot.diagnosis.pucks.launch import approach as approach_module
 from slapshot.diagnosis.pucks.launch import signatures as signatures_module
-from slapshot.diagnosis.pucks.launch.approach import SAME_START, Approaches
+from slapshot.diagnosis.pucks.launch.approach import SAME_START, Approaches, CommandedArms
 from slapshot.diagnosis.pucks.launch.rig_model import RigModel
 from slapshot.diagnosis.pucks.launch.signatures import LOOK, make_signatures
 from slapshot.diagnosis.pucks.launch.strikes import TIMESTEP, Striker, commands_through
@@ -327,12 +326,12 @@ def test_an_arm_that_first_moves_alone_strikes_as_in_one_simulation_of_both(scen
 def test_what_leaves_the_arm_alone_shares_its_approach(some, monkeypatch):
     made = []
 
-    def counted(*arguments):
-        made.append(approach(*arguments))
+    def counted(arms):
+        made.append(approach(arms))
         return made[-1]
 
-    approach = approach_module.approach
-    monkeypatch.setattr(approach_module, "approach", counted)
+    approach = CommandedArms.approach
+    monkeypatch.setattr(CommandedArms, "approach", counted)
     _, _, struck = some
     approaches, effects = Approaches(), catalogue()
     for name, values in (

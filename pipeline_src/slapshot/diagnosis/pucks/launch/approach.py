@@ -76,84 +76,81 @@ class Arm:
         self.batch.step(ids=running, nstep=self._substeps)
 
 
-def approach(
-    model: mujoco.MjModel,
-    info: SceneInfo,
-    targets: Array,
-    poses: Array,
-    starts: Array,
-    threads: int,
-) -> Approach:
-    """Move n arms until they are near their objects.
+@dataclass(frozen=True)
+class CommandedArms:
+    """n arms with their commands, each before an object.
 
-    Args:
+    Attributes:
         model: of arm and object.
         info: of the scene.
-        targets: (n, ticks, joints) rad.
+        targets: (n, ticks, joints) rad; the last is held.
         poses: (n, joints) rad, at first.
         starts: (n, 2) m, where objects lie.
         threads: for MuJoCo.
     """
-    count, ticks = targets.shape[:2]
-    arm = Arm(model, info, count, threads)
-    everywhere = np.arange(count)
-    arm.batch.reset(ids=everywhere, stage=mujoco.mjtStage.mjSTAGE_NONE)
-    qpos, contacts = arm.batch.bind("qpos"), arm.batch.bind("ncon")
-    qpos[:, arm.joints] = poses
-    resting = np.zeros((count, 4))
-    resting[:, :2], resting[:, 2] = starts - np.array(info.start), resting_height(model, info)
-    joints = np.zeros((count, ticks, len(arm.joints)))
-    near, states = np.full(count, ticks - 1), np.empty_like(arm.batch.state)
-    running = everywhere
-    for tick in range(ticks):
-        joints[running, tick] = qpos[running[:, None], arm.joints]
-        # Seen one integration step late, which NEAR allows for.
-        arrived = contacts[running] > 0 if tick else np.zeros(count, bool)
-        if tick == ticks - 1:
-            arrived[:] = True
-        now = running[arrived]
-        near[now], states[now] = tick, arm.batch.state[now]
-        running = running[~arrived]
-        if not len(running):
-            break
-        arm.step(running, targets[:, tick], resting[running])
-    return Approach(starts, near, states, joints)
 
+    model: mujoco.MjModel
+    info: SceneInfo
+    targets: Array
+    poses: Array
+    starts: Array
+    threads: int
 
-def withdraw(
-    model: mujoco.MjModel,
-    info: SceneInfo,
-    targets: Array,
-    states: Array,
-    since: NDArray[np.int64],
-    readings: NDArray[np.int64],
-    joints: Array,
-    threads: int,
-) -> None:
-    """Go on with n arms whose objects slide away, until joints were looked at.
+    def digest(self, arm: str) -> str:
+        """The same for commands and `arm`s (see `digest_of_arm`) that move alike."""
+        return arm + hashlib.sha256(self.targets.tobytes() + self.poses.tobytes()).hexdigest()
 
-    Args:
-        model: as in `approach`, like all that is not named here.
-        info: of the scene.
-        targets: (n, ticks, joints) rad; the last is held.
-        states: (n, s) integration states after `since` ticks.
-        since: (n,) ticks.
-        readings: (m,) ticks.
-        joints: (n, m, joints) rad, filled from then on.
-        threads: for MuJoCo.
-    """
-    last = int(readings.max(initial=0))
-    going = np.flatnonzero(since < last)
-    if not len(going):
-        return
-    arm = Arm(model, info, len(since), threads)
-    arm.batch.state[:] = states
-    qpos, column = arm.batch.bind("qpos"), {int(tick): k for k, tick in enumerate(readings)}
-    for tick in range(int(since[going].min()), last):
-        running = going[since[going] <= tick]
-        arm.step(running, targets[:, min(tick, targets.shape[1] - 1)], _AWAY)
-        if tick + 1 in column:
-            joints[running, column[tick + 1]] = qpos[running[:, None], arm.joints]
+    def approach(self) -> Approach:
+        """Move the arms until they are near their objects."""
+        info, (count, ticks) = self.info, self.targets.shape[:2]
+        arm = Arm(self.model, info, count, self.threads)
+        everywhere = np.arange(count)
+        arm.batch.reset(ids=everywhere, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        qpos, contacts = arm.batch.bind("qpos"), arm.batch.bind("ncon")
+        qpos[:, arm.joints] = self.poses
+        resting = np.zeros((count, 4))
+        resting[:, :2] = self.starts - np.array(info.start)
+        resting[:, 2] = resting_height(self.model, info)
+        joints = np.zeros((count, ticks, len(arm.joints)))
+        near, states = np.full(count, ticks - 1), np.empty_like(arm.batch.state)
+        running = everywhere
+        for tick in range(ticks):
+            joints[running, tick] = qpos[running[:, None], arm.joints]
+            # Seen one integration step late, which NEAR allows for.
+            arrived = contacts[running] > 0 if tick else np.zeros(count, bool)
+            if tick == ticks - 1:
+                arrived[:] = True
+            now = running[arrived]
+            near[now], states[now] = tick, arm.batch.state[now]
+            running = running[~arrived]
+            if not len(running):
+                break
+            arm.step(running, self.targets[:, tick], resting[running])
+        return Approach(self.starts, near, states, joints)
+
+    def withdraw(
+        self, states: Array, since: NDArray[np.int64], readings: NDArray[np.int64], joints: Array
+    ) -> None:
+        """Go on with the arms, whose objects slide away, until joints were looked at.
+
+        Args:
+            states: (n, s) integration states after `since` ticks.
+            since: (n,) ticks.
+            readings: (m,) ticks.
+            joints: (n, m, joints) rad, filled from then on.
+        """
+        last = int(readings.max(initial=0))
+        going = np.flatnonzero(since < last)
+        if not len(going):
+            return
+        arm = Arm(self.model, self.info, len(since), self.threads)
+        arm.batch.state[:] = states
+        qpos, column = arm.batch.bind("qpos"), {int(tick): k for k, tick in enumerate(readings)}
+        for tick in range(int(since[going].min()), last):
+            running = going[since[going] <= tick]
+            arm.step(running, self.targets[:, min(tick, self.targets.shape[1] - 1)], _AWAY)
+            if tick + 1 in column:
+                joints[running, column[tick + 1]] = qpos[running[:, None], arm.joints]
 
 
 def resting_height(model: mujoco.MjModel, info: SceneInfo) -> float:
@@ -182,24 +179,17 @@ class Approaches:
     def __init__(self) -> None:
         self._made: dict[str, Approach] = {}
 
-    def get(
-        self,
-        digest: str,
-        model: mujoco.MjModel,
-        info: SceneInfo,
-        targets: Array,
-        poses: Array,
-        starts: Array,
-        threads: int,
-    ) -> Approach:
-        """See `approach`: one that was made already, where it holds for objects at `starts` too.
+    def get(self, arm: str, arms: CommandedArms) -> Approach:
+        """One that was made already, where it holds for where objects lie now.
 
-        `digest` is that of the model's arm.
+        Args:
+            arm: see `digest_of_arm`.
+            arms: to move, where it does not.
         """
-        digest += hashlib.sha256(targets.tobytes() + poses.tobytes()).hexdigest()
+        digest = arms.digest(arm)
         known = self._made.pop(digest, None)
-        if known is None or np.abs(known.starts - starts).max() > SAME_START:
-            known = approach(model, info, targets, poses, starts, threads)
+        if known is None or np.abs(known.starts - arms.starts).max() > SAME_START:
+            known = arms.approach()
         self._made[digest] = known
         while len(self._made) > _KEPT:
             self._made.pop(next(iter(self._made)))

@@ -13,7 +13,12 @@ from mujoco.batch import Batch
 from scipy.interpolate import CubicSpline
 
 from slapshot.arrays import GRAVITY, Array
-from slapshot.diagnosis.pucks.launch.approach import Approaches, digest_of_arm, resting_height, withdraw
+from slapshot.diagnosis.pucks.launch.approach import (
+    Approaches,
+    CommandedArms,
+    digest_of_arm,
+    resting_height,
+)
 from slapshot.diagnosis.pucks.slide.tracks import HitTracks
 from slapshot.effects.effect import Effect
 from slapshot.recordings.format import Recording, joint_columns
@@ -164,7 +169,8 @@ class Striker:
         arm = digest_of_arm(spec, info)
         model.opt.timestep = TIMESTEP
         rows = np.round(self._readings / period).astype(int)
-        came = self._approaches.get(arm, model, info, targets, poses, starts, self._threads)
+        arms = CommandedArms(model, info, targets, poses, starts, self._threads)
+        came = self._approaches.get(arm, arms)
         arm_q = np.array([model.joint(j).qposadr[0] for j in info.joints])
         object_q = np.array([model.joint(j).qposadr[0] for j in info.object_joints])
         object_v = np.array([model.joint(j).dofadr[0] for j in info.object_joints])
@@ -221,7 +227,7 @@ class Striker:
                 batch.step(ids=running, nstep=substeps)
             tick += 1
         passed = np.maximum(ticks, came.ticks)
-        withdraw(model, info, targets, batch.state, passed, rows, joints, self._threads)
+        arms.withdraw(batch.state, passed, rows, joints)
         if waits is not None:
             mu = self._friction[:, :2].mean(1)
             released = _told_at(released, self._releases - releases, GRAVITY * mu)
