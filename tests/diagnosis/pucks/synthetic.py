@@ -25,8 +25,12 @@ def recording(
     spin_sd=2.0,
     mistracks=0.0,
     missing=0.02,
+    yaw_sd=None,
 ):
-    """Hits whose launches are drawn, seen by a camera; `effects` maps a name to values."""
+    """Hits whose launches are drawn, seen by a camera; `effects` maps a name to values.
+
+    With `yaw_sd` in rad the camera sees how objects turn, from any orientation.
+    """
     known = catalogue()
     angle = rng.uniform(-heading, heading, hits)
     v = rng.uniform(*speed, hits)
@@ -65,6 +69,14 @@ def recording(
         rows.append(pd.DataFrame({"hit": i, "t": t, "x": places[:, 0], "y": places[:, 1]})[seen])
     frames = pd.concat(rows, ignore_index=True)
     frames["yaw"] = np.nan
+    if yaw_sd is not None:
+        of = frames["hit"].to_numpy()
+        since = np.maximum(frames["t"].to_numpy() - delay, 0.0)
+        # Even pressure: spin dies at a rate of its own, which no friction of places tells.
+        spin, stops = launches[of, 5], tracks.durations[of]
+        turned = spin * np.minimum(since, stops) * (1 - np.minimum(since, stops) / (2 * stops))
+        yaw = rng.uniform(-np.pi, np.pi, hits)[of] + turned + yaw_sd * rng.normal(size=len(of))
+        frames["yaw"] = np.angle(np.exp(1j * yaw))
     names = [f"object {k}" for k in range(len(friction))]
     table = pd.DataFrame(
         {

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.fit.gauss_newton import FIELD, Fit, GaussNewton
 from slapshot.diagnosis.pucks.fit.marginal import Marginal, marginalise
-from slapshot.diagnosis.pucks.launch.launch_prior import LAUNCH, NEARLY_FLAT, LaunchPrior, UnknownLaunch
+from slapshot.diagnosis.pucks.launch.launch_prior import LAUNCH, NEARLY_FLAT, SPIN, LaunchPrior, UnknownLaunch
 from slapshot.diagnosis.pucks.launch.swing_error import LATENESS, with_errors
 from slapshot.diagnosis.pucks.slide.first_guess import first_guess
 from slapshot.diagnosis.pucks.slide.noise import CameraNoise, frame_speeds, leaps, outliers
@@ -70,7 +70,9 @@ class HitFitter(GaussNewton):
         """Launches from the first frames, friction from how far the object went."""
         self._drop(leaps(self.model.tracks.places, self.valid, self.noise.sd))
         point = first_guess(self.model.tracks)
-        point.latents[:, LAUNCH - 1] = self.launches.simulated_spin(point)[0]
+        tracks = self.model.tracks
+        seen = np.isfinite(tracks.spin_sd)
+        point.latents[:, SPIN] = np.where(seen, tracks.spin, self.launches.simulated_spin(point)[0])
         return point
 
     def about(self, launches: LaunchPrior) -> "HitFitter":
@@ -78,9 +80,11 @@ class HitFitter(GaussNewton):
         other = copy(self)
         other.launches = launches
         tracks = self.model.tracks
-        if launches.turned is not None and not np.array_equal(launches.turned, tracks.turned):
-            other.model = self.model.of(replace(tracks, turned=launches.turned))
-            other._at = other._wide = None
+        if launches.turned is not None:
+            turned = np.where(tracks.turn_seen, tracks.turned, launches.turned)
+            if not np.array_equal(turned, tracks.turned):
+                other.model = self.model.of(replace(tracks, turned=turned))
+                other._at = other._wide = None
         return other
 
     def slides_alone(self, point: Point, shown: NDArray[np.bool_] | None = None) -> "HitFitter":
@@ -187,7 +191,7 @@ class HitFitter(GaussNewton):
 
     def freedom(self) -> Array:
         """(n,) expected squares of each hit: its data less what fits its own unknowns."""
-        return 2.0 * self.valid.sum(1) + self.launches.rows
+        return 2.0 * self.valid.sum(1) + np.isfinite(self.model.tracks.spin_sd) + self.launches.rows
 
     def evaluate(
         self,
@@ -237,6 +241,7 @@ class HitFitter(GaussNewton):
         scatter: Scatter,
     ) -> Marginal:
         z, h, j = self._whitened(predicted, by_latent, by_column)
+        z, h, j = self._with_spins(point, z, h, j)
         measured, noise = _told_by_slides(point, z, h, scatter.friction)
         count, size = point.latents.shape
         offset, root = np.zeros((count, size)), np.zeros((count, size, size))
@@ -283,6 +288,21 @@ class HitFitter(GaussNewton):
             z.reshape(count, -1),
             h.reshape(count, -1, h.shape[-1]),
             j.reshape(count, -1, j.shape[-1]) if (j.shape[-1]) else np.zeros((count, z[0].size, 0)),
+        )
+
+    def _with_spins(self, point: Point, z: Array, h: Array, j: Array) -> tuple[Array, Array, Array]:
+        """Rows of frames, and one of the spin that yaw tells; of hits whose yaw nobody saw it is 0."""
+        tracks = self.model.tracks
+        if not np.isfinite(tracks.spin_sd).any():
+            return z, h, j
+        by_spin = np.zeros((len(z), 1, h.shape[-1]))
+        by_spin[:, 0, SPIN] = 1 / tracks.spin_sd
+        left = ((tracks.spin - point.latents[:, SPIN]) / tracks.spin_sd)[:, None]
+        none = np.zeros((len(z), 1, j.shape[-1]))
+        return (
+            np.concatenate([z, left], axis=1),
+            np.concatenate([h, by_spin], axis=1),
+            np.concatenate([j, none], axis=1),
         )
 
     def _scatter(self, point: Point, state: Marginal, before: Scatter) -> Scatter:

@@ -9,6 +9,7 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.fit.gauss_newton import Fit
 from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter, Scatter
 from slapshot.diagnosis.pucks.launch.launch_model import LaunchModel
+from slapshot.diagnosis.pucks.launch.launch_prior import SPIN
 from slapshot.diagnosis.pucks.result import Setting
 from slapshot.diagnosis.pucks.selection.level import Level
 from slapshot.diagnosis.pucks.selection.search import Candidate
@@ -98,7 +99,11 @@ def _recorded(
     ]
     trial = pair[1].fitter.about(pair[1].fitter.launches.without_encoders())
     trial.model = fitter.model.of(
-        replace(fitter.model.tracks, places=fitter.model.predict(replace(first, latents=begins[0])))
+        replace(
+            fitter.model.tracks,
+            places=fitter.model.predict(replace(first, latents=begins[0])),
+            spin=begins[0][:, SPIN],
+        )
     )
     nats = trial.evaluate(replace(second, latents=begins[1]), [], scatter).squares / 2
     _, rows = np.unique(fitter.model.tracks.command, return_index=True)
@@ -141,6 +146,9 @@ def _tracks_of(recorded: HitTracks, launches: Array) -> HitTracks:
         places=np.zeros((count, frames, 2)),
         valid=np.ones((count, frames), bool),
         turned=zero,
+        turn_seen=np.zeros(count, bool),
+        spin=zero,
+        spin_sd=np.full(count, np.inf),
         resting=recorded.resting,
         dropped={},
     )

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
+from slapshot.diagnosis.pucks.slide.yaw import Turn, spins_seen, turn_of
 from slapshot.recordings.format import Recording
 
 # m from the start at which a striker has let go, unless the object still gains speed: contact lasts for
@@ -49,6 +50,9 @@ class HitTracks:
         places: (n, frames, 2) m.
         valid: (n, frames) which of them are frames.
         turned: (n,) rad by which objects turned between being struck and the release; 0 if nobody knows.
+        turn_seen: (n,) whether that was seen.
+        spin: (n,) rad/s at the release, by the yaw that was recorded.
+        spin_sd: (n,) rad/s, its standard error; infinite where nobody saw it.
         resting: residuals (m, 2) in m from their mean and time since the frame before (m,) in s, of frames
             at rest, one hit after another; the interval is infinite for a hit's first.
         dropped: hits that are not used -> why.
@@ -66,6 +70,9 @@ class HitTracks:
     places: Array
     valid: NDArray[np.bool_]
     turned: Array
+    turn_seen: NDArray[np.bool_]
+    spin: Array
+    spin_sd: Array
     resting: tuple[Array, Array]
     dropped: dict[int, str]
 
@@ -74,12 +81,11 @@ class HitTracks:
 
     def take(self, rows: NDArray[np.int64]) -> "HitTracks":
         """Some of the hits."""
-        arrays = {
-            name: getattr(self, name)[rows]
-            for name in ("hit", "object", "order", "command", "start", "seen_start", "release", "turned")
-        }
-        frames = {name: getattr(self, name)[rows] for name in ("times", "places", "valid")}
-        return HitTracks(objects=self.objects, resting=self.resting, dropped=self.dropped, **arrays, **frames)
+        names = (
+            *("hit", "object", "order", "command", "start", "seen_start", "release"),
+            *("turned", "turn_seen", "spin", "spin_sd", "times", "places", "valid"),
+        )
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -102,6 +108,7 @@ def hit_tracks(recording: Recording, left_out: Mapping[int, str] | None = None) 
     groups = dict(tuple(recording.tracks.groupby("hit")))
     rows: list[tuple[pd.Series, Array, Array, float, Array]] = []
     resting: list[tuple[Array, Array]] = []
+    turns: list[Turn] = []
     dropped: dict[int, str] = {}
     ordered = recording.hits.sort_values("order")
     for _, hit in ordered.iterrows():
@@ -122,6 +129,7 @@ def hit_tracks(recording: Recording, left_out: Mapping[int, str] | None = None) 
         resting += [_at_rest(times, places, slice(0, begin)), _at_rest(times, places, slice(last, None))]
         used = slice(first, last + AFTER_REST)
         seen = np.median(places[:begin], axis=0) if begin >= 3 else np.full(2, np.nan)
+        turns.append(turn_of(times, frames["yaw"].to_numpy(float), begin, first, last))
         rows.append((hit, seen, times[used] - times[first], times[first], places[used]))
     longest = max((len(r[2]) for r in rows), default=1)
     count = len(rows)
@@ -131,6 +139,7 @@ def hit_tracks(recording: Recording, left_out: Mapping[int, str] | None = None) 
         times[i, : len(t)], places[i, : len(t)], valid[i, : len(t)] = t, p, True
         times[i, len(t) :] = t[-1]
     pairs = [r for r in resting if len(r[0])]
+    turned, (spin, spin_sd) = np.array([turn.turned for turn in turns]), spins_seen(turns)
     return HitTracks(
         **_of_hits(recording, pd.DataFrame([r[0] for r in rows], columns=recording.hits.columns)),
         seen_start=np.array([r[1] for r in rows]).reshape(-1, 2),
@@ -138,7 +147,10 @@ def hit_tracks(recording: Recording, left_out: Mapping[int, str] | None = None) 
         times=times,
         places=places,
         valid=valid,
-        turned=np.zeros(len(rows)),
+        turned=np.nan_to_num(turned),
+        turn_seen=np.isfinite(turned),
+        spin=spin,
+        spin_sd=spin_sd,
         resting=(
             np.concatenate([p[0] for p in pairs]) if pairs else np.zeros((0, 2)),
             np.concatenate([p[1] for p in pairs]) if pairs else np.zeros(0),
@@ -161,6 +173,9 @@ def rest_tracks(recording: Recording) -> HitTracks:
         places=hits[["rest_x", "rest_y"]].to_numpy(float)[:, None],
         valid=np.ones((count, 1), bool),
         turned=np.zeros(count),
+        turn_seen=np.zeros(count, bool),
+        spin=np.zeros(count),
+        spin_sd=np.full(count, np.inf),
         resting=(np.zeros((0, 2)), np.zeros(0)),
         dropped=dict.fromkeys(ordered.loc[~rested, "hit"].astype(int), NO_REST_POINT),
     )
