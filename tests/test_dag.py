@@ -218,7 +218,10 @@ def reordered(value: object) -> object:
 def test_the_plan_holds_every_stage_once_for_each_instance(config):
     plan = planned(config)
     assert set(plan.recipes) == ALL
-    assert {recipe.stage for recipe in plan.recipes.values()} == set(STAGES)
+    assert {recipe.stage for recipe in plan.recipes.values()} == set(STAGES) - {
+        "train_part",
+        "refined_train_part",
+    }
     assert {STAGES[plan.recipes[label].stage].on_demand for label in set(ALL) - plan.on_demand} == {False}
     assert all(plan.by_id(r.stage, r.id) == r for r in plan.recipes.values())
     assert plan.ids()["figure"] == {plan.recipes[label].id for label in ALL if label.startswith("figure/")}
@@ -584,6 +587,27 @@ def test_a_method_in_several_sizes_is_one_file(config):
     codes = {more.recipes[f"train/hockey/maml_{batch}"].code for batch in (1, 4, 8)}
     assert codes == {plan.recipes["train/hockey/maml_8"].code}
     assert more.recipes["train/hockey/kalman"].code not in codes
+
+
+def test_models_of_an_ensemble_are_spread_over_jobs(config):
+    whole = planned(config)
+    put(config, "training.models", 5)
+    put(config, "training.jobs", 2)
+    spread = planned(config)
+    joined = spread.recipes["train/hockey/kalman"]
+    parts = [spread.recipes[f"train_part/hockey/kalman/{k}"] for k in range(2)]
+    assert dict(joined.upstream) == {f"part/{k}": (r.stage, r.id) for k, r in enumerate(parts)}
+    assert sum(part.config["training"]["models"] for part in parts) == 5
+    assert len({part.config["training"]["seed"] for part in parts}) == 2
+    assert {role for part in parts for role in part.upstream} == {"rollouts"}
+    assert joined.code == parts[0].code == whole.recipes["train/hockey/kalman"].code
+    assert spread.recipes["evaluate/hockey/kalman"].upstream["train"] == ("train", joined.id)
+    refined = spread.recipes["refined_train/hockey/0"]
+    assert {stage for stage, _ in refined.upstream.values()} == {"refined_train_part"}
+    assert spread.recipes["refined_train_part/hockey/0/1"].upstream["train"] == ("train", joined.id)
+    put(config, "training.jobs", 6)
+    with pytest.raises(InputError, match=r"training\.jobs.*training\.models"):
+        planned(config)
 
 
 def test_a_version_that_nobody_asks_for_is_named(config):

@@ -82,6 +82,35 @@ def test_checkpoint_predicts_as_before_and_seeds_decide(trained, rollouts, tmp_p
     assert not torch.equal(models[0], models[1])
 
 
+def test_parts_of_an_ensemble_are_joined_in_their_order(rollouts, tmp_path):
+    parts = {}
+    for k in range(2):
+        told = settings(steps=20)
+        told["training"] |= {"seed": 5 + k, "models": 1 + k}
+        parts[f"part/{k}"] = tmp_path / str(k)
+        parts[f"part/{k}"].mkdir()
+        train.produce(Run(told, {"rollouts": rollouts}, parts[f"part/{k}"], 1))
+    out = tmp_path / "out"
+    out.mkdir()
+    train.produce(Run(settings(steps=20), parts, out, 1))
+    joined, standardiser = load_ensemble(out)
+    state, action, outcome = (torch.randn(3, 4, 8, size) for size in (2, 1, 2))
+    found = joined.sequence_predictions(state, action, outcome)
+    first = 0
+    for part in parts.values():
+        own, same = load_ensemble(part)
+        of = slice(first, first + own.models)
+        expected = own.sequence_predictions(state[of], action[of], outcome[of])
+        torch.testing.assert_close(found[of], expected)
+        assert torch.equal(same.restore("outcome", outcome), standardiser.restore("outcome", outcome))
+        first = of.stop
+    losses = pd.read_csv(out / "losses.csv")
+    second = pd.read_csv(tmp_path / "1" / "losses.csv")
+    assert set(losses["model"]) == {0, 1, 2}
+    np.testing.assert_allclose(losses.query("model == 2")["train"], second.query("model == 1")["train"])
+    assert (out / "device.json").is_file()
+
+
 def test_evaluation_adapts(trained, rollouts, tmp_path):
     config = {
         "method": "kalman",

@@ -1,5 +1,7 @@
 """Names of adaptation methods; separate from `method.py`, so that `slapshot.dag` need not import torch."""
 
+PART = "part/"  # with which roles of ensembles begin that are put together
+
 
 def method_file(name: str) -> str:
     """Return the file of this package, without .py, that implements a method of the configuration.

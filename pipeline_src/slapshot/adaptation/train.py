@@ -2,15 +2,17 @@
 
 import json
 import logging
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import torch
 
-from slapshot.adaptation.checkpoint import save_ensemble
+from slapshot.adaptation.checkpoint import load_ensemble, save_ensemble
 from slapshot.adaptation.data import SequenceSampler, Standardiser
 from slapshot.adaptation.method import AdaptationMethod, Sizes, load_method
+from slapshot.adaptation.names import PART
 from slapshot.adaptation.optimise import fit
 from slapshot.command import Run, stage_command
 from slapshot.config.methods import EnsembleTraining, MethodSettings, TrainSettings
@@ -18,18 +20,21 @@ from slapshot.rollouts.reading import read_sequences
 
 log = logging.getLogger("slapshot")
 
+DEVICE_FILE = "device.json"
+
 
 def produce(run: Run) -> None:
-    """Write the ensemble and losses.csv (step, model, train, validation)."""
+    """Write the ensemble and losses.csv (step, model, train, validation); of parts, join them."""
+    if parts := parts_of(run.inputs):
+        join_ensembles(parts, run.out)
+        return
     settings = run.settings(TrainSettings)
     torch.set_num_threads(run.cores)
     device = choose_device()
-    method, standardiser, losses = train_ensemble(
+    trained = train_ensemble(
         run.inputs["rollouts"], settings.method, settings.settings, settings.training, device
     )
-    losses.to_csv(run.out / "losses.csv", index=False, float_format="%.6g")
-    save_ensemble(run.out, settings.method, method, standardiser)
-    (run.out / "device.json").write_text(json.dumps({"device": device.type}) + "\n")
+    write_trained(run.out, settings.method, trained, device)
 
 
 def train_ensemble(
@@ -63,6 +68,45 @@ def train_ensemble(
         name,
     )
     return method, standardiser, losses
+
+
+def write_trained(
+    out: Path,
+    name: str,
+    trained: tuple[AdaptationMethod[Any], Standardiser, pd.DataFrame],
+    device: torch.device,
+) -> None:
+    """Write what `train_ensemble` gave, and device.json."""
+    method, standardiser, losses = trained
+    losses.to_csv(out / "losses.csv", index=False, float_format="%.6g")
+    save_ensemble(out, name, method, standardiser)
+    (out / DEVICE_FILE).write_text(json.dumps({"device": device.type}) + "\n")
+
+
+def parts_of(inputs: Mapping[str, Path]) -> list[Path]:
+    """Folders of ensembles that are to be joined; none where one is to be trained."""
+    roles = sorted(
+        (role for role in inputs if role.startswith(PART)), key=lambda role: int(role[len(PART) :])
+    )
+    return [inputs[role] for role in roles]
+
+
+def join_ensembles(parts: Sequence[Path], out: Path) -> None:
+    """Write the ensemble of all models of some ensembles, trained on the same rollouts, in their order."""
+    ensembles = [load_ensemble(part) for part in parts]
+    first, standardiser = ensembles[0]
+    models = [method.models for method, _ in ensembles]
+    joined = type(first)(first.sizes, first.settings, sum(models), torch.Generator().manual_seed(0))
+    states = [method.state_dict() for method, _ in ensembles]
+    # The first axis of every tensor is that of models.
+    joined.load_state_dict({name: torch.cat([state[name] for state in states]) for name in states[0]})
+    tables = [pd.read_csv(part / "losses.csv") for part in parts]
+    losses = pd.concat(
+        table.assign(model=table["model"] + sum(models[:k])) for k, table in enumerate(tables)
+    ).sort_values(["step", "model"])
+    name = json.loads((parts[0] / "ensemble.json").read_text())["method"]
+    device = torch.device(json.loads((parts[0] / DEVICE_FILE).read_text())["device"])
+    write_trained(out, name, (joined, standardiser, losses), device)
 
 
 def choose_device() -> torch.device:

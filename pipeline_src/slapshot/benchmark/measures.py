@@ -15,7 +15,7 @@ import torch
 
 from slapshot.adaptation.method import AdaptationMethod, Sizes, load_method
 from slapshot.config.domain import Domain
-from slapshot.config.methods import MethodSettings, Training
+from slapshot.config.methods import DomainTraining, MethodSettings, Training
 from slapshot.config.randomisation import Draws
 from slapshot.config.rollouts import RolloutsSettings
 from slapshot.rollouts.__main__ import simulate
@@ -130,13 +130,13 @@ def peak_memory(folders: Mapping[str, Path], settings: str, factor: int) -> floa
 
 
 def training_measures(
-    domain: str, method_name: str, settings: MethodSettings, training: Training, action: int
+    domain: str, method_name: str, settings: MethodSettings, training: DomainTraining, action: int
 ) -> list[Measure]:
-    """Seconds of a training step at the configured sizes, and the speed-up over a plain loop.
+    """Seconds of a training step of a job at the configured sizes, and the speed-up over a plain loop.
 
     The plain loop trains one model after the other and processes a sequence sample by sample.
     """
-    models = training.models
+    models = -(-training.models // training.jobs)
     together = _training_step(method_name, settings, training, action, models)
     alone = _training_step(method_name, settings, training, action, 1, plain=True)
     together()

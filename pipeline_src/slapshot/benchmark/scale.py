@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import torch
 
+from slapshot.adaptation.names import PART
 from slapshot.benchmark.measures import Measure, seconds
 from slapshot.benchmark.schedule import Job, core_seconds, critical_path, makespan
 from slapshot.command import Run
@@ -112,7 +113,7 @@ def long_jobs(plan: Plan, domain: str, costs: Mapping[str, float], refined: str 
     Args:
         plan: of the configuration.
         domain: its name.
-        costs: stage (train_<method> for training) -> seconds of one job on one core.
+        costs: stage (train_<method> for a job of training) -> seconds of one job on one core.
         refined: method whose models are retrained on refined ranges.
     """
     costs = dict(costs)
@@ -124,16 +125,18 @@ def long_jobs(plan: Plan, domain: str, costs: Mapping[str, float], refined: str 
         if names.setdefault((recipe.stage, recipe.id), label) == label:
             # The commands of the validation cases are demonstrations, but few.
             long = label.split("/")[1:2] == [domain] and label != f"demonstrations/{domain}/pool"
-            cost = costs.get(_part(label), 0.0) if long else 0.0
+            joins = any(role.startswith(PART) for role in recipe.upstream)  # ensembles, in no time
+            cost = costs.get(_part(label), 0.0) if long and not joins else 0.0
             after = tuple(names[pair] for pair in recipe.upstream.values())
             jobs[label] = Job(cost, STAGES[recipe.stage].threads if cost > 0 else 1, after)
     return jobs
 
 
 def _part(label: str) -> str:
-    """Stage of a label; for training with the name of the method."""
+    """Stage of a label, which parts of an ensemble share; for training with the name of the method."""
     stage, *rest = label.split("/")
-    return f"{stage}_{rest[1]}" if stage == "train" else stage
+    stage = stage.removesuffix("_part")
+    return f"train_{rest[1]}" if stage == "train" else stage
 
 
 def stage_hours(prefix: str, jobs: Mapping[str, Job], cores: int) -> list[Measure]:

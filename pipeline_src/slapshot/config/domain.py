@@ -8,11 +8,11 @@ from pydantic import Field, model_validator
 from slapshot.config.acting import Acting
 from slapshot.config.methods import (
     BELIEVING,
+    DomainTraining,
     Evaluation,
     Latents,
     Methods,
     NoiseLevels,
-    Training,
     Uncertainty,
     kind_of,
 )
@@ -41,7 +41,7 @@ class Domain(Model):
     trajectory_model: TrajectoryModel = Field(description="a variational autoencoder over motions")
     swings: Swings = Field(description="sampled latents, each executed once")
     rollouts: Rollouts = Field(description="simulated hits")
-    training: Training = Field(description="meta-training of every method")
+    training: DomainTraining = Field(description="meta-training of every method")
     methods: Methods = Field(
         description="method -> its own settings; a suffix after _ distinguishes variants, as in maml_8"
     )
@@ -151,6 +151,7 @@ class Domain(Model):
                 "lower the first or raise the second",
             )
         _at_most(("training", "sequence"), self.training.sequence, hits)
+        _at_most(("training", "jobs"), self.training.jobs, self.training.models, than="training.models")
         _at_most(("latents", "samples"), max(self.latents.samples), hits)
         if self.refinement is not None:
             _at_most(("refinement", "samples"), 2 * self.refinement.samples, hits, "twice the number, ")

@@ -149,6 +149,14 @@ class Training(Model):
     noise_variance_max: Variance = Field(description="of the standardised outcome")
 
 
+class DomainTraining(Training):
+    """Meta-training of every method of a domain."""
+
+    jobs: Annotated[int, Field(ge=1, le=100)] = Field(
+        description="over which the models of an ensemble are spread; each of several draws its own hits"
+    )
+
+
 class EnsembleTraining(Training):
     """Meta-training of one method."""
 

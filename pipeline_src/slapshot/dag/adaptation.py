@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 
-from slapshot.adaptation.names import method_file
+import numpy as np
+
+from slapshot.adaptation.names import PART, method_file
 from slapshot.config.domain import Domain
 from slapshot.config.methods import (
     BeliefsSettings,
@@ -41,13 +43,8 @@ def training_of(domain: Domain, method: str) -> TrainSettings:
 def add_method(plan: Plan, name: str, domain: Domain, method: str) -> None:
     """Training of one method, and its evaluation on simulated and recorded hits."""
     train = f"train/{name}/{method}"
-    plan.add(
-        train,
-        "train",
-        training_of(domain, method),
-        {"rollouts": f"rollouts/{name}"},
-        modules=[method_module(method)],
-    )
+    rollouts = {"rollouts": f"rollouts/{name}"}
+    add_training(plan, train, "train", training_of(domain, method), domain.training.jobs, rollouts)
     plan.add(
         f"evaluate/{name}/{method}",
         "evaluate",
@@ -68,6 +65,39 @@ def add_method(plan: Plan, name: str, domain: Domain, method: str) -> None:
             method,
             sources,
         )
+
+
+def add_training(
+    plan: Plan,
+    label: str,
+    stage: str,
+    settings: TrainSettings,
+    jobs: int,
+    upstream: Mapping[str, str],
+    on_demand: bool = False,
+) -> None:
+    """Training of one method: an ensemble at once, or parts of it in jobs of their own, then joined.
+
+    Args:
+        plan: to add to.
+        label: of the ensemble.
+        stage: that trains, to whose name `_part` is added for parts.
+        settings: of the ensemble.
+        jobs: over which its models are spread.
+        upstream: role -> label of what is trained on.
+        on_demand: see `Plan.add`.
+    """
+    modules, whole = [method_module(settings.method)], settings.training
+    if jobs > 1:
+        counts = np.diff(np.linspace(0, whole.models, jobs + 1).round().astype(int)).tolist()
+        parts = {f"{PART}{k}": label.replace(stage, f"{stage}_part", 1) + f"/{k}" for k in range(jobs)}
+        for k, (count, part) in enumerate(zip(counts, parts.values(), strict=True)):
+            seed = int(np.random.SeedSequence([whole.seed, k]).generate_state(1)[0])
+            own = EnsembleTraining.from_parts(whole, models=count, seed=seed)
+            told = settings.model_copy(update={"training": own})
+            plan.add(part, f"{stage}_part", told, upstream, modules=modules, on_demand=on_demand)
+        upstream = parts
+    plan.add(label, stage, settings, upstream, modules=modules, on_demand=on_demand)
 
 
 def add_uncertainty(plan: Plan, name: str, domain: Domain) -> None:

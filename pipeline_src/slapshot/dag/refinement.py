@@ -8,7 +8,7 @@ from slapshot.config.refinement import (
     Refinement,
     RefinementSettings,
 )
-from slapshot.dag.adaptation import add_recorded, method_module, of_model, training_of
+from slapshot.dag.adaptation import add_recorded, add_training, method_module, of_model, training_of
 from slapshot.dag.recipes import Plan
 from slapshot.dag.rigs import add_on_rig, robot_of
 from slapshot.dag.sources import Sources
@@ -64,12 +64,13 @@ def _add_retrained(plan: Plan, name: str, domain: Domain, settings: Refinement, 
         {"scene": f"scene/{name}", "swings": f"swings/{name}", "refinement": refinement},
         modules=[part_module(domain.scene.domain, "collector")],
     )
-    plan.add(
+    add_training(
+        plan,
         refined,
         "refined_train",
         RefinedTrainSettings.from_parts(training_of(domain, method), name=name, rig=rig),
+        domain.training.jobs,
         {"rollouts": rollouts, "refinement": refinement, "train": train},
-        modules=[method_module(method)],
     )
     robot = robot_of(plan, name, domain, settings.recording, rig)
     add_on_rig(

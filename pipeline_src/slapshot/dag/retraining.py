@@ -5,7 +5,7 @@ from slapshot.config.domain import Domain
 from slapshot.config.methods import BeliefsSettings, EvaluateRecordingSettings
 from slapshot.config.retraining import ArmRolloutsSettings, ArmsSettings, HeldOutSettings
 from slapshot.config.sources import Source
-from slapshot.dag.adaptation import add_recorded, method_module, of_model, training_of
+from slapshot.dag.adaptation import add_recorded, add_training, of_model, training_of
 from slapshot.dag.diagnosis import SEED, diagnosed, nominal_settings
 from slapshot.dag.recipes import Plan
 from slapshot.dag.sources import Sources
@@ -53,12 +53,13 @@ def add_retraining(plan: Plan, name: str, domain: Domain) -> None:
             },
             modules=modules_of_results(),
         )
-        plan.add(
+        add_training(
+            plan,
             trained[arm],
             "train",
             training_of(domain, method),
+            domain.training.jobs,
             {"rollouts": rollouts[arm]},
-            modules=[method_module(method)],
             on_demand=True,
         )
     held = f"held_out/{name}"

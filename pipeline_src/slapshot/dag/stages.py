@@ -61,6 +61,12 @@ _TABLE = (
     Stage(
         "regression", "slapshot.adaptation.regression", "The linear regression walkthrough.", threads=_MANY
     ),
+    Stage(
+        "train_part",
+        "slapshot.adaptation.train",
+        "Models of an ensemble, where a configuration spreads them over jobs.",
+        minutes=1600,
+    ),
     Stage("train", "slapshot.adaptation.train", "An ensemble of each method.", minutes=1600),
     Stage("evaluate", "slapshot.adaptation.evaluate", "Error against samples in simulation."),
     Stage(
@@ -106,6 +112,12 @@ _TABLE = (
         "Hits under the refined ranges of a rig.",
         threads=_MANY,
         minutes=360,
+    ),
+    Stage(
+        "refined_train_part",
+        "slapshot.refinement.train",
+        "The same as `train_part`.",
+        minutes=1600,
     ),
     Stage("refined_train", "slapshot.refinement.train", "Models of refined ranges.", minutes=1600),
     Stage(

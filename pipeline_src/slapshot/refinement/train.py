@@ -4,9 +4,15 @@ from pathlib import Path
 
 import torch
 
-from slapshot.adaptation.checkpoint import load_ensemble, save_ensemble
+from slapshot.adaptation.checkpoint import load_ensemble
 from slapshot.adaptation.data import Standardiser
-from slapshot.adaptation.train import choose_device, train_ensemble
+from slapshot.adaptation.train import (
+    choose_device,
+    join_ensembles,
+    parts_of,
+    train_ensemble,
+    write_trained,
+)
 from slapshot.command import Run, stage_command
 from slapshot.config.methods import EnsembleTraining
 from slapshot.config.refinement import RefinedTrainSettings
@@ -15,21 +21,23 @@ from slapshot.rollouts.reading import read_sequences
 
 
 def produce(run: Run) -> None:
-    """Write the ensemble and losses.csv (step, model, train, validation)."""
+    """Write the ensemble and losses.csv (step, model, train, validation); of parts, join them."""
+    if parts := parts_of(run.inputs):
+        join_ensembles(parts, run.out)
+        return
     told = run.settings(RefinedTrainSettings)
     torch.set_num_threads(run.cores)
     refined = refined_settings(run.inputs["refinement"], told.name, told.rig).training
     scale = _narrower(run.inputs["train"], run.inputs["rollouts"])
     noise = refined.noise_variance_max * scale
-    method, standardiser, losses = train_ensemble(
-        run.inputs["rollouts"],
+    training = EnsembleTraining.from_parts(told.training, noise_variance_max=noise)
+    device = choose_device()
+    write_trained(
+        run.out,
         told.method,
-        told.settings,
-        EnsembleTraining.from_parts(told.training, noise_variance_max=noise),
-        choose_device(),
+        train_ensemble(run.inputs["rollouts"], told.method, told.settings, training, device),
+        device,
     )
-    losses.to_csv(run.out / "losses.csv", index=False, float_format="%.6g")
-    save_ensemble(run.out, told.method, method, standardiser)
 
 
 def _narrower(trained: Path, rollouts: Path) -> float:
