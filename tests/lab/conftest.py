@@ -110,6 +110,7 @@ def lab_settings() -> dict[str, Any]:
             "mistrack_m": [0.05, 0.2],
             "after_rest_s": 0.5,
             "view_m": [-0.2, 3.0, -1.5, 1.5],
+            "yaw_sd_rad": None,
         },
         "joints": {"rate_hz": 100, "noise_sd_rad": 0.001},
         "concealed": [],

@@ -40,7 +40,7 @@ def test_a_perfect_camera_sees_what_is():
 def test_noise_has_the_size_and_the_memory_asked_for(time):
     camera = replace(PERFECT, noise_sd=0.003, noise_time=time)
     noise = observe(moving(1000.0), camera, np.random.default_rng(1)).frames
-    noise = noise[:, 1:] - np.column_stack([np.minimum(noise[:, 0], 1000.0), 0 * noise[:, 0]])
+    noise = noise[:, 1:3] - np.column_stack([np.minimum(noise[:, 0], 1000.0), 0 * noise[:, 0]])
     memory = 0.0 if time == 0 else np.exp(-1 / (30 * time))
     count = noise.size
     # A variance from n correlated samples is as good as one from n (1 - a^2) / (1 + a^2) free ones.
@@ -48,6 +48,26 @@ def test_noise_has_the_size_and_the_memory_asked_for(time):
     assert noise.var() == pytest.approx(0.003**2, rel=6 * np.sqrt(2 / free))
     alike = np.mean(noise[1:] * noise[:-1]) / noise.var()
     assert alike == pytest.approx(memory, abs=6 / np.sqrt(free))
+
+
+def test_yaw_is_recorded_where_that_is_asked_for():
+    """From any orientation, which stays the same in a hit; within a turn."""
+    track = moving()
+    track[:, 3] = 9.0 * track[:, 0]
+    assert np.isnan(observe(track, PERFECT, np.random.default_rng(5)).frames[:, 3]).all()
+    camera = replace(PERFECT, rate=2000.0, yaw_sd=0.02)
+    hits = [observe(track, camera, np.random.default_rng(k)).frames for k in range(6, 26)]
+    first = []
+    for t, x, y, yaw in (frames.T for frames in hits):
+        assert np.abs(yaw).max() <= np.pi
+        left = np.unwrap(yaw) - 9.0 * np.minimum(t, 1.0)
+        assert left.std() == pytest.approx(0.02, rel=6 / np.sqrt(2 * len(left)))
+        np.testing.assert_allclose(x, np.minimum(t, 1.0), atol=1e-9)
+        assert (y == 0).all()
+        first.append(left.mean())
+    assert np.std(first) > 1.0
+    unlike = observe(track, replace(camera, yaw_sd=None), np.random.default_rng(6)).frames
+    np.testing.assert_array_equal(unlike[:, :3], hits[0][:, :3])
 
 
 def test_stamps_jitter_and_outliers_have_the_size_asked_for():
@@ -104,5 +124,5 @@ def test_what_leaves_the_view_is_not_seen():
 def test_same_seed_same_frames():
     camera = replace(PERFECT, noise_sd=0.003, missing_share=0.1, mistrack_share=0.1)
     first, again, other = (observe(moving(), camera, np.random.default_rng(s)).frames for s in (4, 4, 5))
-    assert np.array_equal(first, again)
-    assert not np.array_equal(first[:5], other[:5])
+    assert np.array_equal(first, again, equal_nan=True)
+    assert not np.array_equal(first[:5], other[:5], equal_nan=True)

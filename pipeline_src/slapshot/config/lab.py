@@ -123,6 +123,7 @@ class Camera(Model):
     mistrack_m: Interval[Distance] = Field(description="smallest and largest error of such a frame")
     after_rest_s: Duration = Field(description="recording time after the object has come to rest")
     view_m: Box | None = Field(description="lowest x, highest x, lowest y, highest y; null for no limit")
+    yaw_sd_rad: Scatter | None = Field(description="noise of the object's yaw; null where it is not recorded")
 
     @model_validator(mode="after")
     def _sees_rests(self) -> "Camera":

@@ -22,7 +22,7 @@ class Sighting:
     """What the camera recorded of one hit.
 
     Attributes:
-        frames: (n, 3) t (s), x, y (m); lost frames are missing rows.
+        frames: (n, 4) t (s), x, y (m), yaw (rad); lost frames are missing rows, yaw that is not recorded NaN.
         rest: (2,) x, y (m) of the observed rest point, None if the object was not seen at rest.
     """
 
@@ -34,7 +34,7 @@ def observe(track: Array, camera: Camera, rng: np.random.Generator, seen_as: Arr
     """Record a hit until `camera.after_rest` seconds after the object has come to rest.
 
     Args:
-        track: (n, 3 or more) t (s), x, y (m) of the object, sampled densely enough to interpolate; at rest
+        track: (n, 4) t (s), x, y (m), yaw (rad) of the object, sampled densely enough to interpolate; at rest
             from the last row on.
         camera: its properties.
         rng: source of randomness; the clocks of arm and camera are not synchronised.
@@ -56,7 +56,8 @@ def observe(track: Array, camera: Camera, rng: np.random.Generator, seen_as: Arr
         there &= (y_low < seen[:, 1]) & (seen[:, 1] < y_high)
     at_rest = there & (times > end - REST_SHARE * camera.after_rest)
     rest = np.median(seen[at_rest], axis=0) if at_rest.sum() >= FEWEST_FRAMES else None
-    return Sighting(frames=np.column_stack([stamps, seen])[there], rest=rest)
+    yaw = _yaw(np.interp(times, reported[:, 0], track[:, 3]), camera, rng)
+    return Sighting(frames=np.column_stack([stamps, seen, yaw])[there], rest=rest)
 
 
 def foot_of(scene: Scene, camera: Camera) -> Array:
@@ -91,6 +92,14 @@ def _noise(count: int, camera: Camera, rng: np.random.Generator) -> Array:
     for k in range(1, count):
         noise[k] = memory * noise[k - 1] + np.sqrt(1 - memory**2) * white[k]
     return noise
+
+
+def _yaw(true: Array, camera: Camera, rng: np.random.Generator) -> Array:
+    """(count,) rad from -pi to pi, of an object that was put down in any orientation."""
+    if camera.yaw_sd is None:
+        return np.full(len(true), np.nan)
+    seen = true + rng.uniform(-np.pi, np.pi) + rng.normal(0, camera.yaw_sd, len(true))
+    return np.angle(np.exp(1j * seen))
 
 
 def _outliers(count: int, camera: Camera, rng: np.random.Generator) -> Array:

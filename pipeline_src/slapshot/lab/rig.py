@@ -69,6 +69,7 @@ class Camera:
         mistrack: smallest and largest error in m of such a frame.
         after_rest: s that the camera continues to record once the object rests.
         view: lowest x, highest x, lowest y, highest y in m of the field of view; None for no limit.
+        yaw_sd: rad; None where yaw is not recorded.
     """
 
     rate: float
@@ -81,6 +82,7 @@ class Camera:
     mistrack: tuple[float, float]
     after_rest: float
     view: tuple[float, float, float, float] | None
+    yaw_sd: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,6 +208,7 @@ def draw_rig(settings: StandIns, rng: np.random.Generator) -> Rig:
             mistrack=(camera.mistrack_m[0], camera.mistrack_m[1]),
             after_rest=camera.after_rest_s,
             view=_view(camera.view_m),
+            yaw_sd=camera.yaw_sd_rad,
         ),
     )
 

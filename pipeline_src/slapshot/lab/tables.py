@@ -36,7 +36,7 @@ def hits_table(scene: Scene, session: Session, sightings: list[Sighting], with_l
 
 def tracks_table(sightings: list[Sighting]) -> pd.DataFrame:
     """One row per frame."""
-    tracks = pd.DataFrame(np.concatenate([s.frames for s in sightings]), columns=["t", "x", "y"])
+    tracks = pd.DataFrame(np.concatenate([s.frames for s in sightings]), columns=["t", "x", "y", "yaw"])
     tracks.insert(0, "hit", np.repeat(np.arange(len(sightings)), [len(s.frames) for s in sightings]))
     return tracks
 
