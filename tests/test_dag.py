@@ -122,7 +122,8 @@ NULLS = {
 }
 NULLS |= {"null_table"}
 INTERVALS = {"law_intervals/spring/0", "law_intervals/wind/0", "coverage_table"}
-ALL = FROM_SCENE | figures("T1", "T2", "F2") | REGRESSION | JOINT_PROOF | NULLS | INTERVALS
+OF_HITS = {"hit_intervals/tilt/0", "hit_intervals/curl/0", "hit_coverage_table"}
+ALL = FROM_SCENE | figures("T1", "T2", "F2") | REGRESSION | JOINT_PROOF | NULLS | INTERVALS | OF_HITS
 
 LAB = DOMAIN["recordings"]["lab"]["lab"]
 
@@ -177,6 +178,7 @@ def config(own, tmp_path) -> dict:
     calibration = copy.deepcopy(DEFAULT["calibration"])
     calibration["nulls"] |= {"recordings": 3, "block": 2}
     calibration["coverage"] |= {"recordings": 2, "effects": ["spring", "wind"]}
+    calibration["hit_coverage"] |= {"recordings": 2, "effects": ["tilt", "curl"]}
     return {
         "name": "test",
         "calibration": calibration,
@@ -352,6 +354,8 @@ def test_the_recipes_survive_the_command_line(config):
         ("calibration.nulls.recordings", 4, {"null_table"} | {n for n in NULLS if n.endswith("/2")}),
         ("calibration.coverage.seed", 9, INTERVALS),
         ("calibration.coverage.effects", ["wind"], {"coverage_table"}),
+        ("calibration.hit_coverage.hits", 50, OF_HITS),
+        ("calibration.hit_coverage.effects", ["curl"], {"hit_coverage_table"}),
         ("figures", ["F7"], set()),
         ("claims", ["C4"], {"claims"}),
         ("regression.tasks", 7, REGRESSION),
@@ -471,7 +475,7 @@ def test_a_second_domain_shares_what_is_equal_and_leaves_the_first_alone(config)
     config["domains"]["second"]["seed"] = 2
     after = ids(config)
     assert changed(before, {label: after[label] for label in before}) == {"claims"}
-    shared = REGRESSION - {"claims"} | FROM_POOL | JOINT_PROOF | NULLS | INTERVALS
+    shared = REGRESSION - {"claims"} | FROM_POOL | JOINT_PROOF | NULLS | INTERVALS | OF_HITS
     assert set(after) - set(before) == {
         label.replace("hockey", "second") for label in ALL - shared - {"claims"}
     }

@@ -85,6 +85,23 @@ rule joint_coverage:
         "--log {log} {params.folder:q}"
 
 
+rule hit_coverage:
+    """How many 90 % intervals of effects on hits hold the true value, to figures/hit_coverage.csv and .md."""
+    input:
+        lambda wildcards: mark_of("hit_coverage_table"),
+    log:
+        "logs/hit_coverage.log",
+    localrule: True
+    params:
+        folder=lambda wildcards: folder_of("hit_coverage_table"),
+        name=config["name"],
+    shell:
+        "python -m slapshot.publish_version --name {params.name:q} --folder hit-coverage "
+        "--beside hit_coverage.csv "
+        "--beside hit_coverage.md "
+        "--log {log} {params.folder:q}"
+
+
 rule circle:
     """Three arms: what was found by the diagnosis of a recording, and what it is worth to adaptation."""
     input:

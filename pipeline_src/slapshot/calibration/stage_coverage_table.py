@@ -1,6 +1,6 @@
 """Stage `coverage_table`: do 90 % intervals hold 90 % of true values?"""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -81,15 +81,21 @@ def write_coverage(intervals: pd.DataFrame, folder: Path) -> None:
     write_page(folder / f"{NAME}.md", INTRODUCTION, coverage_aims(table), table)
 
 
+def read_intervals(blocks: Iterable[Path]) -> pd.DataFrame:
+    """Intervals of blocks of recordings, one after the other."""
+    texts = {"variant": str, "state": str}
+    missing = {"value": [""], "low": [""], "high": [""]}
+    tables = (
+        pd.read_csv(block / "intervals.csv", dtype=texts, keep_default_na=False, na_values=missing)
+        for block in blocks
+    )
+    return pd.concat(tables, ignore_index=True)
+
+
 def produce(run: Run) -> None:
     """Write coverage.csv, the page and all intervals."""
-    texts = {"variant": str, "state": str}
-    blocks = [
-        pd.read_csv(run.inputs[block] / "intervals.csv", dtype=texts, keep_default_na=False,
-                    na_values={"value": [""], "low": [""], "high": [""]})
-        for block in run.settings(TableSettings).blocks
-    ]  # fmt: skip
-    write_coverage(pd.concat(blocks, ignore_index=True), run.out)
+    blocks = run.settings(TableSettings).blocks
+    write_coverage(read_intervals(run.inputs[block] for block in blocks), run.out)
 
 
 if __name__ == "__main__":

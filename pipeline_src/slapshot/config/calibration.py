@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from slapshot.config.values import Duration, Few, Name, Seed, Several, SomeOf
+from slapshot.config.values import Duration, Few, Hits, Name, Seed, Several, SomeOf
 from slapshot.validation import Model
 
 Episodes = Annotated[int, Field(ge=5, le=1_000)]  # one in five is held out, hence at least five
@@ -70,6 +70,26 @@ class LawBlockSettings(Block):
     seed: Seed
 
 
+class HitCoverage(Model):
+    """Recordings of hits simulated with each effect's own law; intervals must cover the true value."""
+
+    seed: Seed = Field(description="of each effect's first recording; it increases by 1 per recording")
+    recordings: Recordings = Field(description="for each effect")
+    block: Few = Field(description="recordings per job")
+    hits: Hits = Field(description="of each recording")
+    effects: SomeOf[Name] = Field(description="of slide, camera or session, but for maps of bumps")
+
+
+class HitBlockSettings(Model):
+    """Settings of the stage `hit_intervals`: `count` recordings, from number `first` on."""
+
+    effect: Name
+    seed: Seed
+    hits: Hits
+    first: Annotated[int, Field(ge=0)]
+    count: Few
+
+
 class TableSettings(Model):
     """Settings of the stages that make tables: the blocks, in order."""
 
@@ -81,3 +101,4 @@ class Calibration(Model):
 
     nulls: Nulls = Field(description="recordings of `snakemake nulls`")
     coverage: Coverage = Field(description="recordings of `snakemake joint_coverage`")
+    hit_coverage: HitCoverage = Field(description="recordings of `snakemake hit_coverage`")

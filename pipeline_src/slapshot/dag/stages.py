@@ -206,7 +206,7 @@ _TABLE = (
     Stage(
         "arms", "slapshot.retraining.__main__", "The comparison of arms, not yet published.", on_demand=True
     ),
-    # Calibration of p-values and coverage of intervals, for joints; blocks resume
+    # Calibration of p-values and coverage of intervals; blocks resume
     Stage(
         "null_p_values",
         "slapshot.calibration.stage_null_p_values",
@@ -231,6 +231,18 @@ _TABLE = (
         "coverage_table",
         "slapshot.calibration.stage_coverage_table",
         "How many hold the truth, not yet published.",
+        on_demand=True,
+    ),
+    Stage(
+        "hit_intervals",
+        "slapshot.calibration.stage_hit_intervals",
+        "Intervals of fits to hits on which one effect acts.",
+        on_demand=True,
+    ),
+    Stage(
+        "hit_coverage_table",
+        "slapshot.calibration.stage_hit_coverage_table",
+        "How many of those hold the truth, not yet published.",
         on_demand=True,
     ),
 )

@@ -23,6 +23,10 @@ from slapshot.effects.effect import Effect, SlideState
 POINTS = 4  # a quarter of the rim apart
 STEP = 2e-3  # s; longer ones tell little of how a spin dies, on which fits of slow boxes hang
 SAVE_EVERY = 5  # steps between rows of a track
+# Near its rest a disc is integrated in steps of a share of the time that is left: spin and velocity die
+# together, by ever faster laws, and spin the faster the larger torsional friction is.
+SHARE, LEAST_SHARE, STIFF = 0.25, 0.02, 0.5
+ENDS = 1 / 64  # of a step, where nothing is left
 LONGEST = 12.0  # s
 _NO_SLIP = 1e-9  # m/s: keeps s from 0
 
@@ -54,24 +58,36 @@ class Tracks:
 
     Attributes:
         times: (rows,) s since the launch.
-        places: (n, rows, 2) m, of the shape's centre; those after rest repeat the last place.
+        poses: (n, rows, 3) x, y (m) and yaw (rad), of the shape's centre; those after rest repeat the last.
         rests: (n, 2) m.
         durations: (n,) s.
     """
 
     times: Array
-    places: Array
+    poses: Array
     rests: Array
     durations: Array
 
+    @property
+    def places(self) -> Array:
+        """(n, rows, 2) m."""
+        return self.poses[..., :2]
+
     def at(self, times: Array) -> Array:
         """(n, frames, 2) m at `times` (n, frames) in s since the launch; before it, at the launch."""
+        return self._at(times, self.places)
+
+    def yaw_at(self, times: Array) -> Array:
+        """(n, frames) rad, as `at`."""
+        return self._at(times, self.poses[..., 2:])[..., 0]
+
+    def _at(self, times: Array, values: Array) -> Array:
         step = self.times[1] - self.times[0]
         position = np.clip(times / step, 0, len(self.times) - 1 - 1e-9)
         low = position.astype(np.int64)
         share = (position - low)[..., None]
-        hits = np.arange(len(self.places))[:, None]
-        return (1 - share) * self.places[hits, low] + share * self.places[hits, low + 1]
+        hits = np.arange(len(values))[:, None]
+        return np.asarray((1 - share) * values[hits, low] + share * values[hits, low + 1])
 
 
 def slide(
@@ -103,7 +119,7 @@ def slide(
     acted_on = np.zeros(count, bool)
     for act in acting:
         acted_on[act.rows] = True
-    places, rests, durations = np.empty((count, rows, 2)), np.empty((count, 2)), np.empty(count)
+    poses, rests, durations = np.empty((count, rows, 3)), np.empty((count, 2)), np.empty(count)
     for mine, slid in ((~acted_on, _slide_freely), (acted_on, _slide)):
         if not mine.any():
             continue
@@ -111,8 +127,8 @@ def slide(
         law = _Law.of(int(mine.sum()), friction[mine], radius, [act.of(mine, place) for act in acting])
         state = launches[mine].astype(float).T.copy()
         law.to_mass(state)
-        places[mine], rests[mine], durations[mine] = slid(law, state, order[mine], rows, step, longest)
-    return Tracks(times, places, rests, durations)
+        poses[mine], rests[mine], durations[mine] = slid(law, state, order[mine], rows, step, longest)
+    return Tracks(times, poses, rests, durations)
 
 
 def _slide_freely(
@@ -120,46 +136,106 @@ def _slide_freely(
 ) -> tuple[Array, Array, Array]:
     """`_slide` where no effect acts: hit by hit, compiled, which takes a fraction of the time."""
     count = state.shape[1]
-    places, rests, durations = np.empty((count, rows, 2)), np.empty((count, 2)), np.empty(count)
+    poses, rests, durations = np.empty((count, rows, 3)), np.empty((count, 2)), np.empty(count)
     of = law.square, law.torsional, law.radius, law.inertia
-    _slide_discs(state, *of, round(longest / step), step, places, rests, durations)
-    return places, rests, durations
+    _slide_discs(state, *of, round(longest / step), step, poses, rests, durations)
+    return poses, rests, durations
 
 
 def _slide(
     law: "_Law", state: Array, order: Array, rows: int, step: float, longest: float
 ) -> tuple[Array, Array, Array]:
-    """Places (n, rows, 2) in m, rests (n, 2) in m, durations (n,) in s, of states (6, n) of the mass."""
+    """Poses (n, rows, 3), rests (n, 2) in m and durations (n,) in s, of states (6, n) of the mass."""
     count = state.shape[1]
-    places = np.empty((count, rows, 2))
+    poses = np.empty((count, rows, 3))
     filled = np.zeros(count, np.int64)
-    rests, durations = np.full((count, 2), np.nan), np.full(count, longest)
-    alive = np.arange(count)
+    alive, whole, began = np.arange(count), law, order
+    times, states = np.empty(count), np.empty_like(state)  # from where discs are near their rest
     for k in range(round(longest / step)):
         if k % SAVE_EVERY == 0 and k // SAVE_EVERY < rows:
             row = k // SAVE_EVERY
-            places[alive, row] = law.shape_places(state)
+            poses[alive, row] = law.shape_poses(state)
             filled[alive] = row + 1
         a = law.acceleration(state, k * step, order)
-        left = _time_left(state, a, law.inertia)
-        done = left <= step
-        if done.any():
-            hits, ended = alive[done], _moved(state[:, done], left[done])
-            rests[hits] = law.rows(done).shape_places(ended)
-            durations[hits] = k * step + left[done]
-            alive, state, a, order = alive[~done], state[:, ~done], a[:, ~done], order[~done]
-            law = law.rows(~done)
+        near = law.share() * _time_left(state, a, law.inertia) <= step
+        if near.any():
+            times[alive[near]], states[:, alive[near]] = k * step, state[:, near]
+            alive, state, a, order = alive[~near], state[:, ~near], a[:, ~near], order[~near]
+            law = law.rows(~near)
         if not len(alive):
             break
-        ahead = state.copy()
-        ahead[:3] += step * state[3:]
-        ahead[3:] += step * a
-        b = law.acceleration(ahead, (k + 1) * step, order)
-        state[:3] += step * (state[3:] + step * a / 2)
-        state[3:] += step * (a + b) / 2
-    rests[alive] = law.shape_places(state)
+        state = _advanced(law, state, a, step, (k + 1) * step, order)
+    times[alive], states[:, alive] = longest, state
+    ends, durations = _come_to_rest(whole, states, times, began, step, longest, poses, filled)
     late = np.arange(rows) >= filled[:, None]
-    return np.where(late[..., None], rests[:, None], places), rests, durations
+    return np.where(late[..., None], ends[:, None], poses), ends[:, :2].copy(), durations
+
+
+def _come_to_rest(
+    law: "_Law",
+    state: Array,
+    time: Array,
+    order: Array,
+    step: float,
+    longest: float,
+    poses: Array,
+    filled: NDArray[np.int64],
+) -> tuple[Array, Array]:
+    """Poses at rest (n, 3) and durations (n,) in s, of discs near their rest; fills rows of poses on the way.
+
+    Args:
+        law: of the discs.
+        state: (6, n).
+        time: (n,) s, of the states.
+        order: (n,).
+        step: s, the longest one.
+        longest: s.
+        poses: (n, rows, 3), one every SAVE_EVERY steps.
+        filled: (n,) how many of them are there.
+    """
+    ends, durations = np.empty((len(time), 3)), time.copy()
+    alive, rows = np.arange(len(time)), poses.shape[1]
+    while len(alive):
+        a = law.acceleration(state, time, order)
+        left = _time_left(state, a, law.inertia)
+        done = (left <= ENDS * step) | (time >= longest)
+        if done.any():
+            left = np.where(np.isfinite(left) & (time < longest), left, 0.0)
+            hits = alive[done]
+            ends[hits] = law.rows(done).shape_poses(_moved(state[:, done], left[done]))
+            durations[hits] = time[done] + left[done]
+            go = ~done
+            alive, state, a, order, time, left = (
+                alive[go], state[:, go], a[:, go], order[go], time[go], left[go]
+            )  # fmt: skip
+            law = law.rows(go)
+        dt = np.minimum(step, law.share() * left)
+        since = filled[alive] * SAVE_EVERY * step - time
+        passed = (since < dt) & (filled[alive] < rows)
+        if passed.any():
+            t = since[passed]
+            there = state[:, passed].copy()
+            there[:3] += t * (there[3:] + t * a[:, passed] / 2)
+            poses[alive[passed], filled[alive[passed]]] = law.rows(passed).shape_poses(there)
+            filled[alive[passed]] += 1
+        if len(alive):
+            state = _advanced(law, state, a, dt, time + dt, order)
+            time = time + dt
+    return ends, durations
+
+
+def _advanced(
+    law: "_Law", state: Array, a: Array, step: Array | float, time: Array | float, order: Array
+) -> Array:
+    """States (6, n) after a step of Heun's method; `time` is that of its end."""
+    ahead = state.copy()
+    ahead[:3] += step * state[3:]
+    ahead[3:] += step * a
+    b = law.acceleration(ahead, time, order)
+    moved = state.copy()
+    moved[:3] += step * (state[3:] + step * a / 2)
+    moved[3:] += step * (a + b) / 2
+    return moved
 
 
 def accelerations(
@@ -249,6 +325,10 @@ class _Law:
             [act.of(keep, place) for act in self.acting],
         )
 
+    def share(self) -> Array:
+        """(n,) of the time that is left, of a step near the rest."""
+        return np.asarray(_share_of(self.square[0], self.square[2], self.torsional, self.inertia))
+
     def _offset(self, yaw: Array) -> Array:
         """(2, n) m from the shape's centre to the centre of mass."""
         assert self.centre is not None
@@ -269,11 +349,11 @@ class _Law:
         state[3] -= state[5] * offset[1]
         state[4] += state[5] * offset[0]
 
-    def shape_places(self, state: Array) -> Array:
-        """(n, 2) m of the shape's centre."""
+    def shape_poses(self, state: Array) -> Array:
+        """(n, 3) x, y in m of the shape's centre, and yaw in rad."""
         if self.centre is None:
-            return state[:2].T
-        return (state[:2] - self._offset(state[2])).T
+            return state[:3].T
+        return np.concatenate([state[:2] - self._offset(state[2]), state[2:3]]).T
 
     def acceleration(self, state: Array, time: Array | float, order: Array) -> Array:
         """(3, n): m/s^2 along x and y, rad/s^2; `time` in s is (n,) or the same for all."""
@@ -312,6 +392,14 @@ class _Law:
 
 
 @njit(cache=True, nogil=True)
+def _share_of(square_x, square_y, torsional, inertia):  # type: ignore[no-untyped-def]
+    """Share of the time left, s / (mu g), that is STIFF of the time in which spin dies, i s / (mu_t^2 g)."""
+    mu = np.sqrt((square_x + square_y) / 2)
+    share = STIFF * inertia * mu / np.maximum(torsional, 1e-12)
+    return np.maximum(np.minimum(share, SHARE), LEAST_SHARE)
+
+
+@njit(cache=True, nogil=True)
 def _dry_friction(yaw, vx, vy, spin, square, torsional, radius, inertia, offset, found):  # type: ignore[no-untyped-def]
     """Fills (3, n): m/s^2, m/s^2, rad/s^2; `offset` (2, n) m to the centre of mass, (2, 1) for none."""
     for k in range(len(vx)):
@@ -345,44 +433,51 @@ def _of_disc(yaw, vx, vy, spin, tensor, torsional, disc):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def _slide_discs(state, square, torsional, radius, inertia, steps, step, places, rests, durations):  # type: ignore[no-untyped-def]
-    """Heun's method for discs on which nothing but dry friction acts; fills places, rests and durations."""
+def _slide_discs(state, square, torsional, radius, inertia, steps, step, poses, rests, durations):  # type: ignore[no-untyped-def]
+    """Heun's method for discs on which nothing but dry friction acts; fills poses, rests and durations."""
+    rows, longest = poses.shape[1], steps * step
     for k in range(state.shape[1]):
         tensor, mu, i = (square[0, k], square[1, k], square[2, k]), torsional[k], inertia[k]
         disc = radius, i, 0.0, 0.0
+        share = _share_of(tensor[0], tensor[2], mu, i)
         x, y, yaw, vx, vy, spin = state[:, k]
-        rows, row, left, taken = places.shape[1], 0, step, 0
-        for n in range(steps):
-            if n % SAVE_EVERY == 0 and row < rows:
-                places[k, row, 0], places[k, row, 1] = x, y
-                row += 1
+        row, time, near, n = 0, 0.0, False, 0
+        while True:
             ax, ay, twist = _of_disc(yaw, vx, vy, spin, tensor, mu, disc)
             energy = vx**2 + vy**2 + i * spin**2
             rate = vx * ax + vy * ay + i * spin * twist
             left = -energy / rate if rate < 0 else np.inf
             if energy < _NO_SLIP**2:
                 left = 0.0
-            taken = n
-            if left <= step:
-                x, y = x + vx * left / 2, y + vy * left / 2
+            if not near and n % SAVE_EVERY == 0 and row < rows:
+                poses[k, row, 0], poses[k, row, 1], poses[k, row, 2] = x, y, yaw
+                row += 1
+            near = near or share * left <= step
+            if (near and left <= ENDS * step) or time >= longest:
+                if time >= longest:
+                    left = 0.0
                 break
+            dt = min(step, share * left) if near else step
+            t = row * SAVE_EVERY * step - time
+            if near and t < dt and row < rows:
+                poses[k, row, 0] = x + t * (vx + t * ax / 2)
+                poses[k, row, 1] = y + t * (vy + t * ay / 2)
+                poses[k, row, 2] = yaw + t * (spin + t * twist / 2)
+                row += 1
             bx, by, turn = _of_disc(
-                yaw + step * spin, vx + step * ax, vy + step * ay, spin + step * twist, tensor, mu, disc
+                yaw + dt * spin, vx + dt * ax, vy + dt * ay, spin + dt * twist, tensor, mu, disc
             )
             x, y, yaw = (
-                x + step * (vx + step * ax / 2),
-                y + step * (vy + step * ay / 2),
-                yaw + step * (spin + step * twist / 2),
+                x + dt * (vx + dt * ax / 2),
+                y + dt * (vy + dt * ay / 2),
+                yaw + dt * (spin + dt * twist / 2),
             )
-            vx, vy, spin = (
-                vx + step * (ax + bx) / 2,
-                vy + step * (ay + by) / 2,
-                spin + step * (twist + turn) / 2,
-            )
-        else:
-            left, taken = 0.0, steps
-        rests[k, 0], rests[k, 1], durations[k] = x, y, taken * step + left
-        places[k, row:, 0], places[k, row:, 1] = x, y
+            vx, vy, spin = vx + dt * (ax + bx) / 2, vy + dt * (ay + by) / 2, spin + dt * (twist + turn) / 2
+            n += 1
+            time = time + dt if near else n * step
+        x, y, yaw = x + vx * left / 2, y + vy * left / 2, yaw + spin * left / 2
+        rests[k, 0], rests[k, 1], durations[k] = x, y, time + left
+        poses[k, row:, 0], poses[k, row:, 1], poses[k, row:, 2] = x, y, yaw
 
 
 def _squared_tensor(log_x: Array, log_y: Array, cross: Array) -> Array:

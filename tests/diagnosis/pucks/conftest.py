@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot import plotting
+from slapshot.calibration.slide_recordings import CAMERA, RADIUS
+from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.pucks import report
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.report import write_report
@@ -15,8 +17,6 @@ from slapshot.diagnosis.pucks.report.outcome import Outcome
 from slapshot.diagnosis.pucks.report.sentences import VERDICT_TEXT
 from slapshot.diagnosis.pucks.result import Diagnosis, Setting
 from slapshot.effects.catalogue import catalogue
-
-from .synthetic import CAMERA, RADIUS, recording
 
 SLOPE = 0.02  # m/m, towards +y
 CURL = 0.3

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-
-from .synthetic import RADIUS, recording
+from slapshot.calibration.slide_recordings import RADIUS
+from slapshot.calibration.slide_recordings import slide_recording as recording
 
 RATE, STEP, GRAVITY, MU = 50.0, 0.004, 9.81, 0.35
 FACE = 24  # points that carry equal shares of the weight

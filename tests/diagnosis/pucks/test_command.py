@@ -11,12 +11,11 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot import cli
+from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.pucks import command
 from slapshot.diagnosis.pucks.report import location_map
 from slapshot.diagnosis.pucks.rig_file import camera_foot, read_rig, rig_of_domain
 from slapshot.recordings.write import write_recording
-
-from .synthetic import recording
 
 ROOT = Path(__file__).parents[3]
 

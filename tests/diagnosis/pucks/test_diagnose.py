@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slapshot.calibration.slide_recordings import CAMERA, RADIUS
+from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.result import Setting
 from slapshot.diagnosis.pucks.selection.search import DRAWS
 from slapshot.effects.catalogue import catalogue
-
-from .synthetic import CAMERA, RADIUS, recording
 
 SETTING = Setting(RADIUS, CAMERA, (0.5, 0.5, 0.01))
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 from slapshot.arrays import GRAVITY
+from slapshot.calibration.slide_recordings import CAMERA, RADIUS
+from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.inference.mismatch_test import Elimination, Scores, group_statistics, mismatch_test
 from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter, Scatter
 from slapshot.diagnosis.pucks.launch.encoders import Encoders
@@ -19,8 +21,6 @@ from slapshot.diagnosis.pucks.slide.slide_model import Column, Point, SlideModel
 from slapshot.diagnosis.pucks.slide.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect, Parameter
-
-from .synthetic import CAMERA, RADIUS, recording
 
 HITS = 6
 SCATTER = np.diag([0.004, 0.003, 0.05, 0.04, 0.5]) ** 2

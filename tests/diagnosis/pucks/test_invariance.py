@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from slapshot.arrays import GRAVITY
+from slapshot.calibration.slide_recordings import CAMERA, RADIUS
+from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.fit import gauss_newton
 from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
@@ -18,8 +20,6 @@ from slapshot.diagnosis.pucks.slide.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.effects.tilt import Tilt
-
-from .synthetic import CAMERA, RADIUS, recording
 
 FRICTION = ((0.35, 0.32, 0.005),)
 SETTING = Setting(RADIUS, CAMERA, (0.5, 0.45, 0.01))

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from slapshot.calibration.slide_recordings import CAMERA, RADIUS
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.headline import predicted_to_the_floor
 from slapshot.diagnosis.pucks.result import Setting
 
 from .outside import GRAVITY, World, hits
-from .synthetic import CAMERA, RADIUS
 
 
 def dent(x, y, vx, vy, t):

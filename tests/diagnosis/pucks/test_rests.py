@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slapshot.calibration.slide_recordings import CAMERA, RADIUS
+from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.pucks.fit.rest_fit import RestFitter
 from slapshot.diagnosis.pucks.selection.free_form import FREE_FORMS, FREE_LAUNCH, NominalLaunches
 from slapshot.diagnosis.pucks.selection.judgement import robust_covariance
@@ -13,8 +15,6 @@ from slapshot.diagnosis.pucks.slide.slide_model import SlideModel
 from slapshot.diagnosis.pucks.slide.tracks import rest_tracks
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.slide_law import ActiveEffect, slide
-
-from .synthetic import CAMERA, RADIUS, recording
 
 FRICTION = (0.35, 0.32, 0.005)
 ALONG, ACROSS = 0.08, 0.05  # scatter as a share of the distance

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from slapshot import cli, own_code
+from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.pucks.rig_file import read_rig
 from slapshot.diagnosis.pucks.selection.free_form import FREE_FORMS
 from slapshot.diagnosis.pucks.selection.trial import that_work
@@ -18,7 +19,6 @@ from slapshot.errors import InputError
 from slapshot.recordings.write import write_recording
 
 from .bad_rigs import BAD_MODULES, FAILS_LATER, GOOD, TABLE, bad_rigs, effect, failing_later
-from .synthetic import recording
 
 ROOT = Path(__file__).parents[3]
 BAD = bad_rigs()

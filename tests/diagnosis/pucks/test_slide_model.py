@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slapshot.calibration.slide_recordings import CAMERA, RADIUS
+from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.pucks.selection.free_form import FREE_FORMS
 from slapshot.diagnosis.pucks.slide import slide_model
 from slapshot.diagnosis.pucks.slide.first_guess import first_guess
 from slapshot.diagnosis.pucks.slide.slide_model import COARSE_STEP, LATENTS, SlideModel
 from slapshot.diagnosis.pucks.slide.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
-
-from .synthetic import CAMERA, RADIUS, recording
 
 SLIDING = {e.name: e for e in (*catalogue().values(), *FREE_FORMS) if e.acts_on_slide}
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.pucks.slide.tracks import RELEASE_DISTANCE, hit_tracks
-
-from .synthetic import recording
 
 RATE = 50.0
 NOISE = 0.001  # m

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slapshot.calibration.slide_recordings import CAMERA, RADIUS
+from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter, Scatter
 from slapshot.diagnosis.pucks.slide.noise import CameraNoise
 from slapshot.diagnosis.pucks.slide.slide_model import SlideModel
 from slapshot.diagnosis.pucks.slide.tracks import hit_tracks
 from slapshot.diagnosis.pucks.slide.yaw import spins_seen, turn_of, unwrapped
 from slapshot.effects.catalogue import catalogue
-
-from .synthetic import CAMERA, RADIUS, recording
 
 YAW_SD = 0.02
 
