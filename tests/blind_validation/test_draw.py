@@ -70,7 +70,7 @@ def test_the_page_tells_aims_and_confusions(scored, cases, tmp_path, monkeypatch
     assert "stand-in" in text
     for listed, partial in ((None, False), (3, False), (566, True)):
         write_page(tmp_path / "proof.md", table, pd.DataFrame(measures_of(table)), told, listed)
-        assert ("The first 3 of 566 cases" in (tmp_path / "proof.md").read_text()) == partial
+        assert ("**3 of 566 cases,**" in (tmp_path / "proof.md").read_text()) == partial
 
 
 def test_cases_read_as_they_were_written(scored, cases):

@@ -69,7 +69,7 @@ def write_page(
         cases: of cases.csv.
         measures: of proof.csv.
         settings: as the score was made with.
-        listed: number of cases of the list that they are the first of; None for all of it.
+        listed: number of cases of the list that they are some of; None for all of it.
     """
     small = settings.list != "full"
     parts = [INTRODUCTION]
@@ -78,8 +78,8 @@ def write_page(
         parts.append(f"**A small proof: {len(cases)} cases.** {reported}\n")
     if listed is not None and listed > len(cases):
         parts.append(
-            f"**The first {len(cases)} of {listed} cases,** which were listed in random order: the others "
-            "have not been diagnosed, and intervals are wide.\n"
+            f"**{len(cases)} of {listed} cases,** which were listed in random order: the others have not "
+            "been diagnosed by this method, and intervals are wide.\n"
         )
     shown = measures[measures["n"] > 0]
     aimed = [row for row in shown.to_dict("records") if (row["measure"], row["condition"]) in AIMS]
