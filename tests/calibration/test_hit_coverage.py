@@ -33,13 +33,13 @@ def test_yaw_is_recorded_for_what_follows_spin():
 
 def test_an_effect_that_is_missed_too_often_is_named():
     table = pd.DataFrame(
-        {"effect": ["tilt", "tilt", "curl", "all"], "n": [10, 10, 10, 30], "held": [1.0, 0.8, 0.6, 0.8],
-         "held_low": 0.6, "held_high": 0.9}
+        {"effect": ["tilt", "tilt", "curl", "all"], "parameter": ["x", "y", "z", ""], "variant": "",
+         "n": [10, 10, 10, 30], "held": [1.0, 0.8, 0.6, 0.8], "held_low": 0.6, "held_high": 0.9}
     )  # fmt: skip
     pooled, each = hit_coverage_aims(table)
     assert not pooled.reached
     assert not each.reached
-    assert each.measured == "curl: 60.0 %"
+    assert each.measured == "z of curl: 60.0 %"
 
 
 def test_the_stages_write_blocks_and_the_page(tmp_path):

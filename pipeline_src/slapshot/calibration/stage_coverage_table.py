@@ -32,7 +32,8 @@ def coverage_table(intervals: pd.DataFrame) -> pd.DataFrame:
         intervals: columns effect, variant, rig, parameter, truth, low, high, converged.
     """
     held = intervals["converged"] & intervals["truth"].between(intervals["low"], intervals["high"])
-    width = (intervals["high"] - intervals["low"]) / intervals["truth"].abs()
+    size = intervals["truth"].abs()
+    width = (intervals["high"] - intervals["low"]) / size.where(size > 0)
     scored = intervals.assign(held=held, width=width, failed=~intervals["converged"])
     parts = list(scored.groupby(_KEYS, sort=False))
     rows = [dict(zip(_KEYS, key, strict=True)) | _measured(own) for key, own in parts]
@@ -59,7 +60,7 @@ def coverage_aims(table: pd.DataFrame) -> list[Aim]:
     value = float(pooled["held"])
     measured = f"{percent(value)} ({percent(pooled['held_low'])} to {percent(pooled['held_high'])})"
     outside = each[~each["held"].between(least, most)]
-    names = ", ".join(_describe(row) for row in outside.to_dict("records"))
+    names = ", ".join(describe(row) for row in outside.to_dict("records"))
     return [
         Aim("intervals that hold the truth, all", f"{percent(low)} to {percent(high)}", measured,
             low <= value <= high),
@@ -68,7 +69,8 @@ def coverage_aims(table: pd.DataFrame) -> list[Aim]:
     ]  # fmt: skip
 
 
-def _describe(row: Mapping[Any, Any]) -> str:
+def describe(row: Mapping[Any, Any]) -> str:
+    """A row of the table in words."""
     variant = f" ({row['variant']})" if row["variant"] else ""
     return f"{row['parameter']} of {row['effect']}{variant}: {percent(row['held'])}"
 

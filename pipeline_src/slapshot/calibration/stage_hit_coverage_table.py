@@ -3,7 +3,7 @@
 import pandas as pd
 
 from slapshot.calibration.aims import Aim, percent, write_page
-from slapshot.calibration.stage_coverage_table import coverage_table, read_intervals
+from slapshot.calibration.stage_coverage_table import coverage_table, describe, read_intervals
 from slapshot.command import Run, stage_command
 from slapshot.config.calibration import TableSettings
 
@@ -16,24 +16,23 @@ Each effect's own law is the truth, with values drawn from its priors, on simula
 launches nobody knows (by the diagnosis' own slide; no real robot), seen at 50 Hz with noise of 3 mm, and with
 yaw where the effect follows spin. That law alone is fitted, with the friction of the object and its scatter.
 A fit that did not converge counts as one whose intervals miss. Widths are medians of (high - low) over the
-size of the true value. Intervals of shares are Wilson's of 95 %. Maps of bumps, and effects of swing and
-contact, which need commands, are not among them.
+size of the true value where that is not 0. Intervals of shares are Wilson's of 95 %. Maps of bumps, and
+effects of swing and contact, which need commands, are not among them.
 """
 
 
 def hit_coverage_aims(table: pd.DataFrame) -> list[Aim]:
-    """Of all intervals together, and of each effect."""
+    """Of all intervals together, and of each parameter."""
     pooled, each = table.iloc[-1], table.iloc[:-1]
     low, high = POOLED_RANGE
     value = float(pooled["held"])
     measured = f"{percent(value)} ({percent(pooled['held_low'])} to {percent(pooled['held_high'])})"
-    of_effect = (each["held"] * each["n"]).groupby(each["effect"]).sum() / each.groupby("effect")["n"].sum()
-    below = of_effect[of_effect < LEAST]
-    names = ", ".join(f"{name}: {percent(share)}" for name, share in below.items())
+    below = each[each["held"] < LEAST]
+    names = ", ".join(describe(row) for row in below.to_dict("records"))
     return [
         Aim("intervals that hold the truth, all", f"{percent(low)} to {percent(high)}", measured,
             low <= value <= high),
-        Aim("effects whose share is lower", f"none below {percent(LEAST)}", names or "none", below.empty),
+        Aim("parameters whose share is lower", f"none below {percent(LEAST)}", names or "none", below.empty),
     ]  # fmt: skip
 
 
