@@ -223,6 +223,8 @@ def test_another_number_is_another_table():
     )
     with pytest.raises(InputError, match="no row false_alarm, null"):
         docs_table.table(measures[~alarms])
+    made = docs_table.table(measures[measures["condition"] != "weak"])
+    assert "named first | none yet |  | at least 80 % |" in made
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ ROWS = {
 
 
 def table(measures: pd.DataFrame) -> str:
-    """The table in Markdown.
+    """The table in Markdown; of a condition that no case has yet it says so.
 
     Args:
         measures: of proof.csv.
@@ -48,9 +48,13 @@ def table(measures: pd.DataFrame) -> str:
         InputError: a row is missing there.
     """
     found = {(row["measure"], row["condition"]): row for row in measures.to_dict("records")}
+    conditions = set(measures["condition"])
     head = ("200 hits, or as many as stand there", "cases", "share (95 % interval)", "aim")
     lines = [f"| {' | '.join(head)} |", "|---|---|---|---|"]
     for text, key in ROWS.items():
+        if key[1] not in conditions:
+            lines.append(f"| {text} | none yet |  | {AIMS[key][0] if key in AIMS else ''} |")
+            continue
         if key not in found:
             raise InputError(f"proof.csv: no row {key[0]}, {key[1]}; use the one of the full proof")
         value, low, high, n = (found[key][name] for name in ("value", "low", "high", "n"))
