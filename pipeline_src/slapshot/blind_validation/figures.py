@@ -226,11 +226,9 @@ def _reliability(axes: Axes, cases: pd.DataFrame) -> pd.DataFrame:
         axes.errorbar(
             table["stated"], table["share"], yerr=error, fmt="o", ms=4, capsize=3, color=OTHER_COLOURS[0]
         )
-        for row in rows:
-            aside = (5, -10 if row["share"] > 0.1 else 5)  # points; not over the axis
-            axes.annotate(
-                str(row["n"]), (row["stated"], row["share"]), aside, textcoords="offset points", fontsize=7
-            )
+        for stated, share, count in table[["stated", "share", "n"]].itertuples(index=False):
+            aside = (5, -10 if share > 0.1 else 5)  # points; not over the axis
+            axes.annotate(f"{count:.0f}", (stated, share), aside, textcoords="offset points", fontsize=7)
     axes.set_xlabel("stated probability of the first name")
     axes.set_ylabel("share that is right")
     axes.set_xlim(0, 1.03)
