@@ -139,7 +139,7 @@ def test_a_push_beside_missing_friction_is_set_aside():
     """Though the encoder's scale could explain all at once: the model of a mass alone moves otherwise."""
     begin, end = 4.43, 4.63
     t, read, force = driven_axis(
-        12.0, 4, step=0.001, noise=2e-6, offset=3.2, push=(begin, end, -1.7 * COULOMB)
+        12.0, 4, step=0.001, noise=2e-6, offset=3.2, push=(begin, end, -2.5 * COULOMB)
     )
     channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
     made = recording(t, channels)
