@@ -34,7 +34,7 @@ def produce(run: Run) -> None:
     trained = train_ensemble(
         run.inputs["rollouts"], settings.method, settings.settings, settings.training, device
     )
-    write_trained(run.out, settings.method, trained, device)
+    write_trained(run.out, settings.method, trained, device.type)
 
 
 def train_ensemble(
@@ -74,21 +74,19 @@ def write_trained(
     out: Path,
     name: str,
     trained: tuple[AdaptationMethod[Any], Standardiser, pd.DataFrame],
-    device: torch.device,
+    device: str,
 ) -> None:
-    """Write what `train_ensemble` gave, and device.json."""
+    """Write what `train_ensemble` gave, and on what kind of device."""
     method, standardiser, losses = trained
     losses.to_csv(out / "losses.csv", index=False, float_format="%.6g")
     save_ensemble(out, name, method, standardiser)
-    (out / DEVICE_FILE).write_text(json.dumps({"device": device.type}) + "\n")
+    (out / DEVICE_FILE).write_text(json.dumps({"device": device}) + "\n")
 
 
 def parts_of(inputs: Mapping[str, Path]) -> list[Path]:
     """Folders of ensembles that are to be joined; none where one is to be trained."""
-    roles = sorted(
-        (role for role in inputs if role.startswith(PART)), key=lambda role: int(role[len(PART) :])
-    )
-    return [inputs[role] for role in roles]
+    numbers = sorted(int(role.removeprefix(PART)) for role in inputs if role.startswith(PART))
+    return [inputs[f"{PART}{number}"] for number in numbers]
 
 
 def join_ensembles(parts: Sequence[Path], out: Path) -> None:
@@ -105,8 +103,8 @@ def join_ensembles(parts: Sequence[Path], out: Path) -> None:
         table.assign(model=table["model"] + sum(models[:k])) for k, table in enumerate(tables)
     ).sort_values(["step", "model"])
     name = json.loads((parts[0] / "ensemble.json").read_text())["method"]
-    device = torch.device(json.loads((parts[0] / DEVICE_FILE).read_text())["device"])
-    write_trained(out, name, (joined, standardiser, losses), device)
+    devices = {json.loads((part / DEVICE_FILE).read_text())["device"] for part in parts}
+    write_trained(out, name, (joined, standardiser, losses), " and ".join(sorted(devices)))
 
 
 def choose_device() -> torch.device:

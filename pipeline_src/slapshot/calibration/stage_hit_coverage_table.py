@@ -12,9 +12,10 @@ POOLED_RANGE, LEAST = (0.85, 0.95), 0.70
 
 INTRODUCTION = """# Coverage of 90 % intervals of effects on hits
 
-Each effect's own law is the truth, with values drawn from its priors, on simulated tracks of hits whose
-launches nobody knows (by the diagnosis' own slide; no real robot), seen at 50 Hz with noise of 3 mm, and with
-yaw where the effect follows spin. That law alone is fitted, with the friction of the object and its scatter.
+Each effect's own law is the truth, with values drawn from its priors (what would lie beyond a bound, as half
+of the draws of a drag, is put on it), on simulated tracks of hits whose launches nobody knows (by the
+diagnosis' own slide; no real robot), seen at 50 Hz with noise of 3 mm, and with yaw where the effect follows
+spin. That law alone is fitted, with the friction of the object and its scatter.
 A fit that did not converge counts as one whose intervals miss. Widths are medians of (high - low) over the
 size of the true value where that is not 0. Intervals of shares are Wilson's of 95 %. Maps of bumps, and
 effects of swing and contact, which need commands, are not among them.

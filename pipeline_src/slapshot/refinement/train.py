@@ -36,7 +36,7 @@ def produce(run: Run) -> None:
         run.out,
         told.method,
         train_ensemble(run.inputs["rollouts"], told.method, told.settings, training, device),
-        device,
+        device.type,
     )
 
 
