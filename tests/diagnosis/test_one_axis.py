@@ -5,6 +5,7 @@ thousands of its standard deviations.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,9 +105,9 @@ def test_friction_of_a_precise_axis_is_named():
         assert sd < 0.02 * true
 
 
-def nominal(coulomb: float) -> Step:
+def nominal(coulomb: float, seed: int = 3, **world: Any) -> Step:
     """The search's first step on an axis of 8 s."""
-    t, read, force = driven_axis(8.0, 3, coulomb=coulomb)
+    t, read, force = driven_axis(8.0, seed, coulomb=coulomb, **world)
     channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
     made = recording(t, channels)
     rig = bind(MjSpec.from_string(AXIS), made.channels)
@@ -116,7 +117,7 @@ def nominal(coulomb: float) -> Step:
 
 def test_two_large_frictions_are_found_at_once():
     step = nominal(COULOMB)
-    first, second = _pair_step(step, None, np.random.default_rng(2), lambda text: None)
+    _, (first, second) = _pair_step(step, None, np.random.default_rng(2), lambda text: None)
     assert first.added is not None
     assert second.added is not None
     assert {first.added.name, second.added.name} == {"viscous_friction", "coulomb_friction"}
@@ -126,28 +127,43 @@ def test_two_large_frictions_are_found_at_once():
     assert values["coulomb_friction"] == pytest.approx(COULOMB, rel=0.02)
 
 
+def test_laws_tell_which_windows_are_pushed():
+    """Without laws a friction that sets in stands out beside the push, and spoils both estimates."""
+    begin, end = 4.4, 4.8
+    step = nominal(COULOMB, 5, step=0.002, push=(begin, end, -1.2 * COULOMB))
+    before, (_, both) = _pair_step(step, None, np.random.default_rng(2), lambda text: None)
+    windows = [of.scored.noise.set_aside for of in (step, before)]
+    assert windows[0] is not None
+    assert windows[1] is not None
+    time = step.problem.segments.time
+    assert time[windows[0] > 0].min() < begin - 1
+    assert time[windows[1] > 0].min() == pytest.approx(begin, abs=WINDOW_S)
+    assert time[windows[1] > 0].max() == pytest.approx(end, abs=WINDOW_S)
+    assert {effect.name for effect in both.hypothesis.effects} == {"viscous_friction", "coulomb_friction"}
+    assert both.scored.fit.theta == pytest.approx([VISCOUS, COULOMB], rel=0.01)
+
+
 def test_where_one_friction_explains_all_there_is_no_pair():
     step = nominal(0.0)
     single = _forward_step(step, np.random.default_rng(2), lambda text: None)
     assert single is not None
     assert single.added is not None
     assert single.added.name == "viscous_friction"
-    assert not _pair_step(step, single, np.random.default_rng(2), lambda text: None)
+    _, pair = _pair_step(step, single, np.random.default_rng(2), lambda text: None)
+    assert not pair
 
 
 def test_a_push_beside_missing_friction_is_set_aside():
     """Though the encoder's scale could explain all at once: the model of a mass alone moves otherwise."""
     begin, end = 4.43, 4.63
-    t, read, force = driven_axis(
-        12.0, 4, step=0.001, noise=2e-6, offset=3.2, push=(begin, end, -2.5 * COULOMB)
-    )
+    t, read, force = driven_axis(12.0, 4, step=0.001, noise=2e-6, offset=3.2, push=(begin, end, -COULOMB))
     channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
     made = recording(t, channels)
     rig = bind(MjSpec.from_string(AXIS), made.channels)
     problem = Problem.of(rig, made.channels, segment_recording(made, rig))
-    inflation = nominal_step(problem, (), np.random.default_rng(1)).scored.noise.inflation
-    assert inflation is not None
-    set_aside = problem.segments.time[inflation > 1]
+    further = nominal_step(problem, (), np.random.default_rng(1)).scored.noise.set_aside
+    assert further is not None
+    set_aside = problem.segments.time[further > 0]
     assert set_aside.min() == pytest.approx(begin, abs=WINDOW_S)
     assert set_aside.max() == pytest.approx(end, abs=WINDOW_S)
 

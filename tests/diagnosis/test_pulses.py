@@ -11,11 +11,11 @@ from slapshot.diagnosis.fit.noise import FORCE_HOLD_S, Noise
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.pulses import (
     Scan,
-    covariance_inflation,
     push_error,
     pushes,
-    pushes_where_inflated,
+    pushes_set_aside,
     scan,
+    windows_set_aside,
 )
 from slapshot.effects.joints.effect import Joint, RigMotion, State
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
@@ -214,7 +214,7 @@ def test_the_shape_of_a_named_push_is_no_mismatch():
     ("begin", "end", "force"),
     [(0.6, 0.8, 60.0), (0.6, 0.8, -600.0), (0.62, 0.78, 600.0), (0.48, 0.63, 600.0)],
 )
-def test_the_process_force_is_inflated_in_an_enormous_push(begin: float, end: float, force: float):
+def test_an_enormous_push_is_set_aside(begin: float, end: float, force: float):
     """As the process force, which covers the push at first, is fitted to what is left.
 
     Windows begin at multiples of 0.05 s; where the push begins or ends within one is found to a node.
@@ -224,35 +224,35 @@ def test_the_process_force_is_inflated_in_an_enormous_push(begin: float, end: fl
     system, known = masses(of, np.random.default_rng(8), push), noise(of)
     for size in np.geomspace(abs(force) / 5, FORCE, 6):
         known = replace(known, force=float(size))
-        known = replace(known, inflation=covariance_inflation(system, NONE, MOVING, known, of, rig(0.01)))
-    assert known.inflation is not None
+        known = replace(known, set_aside=windows_set_aside(system, NONE, MOVING, known, of, rig(0.01)))
+    assert known.set_aside is not None
     inside = (of.episode == 1)[:, None] & (of.time > begin - 1e-9) & (of.time < end - 1e-9)
-    assert (known.inflation[inside] > 1).all()
+    assert (known.set_aside[inside] > 0).all()
     # A window before or after may be touched by it.
     near = (of.episode == 1)[:, None] & (of.time > begin - 0.05 - 1e-9) & (of.time < end + 0.05 - 1e-9)
-    np.testing.assert_array_equal(known.inflation[~near], 1)
-    (effect,) = pushes_where_inflated(system, known, of, rig(0.01), ())
+    np.testing.assert_array_equal(known.set_aside[~near], 0)
+    (effect,) = pushes_set_aside(system, known, of, rig(0.01), ())
     assert effect.part == "rail 1"
     (pulse,) = effect.pulses
     assert pulse.episode == 9
     assert abs(pulse.begin - begin) <= of.interval + 1e-9
     assert abs(pulse.end - end) <= of.interval + 1e-9
-    assert not pushes_where_inflated(system, known, of, rig(0.01), effect.pulses)
+    assert not pushes_set_aside(system, known, of, rig(0.01), effect.pulses)
 
 
-def test_without_an_enormous_push_nothing_is_inflated():
+def test_without_an_enormous_push_nothing_is_set_aside():
     """Of 2,400 normal numbers in all, one beyond 5 standard deviations has a chance of 0.1 %."""
     of = segments()
     for seed in range(20):
         system = masses(of, np.random.default_rng(100 + seed))
-        assert covariance_inflation(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
+        assert windows_set_aside(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
 
 
-def test_many_pushed_windows_are_not_inflated():
+def test_many_pushed_windows_are_not_set_aside():
     """What acts in a fifth of the time is what the model lacks."""
     of = segments()
     system = masses(of, np.random.default_rng(9), (1, 1, 0.3, 1.2, 100.0))
-    assert covariance_inflation(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
+    assert windows_set_aside(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
 
 
 def test_windows_of_known_pushes_are_not_judged():
@@ -274,9 +274,9 @@ def test_where_joints_turn_around_a_weak_force_is_no_push(torque: float, pushed:
     known, speed = replace(noise(of), force=12.0), MOVING.copy()
     speed[4, 20:] = -1
     # Its force is told within a few per cent, and the limit is a quarter of the torque.
-    found = covariance_inflation(system, NONE, speed, known, of, moved)
+    found = windows_set_aside(system, NONE, speed, known, of, moved)
     assert (found is not None) == pushed
-    assert covariance_inflation(system, NONE, MOVING, known, of, moved) is not None
+    assert windows_set_aside(system, NONE, MOVING, known, of, moved) is not None
 
 
 def test_where_a_joint_with_friction_turns_around_weak_forces_are_not_judged():

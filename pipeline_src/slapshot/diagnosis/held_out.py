@@ -20,7 +20,7 @@ from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.model.structure import transferred_trajectory
 from slapshot.diagnosis.selection.problem import NUISANCE, Problem
-from slapshot.diagnosis.selection.pulses import INFLATION_ROUNDS, covariance_inflation, pushes_where_inflated
+from slapshot.diagnosis.selection.pulses import SET_ASIDE_ROUNDS, pushes_set_aside, windows_set_aside
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 WINDOW_S = 0.5
@@ -197,16 +197,16 @@ def pushes_in(
     sd = prior.at(own)
     sd[: len(fit.theta)] = fit.sd
     # A process force that covers all pushes at first, and then only what is no push.
-    for force in np.geomspace(max(1.0, own.force), own.force, INFLATION_ROUNDS):
+    for force in np.geomspace(max(1.0, own.force), own.force, SET_ASIDE_ROUNDS):
         own = replace(own, force=float(force))
         values = posterior_means(innovations(system, own.covariances(segments.interval)), sd)
         speed = problem.speed(trajectory)
-        own = replace(own, inflation=covariance_inflation(system, values, speed, own, segments, motion))
+        own = replace(own, set_aside=windows_set_aside(system, values, speed, own, segments, motion))
     system = system.moved(values)
     known = [pulse for e in hypothesis.effects if isinstance(e, ExternalPulse) for pulse in e.pulses]
-    covariances = own.without_inflation.covariances(segments.interval)
+    covariances = own.without_set_aside.covariances(segments.interval)
     found = []
-    for push in pushes_where_inflated(system, own, segments, motion, known):
+    for push in pushes_set_aside(system, own, segments, motion, known):
         joint = next(joint for joint in motion.joints if joint.name == push.part)
         W = np.zeros((*system.W.shape[:3], len(push.pulses)))
         for k, pulse in enumerate(push.pulses):

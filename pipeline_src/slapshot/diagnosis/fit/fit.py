@@ -24,7 +24,7 @@ from slapshot.effects.joints.effect import RigMotion, State
 _NEAR, _FAR = 0.3, 3.0
 # Share of the evidence, and nats, that a step may lose, since every step has its own linearisation.
 _MAX_LOSS, _MAX_LOSS_NATS = 0.05, 100.0
-_MIN_SHARE = 1e-3  # smallest step that is tried, as a share
+_MOST_SHORTENED = 5  # quarters of a step that are tried
 _DIGITS = 1e-6
 _CLOSE_SD = 1.0  # of a step, in posterior standard deviations, whose evidence counts
 _LEAST_DAMPING = 1 / 8  # of steps that turn back
@@ -184,7 +184,8 @@ class Fitter:
         delta, share = np.zeros((*trajectory.shape[:2], self.simulator.tangent.dim)), 1.0
         system, since = known, np.inf if known is None else 0.0
         precision = np.diag(hypothesis.prior_sd**-2.0)
-        for number in range(rounds + 1):
+        number, shortened = 0, 0
+        while True:
             # Derivatives change slowly: they are recomputed only after the values have moved.
             fresh = system is None or since > (_NEAR if converged or number == rounds else _FAR)
             reused = None if fresh else system
@@ -209,16 +210,16 @@ class Fitter:
                         - 0.5 * full @ scaled @ full - 0.5 * np.linalg.slogdet(scaled)[1]
                     )  # fmt: skip
             if before is not None and evidence < before[0] - min(_MAX_LOSS * abs(before[0]), _MAX_LOSS_NATS):
-                if not fresh and number < rounds:
+                if not fresh:
                     # Where joints stop or start, derivatives change at once.
                     since = np.inf
                     continue
-                if number == rounds or share < _MIN_SHARE:
+                if shortened == _MOST_SHORTENED:
                     evidence, theta, trajectory = before
                     converged = False
                     break
                 # The step was too long.
-                share /= 4
+                share, shortened = share / 4, shortened + 1
                 theta = before[1] + share * step
                 trajectory = self.simulator.tangent.add(before[2], share * delta)
                 continue
@@ -230,7 +231,7 @@ class Fitter:
             precision = own / np.outer(sd[:p], sd[:p])
             if converged or number == rounds:
                 break
-            before, share = (evidence, theta, trajectory), 1.0
+            before, share, shortened, number = (evidence, theta, trajectory), 1.0, 0, number + 1
             full = full * sd
             delta, *_ = smooth(system.moved(full).without_columns(), covariances)
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
@@ -244,7 +245,7 @@ class Fitter:
             theta = hypothesis.clipped(theta + step)
             trajectory = self.simulator.tangent.add(trajectory, delta)
             since += damping * moved
-            converged = moved < CONVERGED_SD and number >= 1
+            converged = moved < CONVERGED_SD and number > 1
         if best is not None and moved > SETTLED_SD and (moved > _CLOSE_SD or evidence < best[0]):
             evidence, theta, trajectory, precision, moved = best
         return Fit(hypothesis, theta, trajectory, evidence, precision, converged, moved)

@@ -56,7 +56,8 @@ class Noise:
         jitter_s: standard deviation of the actual sampling times.
         rate: (S, L, ny) time derivative of the observations, which converts jitter to noise; None for none.
         clock: (ny,) index of the clock of each channel; those of one share their jitter.
-        inflation: (S, L) factor on the variance of the process force, more than 1 in pushes; None for 1.
+        set_aside: (S, L) further process force, as `force`, in windows with enormous pushes; 0 elsewhere,
+            None without any.
         push_error: (S, L) process force by which named pushes may differ from constant ones, as `force`; None
             for none.
     """
@@ -74,7 +75,7 @@ class Noise:
     jitter_s: float = 0.0
     rate: Array | None = None
     clock: NDArray[np.intp] | None = None
-    inflation: Array | None = None
+    set_aside: Array | None = None
     push_error: Array | None = None
 
     @property
@@ -100,24 +101,23 @@ class Noise:
     def select(self, segments: NDArray[np.intp]) -> "Noise":
         """That of some segments."""
         rate = None if self.rate is None else self.rate[segments]
-        inflation = None if self.inflation is None else self.inflation[segments]
+        set_aside = None if self.set_aside is None else self.set_aside[segments]
         error = None if self.push_error is None else self.push_error[segments]
-        return replace(self, weight=self.weight[segments], rate=rate, inflation=inflation, push_error=error)
+        return replace(self, weight=self.weight[segments], rate=rate, set_aside=set_aside, push_error=error)
 
     def elsewhere(self, rate: Array) -> "Noise":
         """The noise for other segments with known rates, without outliers or pushes."""
-        return replace(self, weight=np.ones_like(rate), rate=rate, inflation=None, push_error=None)
+        return replace(self, weight=np.ones_like(rate), rate=rate, set_aside=None, push_error=None)
 
     @property
-    def without_inflation(self) -> "Noise":
-        """The noise with the same process force in pushes."""
-        return replace(self, inflation=None)
+    def without_set_aside(self) -> "Noise":
+        """The noise with one process force in all windows."""
+        return replace(self, set_aside=None)
 
     def covariances(self, interval: float) -> Covariances:
         """What the filter takes."""
-        inflation = self.inflation
-        if self.push_error is not None:
-            inflation = (1.0 if inflation is None else inflation) + (self.push_error / self.force) ** 2
+        further = [of for of in (self.set_aside, self.push_error) if of is not None]
+        inflation = 1 + np.sum(np.square(further), axis=0) / self.force**2 if further else None
         return Covariances(
             self.initial,
             (self.force * self.torque) ** 2 * (FORCE_HOLD_S / interval),

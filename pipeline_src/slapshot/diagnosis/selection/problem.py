@@ -36,12 +36,12 @@ from slapshot.diagnosis.model.structure import (
 )
 from slapshot.diagnosis.selection.free_forms import free_forms, is_free
 from slapshot.diagnosis.selection.pulses import (
-    INFLATION_ROUNDS,
+    SET_ASIDE_ROUNDS,
     Scan,
-    covariance_inflation,
+    least_worth,
     push_error,
     scan,
-    window_nodes,
+    windows_set_aside,
 )
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect, RigMotion, State, overrides
@@ -314,7 +314,7 @@ def fit_and_score(
     noise: Noise,
     *,
     near: bool = True,
-    may_inflate: bool = False,
+    may_set_aside: bool = False,
 ) -> ScoredFit:
     """Fit a hypothesis and its noise, and score all missing candidates.
 
@@ -325,7 +325,7 @@ def fit_and_score(
         trajectory: first trajectory.
         noise: initial noise.
         near: whether the noise was fitted before, so that one initial point suffices.
-        may_inflate: whether the process force may be inflated in a few windows.
+        may_set_aside: whether a few windows may be set aside.
     """
     fitter = problem.fitter
     present = {effect.key for effect in hypothesis.effects}
@@ -347,9 +347,12 @@ def fit_and_score(
     noise = replace(
         noise, push_error=push_error(of_pushes, noise.torque, problem.segments, problem.rig_motion)
     )
-    if may_inflate:
-        noise = _with_inflation(problem, system, prior, explains, problem.speed(trajectory), noise)
-    noise = _fit_noise_with_columns(problem, system, prior, explains, noise, near)
+    noise, explains = _fit_noise_with_columns(problem, system, prior, explains, noise, near)
+    if may_set_aside:
+        before = noise
+        noise = _with_set_aside(problem, system, prior, explains, problem.speed(trajectory), before)
+        if noise.set_aside is not None or before.set_aside is not None:
+            noise, _ = _fit_noise_with_columns(problem, system, prior, explains, noise, near=True)
     own_columns = _select_columns(system, ~candidate), prior.select(~candidate)
     left = fit_process_force(*own_columns, noise, problem.segments.interval)
     fit = _with_mean_forces(
@@ -409,51 +412,47 @@ def _with_mean_forces(problem: Problem, fit: Fit, noise: Noise) -> Fit:
     return replace(fit, theta=theta)
 
 
-def _with_inflation(
+def _with_set_aside(
     problem: Problem, system: Linear, prior: Prior, explains: NDArray[np.bool_], speed: Array, noise: Noise
 ) -> Noise:
-    """Noise with a larger process force in the windows of a few enormous pushes, which no column explains.
+    """Noise with further process force in the windows of a few enormous pushes, which no column explains.
 
     They must be worth their windows, each of which could have been any.
     """
-    segments, inflated = problem.segments, noise.without_inflation
-    used, own = _select_columns(system, explains), prior.select(explains)
-    whole = fit_process_force(used, own, inflated, segments.interval)
-    explains = _credible(explains, system, prior, whole, segments)
+    segments, found = problem.segments, noise.without_set_aside
     used, own = _select_columns(system, explains), prior.select(explains)
     levels: list[float] = []
-    for _ in range(INFLATION_ROUNDS):
-        whole = fit_process_force(used, own, inflated, segments.interval)
-        found = innovations(used, whole.covariances(segments.interval))
-        levels.append(marginal_likelihood(found, own.at(whole)))
-        values = posterior_means(found, own.at(whole))
-        inflation = covariance_inflation(used, values, speed, whole, segments, problem.rig_motion)
-        before = inflated.inflation
-        if np.array_equal(inflation is not None and inflation > 1, before is not None and before > 1):
-            break
-        inflated = replace(inflated, inflation=inflation)
-    if inflated.inflation is None:
-        return inflated
-    nodes = window_nodes(segments)
-    windows = float(np.sum(inflated.inflation > 1)) / nodes
-    worth = windows * float(np.log(inflated.inflation.size / nodes))
-    return inflated if levels[-1] - levels[0] > worth else noise.without_inflation
+    for _ in range(SET_ASIDE_ROUNDS):
+        whole = fit_process_force(used, own, found, segments.interval)
+        seen = innovations(used, whole.covariances(segments.interval))
+        levels.append(marginal_likelihood(seen, own.at(whole)))
+        values = posterior_means(seen, own.at(whole))
+        windows = windows_set_aside(used, values, speed, whole, segments, problem.rig_motion)
+        before = found.set_aside
+        if windows is None or (before is not None and np.array_equal(windows > 0, before > 0)):
+            break  # too many now, as each makes the others' spread smaller, or the same
+        found = replace(found, set_aside=windows)
+    if found.set_aside is None:
+        return found
+    worth = least_worth(found.set_aside, segments)
+    return found if levels[-1] - levels[0] > worth else noise.without_set_aside
 
 
 def _fit_noise_with_columns(
     problem: Problem, system: Linear, prior: Prior, explains: NDArray[np.bool_], noise: Noise, near: bool
-) -> Noise:
-    """Noise with some columns integrated out, except those whose values would be incredible."""
+) -> tuple[Noise, NDArray[np.bool_]]:
+    """Noise with some columns integrated out, except those whose values would be incredible; and which."""
     for again in (False, True):
-        noise = fit_noise(
+        # Anew from the initial values: with incredible columns, noise without any size fits best.
+        fitted = fit_noise(
             _select_columns(system, explains), prior.select(explains), noise, problem.segments,
-            problem.quantities, near=near or again,
+            problem.quantities, near=near,
         )  # fmt: skip
-        credible = _credible(explains, system, prior, noise, problem.segments)
+        credible = _credible(explains, system, prior, fitted, problem.segments)
         if again or np.array_equal(credible, explains):
             break
         explains = credible
-    return noise
+    return fitted, explains
 
 
 def _credible(

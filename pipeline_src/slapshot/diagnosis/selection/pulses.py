@@ -1,8 +1,8 @@
 """Detection of external pushes: a constant force in every short window, compared with all others.
 
 A window's force is judged by the spread over all windows, so that permanent forces and small model errors do
-not count as pushes. A few enormous pushes are kept from the fit of everything else: the variance of the
-process force is inflated there.
+not count as pushes. A few windows with enormous pushes are set aside from the fit of everything else: they
+have a further process force.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -25,10 +25,10 @@ _ROUNDING_S = 1e-6
 _SIGNIFICANCE = 0.01  # family-wise significance level
 _MAX_PUSHES = 40  # maximum number of pushes of a joint
 # Robust standard deviations beyond which a window's force is no part of the model's error, or beyond half of
-# which that of a window inflated before is none; largest share of windows, beyond which the model is wrong
+# which that of a window set aside before is none; largest share of windows, beyond which the model is wrong
 # rather than pushed; rounds, in which the spread decreases.
-_ENORMOUS_SD, _MAX_INFLATED_SHARE, INFLATION_ROUNDS = 5.0, 0.1, 6
-# Share of the largest force in adjacent inflated windows below which the sign of a window's force is
+_ENORMOUS_SD, _MAX_SHARE_SET_ASIDE, SET_ASIDE_ROUNDS = 5.0, 0.1, 6
+# Share of the largest force in adjacent windows set aside, below which the sign of a window's force is
 # uncertain, and of the rms torque of a joint, below which what acts where it turns around may be friction.
 _STRONG = 0.25
 _TURNING = 0.1  # share of that torque by which friction errs there
@@ -91,12 +91,12 @@ def scan(
     """
     system = system.moved(values)
     near = _turning(frictional or {}, noise, segments, rig)
-    windows = _windows(system, replace(noise, inflation=near), segments, rig)
+    windows = _windows(system, replace(noise, set_aside=near), segments, rig)
     windows.observable[_overlapping(known, windows, segments)] = False
     if near is not None:
         force = np.abs(windows.score) / np.maximum(windows.information, 1e-300)
         weak = force < _STRONG * np.array([joint.torque for joint in rig.joints])
-        windows.observable[weak & _inflated_windows(near, segments)[..., None]] = False
+        windows.observable[weak & _windows_with(near, segments)[..., None]] = False
     root = np.sqrt(np.maximum(np.where(windows.observable, windows.information, np.inf), 1e-300))
     flat = root.reshape(len(root), -1)
     correlation = windows.gram / (flat[:, :, None] * flat[:, None, :])
@@ -130,7 +130,7 @@ def push_error(
 def _turning(
     frictional: Mapping[str, Array], noise: Noise, segments: Segments, rig: RigMotion
 ) -> Array | None:
-    """(S, L) factor on the variance of the process force where joints with friction turn around.
+    """(S, L) further process force where joints with friction turn around.
 
     What their friction does there, which no other window is to explain, is a share of what moves them.
     """
@@ -138,15 +138,19 @@ def _turning(
         return None
     nodes, L = window_nodes(segments), segments.shape[1]
     count = L // nodes
-    inflation = np.ones(segments.shape)
-    variance = noise.covariances(segments.interval).force
+    further = np.zeros(segments.shape)
     for joint in rig.joints:
         if joint.name in frictional:
-            share = (_TURNING * joint.torque) ** 2 / max(float(variance[joint.v]), 1e-300)
+            size = _held_force(_TURNING * joint.torque, joint.v, noise, segments)
             for s, w in np.argwhere(_near_rest(frictional[joint.name], joint.speed, nodes, count)):
                 at = _nodes_of(int(w), count, nodes, L)
-                inflation[s, at] = np.maximum(inflation[s, at], share)
-    return inflation
+                further[s, at] = np.maximum(further[s, at], size)
+    return further
+
+
+def _held_force(force: float, v: int, noise: Noise, segments: Segments) -> float:
+    """A force on a degree of freedom that is held for an interval, as a process force."""
+    return float(force / noise.torque[v] * np.sqrt(segments.interval / FORCE_HOLD_S))
 
 
 @dataclass(frozen=True)
@@ -174,10 +178,9 @@ def _windows(system: Linear, noise: Noise, segments: Segments, rig: RigMotion) -
     shape = (S, count, len(joints))
     b = np.einsum("stc,stck->sk", found.e, found.Z).reshape(shape)
     h = np.einsum("stck,stck->sk", found.Z, found.Z).reshape(shape)
-    # Windows with almost no information are not judged; where the process force is inflated, that alone makes
-    # it small.
-    inflated = _inflated_windows(noise.inflation, segments)[..., None]
-    observable = (h > 0) & (inflated | (h > 1e-3 * (np.median(h[h > 0]) if np.any(h > 0) else 0.0)))
+    # Windows with almost no information are not judged; where they are set aside, that alone makes it small.
+    set_aside = _windows_with(noise.set_aside, segments)[..., None]
+    observable = (h > 0) & (set_aside | (h > 1e-3 * (np.median(h[h > 0]) if np.any(h > 0) else 0.0)))
     return _Windows(nodes, b, h, observable, np.einsum("stck,stcl->skl", found.Z, found.Z))
 
 
@@ -205,20 +208,20 @@ def _nodes_of(window: int, count: int, nodes: int, segment: int) -> slice:
     return slice(window * nodes, (window + 1) * nodes if window < count - 1 else segment)
 
 
-def _inflated_windows(inflation: Array | None, segments: Segments) -> NDArray[np.bool_]:
-    """(S, windows) at whose first node the variance of the process force is inflated."""
+def _windows_with(further: Array | None, segments: Segments) -> NDArray[np.bool_]:
+    """(S, windows) at whose first node there is further process force."""
     (S, L), nodes = segments.shape, window_nodes(segments)
-    if inflation is None:
+    if further is None:
         return np.zeros((S, L // nodes), bool)
-    return np.asarray(inflation[:, ::nodes][:, : L // nodes] > 1)
+    return np.asarray(further[:, ::nodes][:, : L // nodes] > 0)
 
 
-def _forces_where_inflated(windows: _Windows, inflated: NDArray[np.bool_]) -> Array:
-    """(S, windows, joints) force in inflated windows, on the joint on which it stands out most."""
+def _forces_set_aside(windows: _Windows, set_aside: NDArray[np.bool_]) -> Array:
+    """(S, windows, joints) force in windows set aside, on the joint on which it stands out most."""
     information = np.where(windows.observable, windows.information, np.inf)
     strength = np.abs(windows.score) / np.sqrt(information)
     own = strength == strength.max(-1, keepdims=True)
-    force = np.where(own & inflated[..., None], windows.score / information, 0.0)
+    force = np.where(own & set_aside[..., None], windows.score / information, 0.0)
     for s, j in np.ndindex(len(force), force.shape[-1]):
         force[s, :, j] = _with_signs_of_strong(force[s, :, j])
     return force
@@ -238,10 +241,10 @@ def _with_signs_of_strong(force: Array) -> Array:
     return force
 
 
-def covariance_inflation(
+def windows_set_aside(
     system: Linear, values: Array, speed: Array, noise: Noise, segments: Segments, rig: RigMotion
 ) -> Array | None:
-    """Factor on the variance of the process force in the few windows of enormous pushes.
+    """Further process force in the few windows of enormous pushes.
 
     Where a joint stops, sets off or turns around, a push must be a quarter of what usually moves the
     joint: there the friction that a model lacks is not linear.
@@ -250,17 +253,17 @@ def covariance_inflation(
         system: with the columns of parameters and nuisance.
         values: of those columns.
         speed: (S, L, nv) of the degrees of freedom.
-        noise: of the data; may be inflated in some windows already.
+        noise: of the data; some windows may be set aside already.
         segments: data.
         rig: whose joints may be pushed.
 
     Returns:
-        (S, L), 1 elsewhere; None where there are no such pushes, or too many to be pushes.
+        (S, L), 0 elsewhere; None where there are no such pushes, or too many to be pushes.
     """
     windows = _windows(system.moved(values), noise, segments, rig)
     S, count, _ = windows.score.shape
-    inflation = np.ones(segments.shape)
-    known = _inflated_windows(noise.inflation, segments)
+    further = np.zeros(segments.shape)
+    known = _windows_with(noise.set_aside, segments)
     pushed = np.zeros((S, count), bool)
     for j, joint in enumerate(rig.joints):
         observable = windows.observable[..., j]
@@ -268,7 +271,7 @@ def covariance_inflation(
             continue
         information = np.where(observable, windows.information[..., j], np.inf)
         force = windows.score[..., j] / information
-        # In an inflated window the ratio is bounded, since its process force is as large as the push.
+        # In a window set aside the ratio is bounded, since its process force is as large as the push.
         ratio = windows.score[..., j] / np.sqrt(information)
         large = observable & np.where(
             known,
@@ -278,11 +281,19 @@ def covariance_inflation(
         near = _near_rest(speed[..., joint.v], joint.speed, windows.nodes, count)
         large &= (np.abs(force) > _STRONG * joint.torque) | ~near
         pushed |= large
-        variance = noise.covariances(segments.interval).force[joint.v]
         for s, w in np.argwhere(large):
             at = _nodes_of(int(w), count, windows.nodes, segments.shape[1])
-            inflation[s, at] = np.maximum(inflation[s, at], force[s, w] ** 2 / max(variance, 1e-300))
-    return inflation if 0 < pushed.mean() <= _MAX_INFLATED_SHARE else None
+            size = _held_force(abs(force[s, w]), joint.v, noise, segments)
+            further[s, at] = np.maximum(further[s, at], size)
+    return further if 0 < pushed.mean() <= _MAX_SHARE_SET_ASIDE else None
+
+
+def least_worth(set_aside: Array | None, segments: Segments) -> float:
+    """Nats that windows set aside must gain, since each could have been any; 0 for none."""
+    if set_aside is None:
+        return 0.0
+    nodes = window_nodes(segments)
+    return float(np.sum(set_aside > 0) / nodes * np.log(set_aside.size / nodes))
 
 
 def _near_rest(speed: Array, usual: float, nodes: int, count: int) -> NDArray[np.bool_]:
@@ -320,10 +331,10 @@ def pushes(found: Scan, segments: Segments, rig: RigMotion) -> Sequence[tuple[Ex
     return effects
 
 
-def pushes_where_inflated(
+def pushes_set_aside(
     system: Linear, noise: Noise, segments: Segments, rig: RigMotion, known: Sequence[Pulse]
 ) -> Sequence[ExternalPulse]:
-    """The pushes in the windows where the process force is inflated, one effect for each joint.
+    """The pushes in the windows that are set aside, one effect for each joint.
 
     Args:
         system: about the fitted trajectory.
@@ -332,10 +343,10 @@ def pushes_where_inflated(
         rig: whose joints may be pushed.
         known: pushes in the hypothesis, whose windows are not judged again.
     """
-    if noise.inflation is None:
+    if noise.set_aside is None:
         return []
     windows = _windows(system, noise, segments, rig)
-    force = _forces_where_inflated(windows, _inflated_windows(noise.inflation, segments))
+    force = _forces_set_aside(windows, _windows_with(noise.set_aside, segments))
     force[_overlapping(known, windows, segments)] = 0
     return [
         ExternalPulse(

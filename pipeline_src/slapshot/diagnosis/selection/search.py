@@ -16,16 +16,17 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Linear, innovations
 from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.fit.law_error import LOW_SPEED
-from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, fit_process_force
+from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, Noise, fit_process_force, posterior_means
 from slapshot.diagnosis.inference.mismatch_test import gains, overdispersion, scores
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.selection.free_forms import is_free
 from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score, is_incredible
 from slapshot.diagnosis.selection.pulses import (
-    covariance_inflation,
+    least_worth,
     pushes,
-    pushes_where_inflated,
+    pushes_set_aside,
     window_nodes,
+    windows_set_aside,
 )
 from slapshot.diagnosis.selection.steps import (
     P_VALUE,
@@ -76,9 +77,9 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     if _set_aside(steps[-1]) and not any(isinstance(step.added, ExternalPulse) for step in steps):
         report("what was set aside is no push: on with it")
         if len(steps) == 1:
-            steps = [nominal_step(problem, free, rng, may_inflate=False)]
+            steps = [nominal_step(problem, free, rng, may_set_aside=False)]
         else:
-            steps[-1] = _with_all_windows(steps[-1], rng)
+            steps[-1] = _with_windows(steps[-1], None, rng)
         steps, later = _forward_search(steps, rng, report)
         by_laws = later or by_laws
     final = _backward_elimination(steps[-1], free, rng, report)
@@ -98,9 +99,9 @@ def _forward_search(
     steps, by_laws = list(steps), list[Step]()
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MAX_EFFECTS:
         try:
-            before = steps[-1]
-            step = _forward_step(before, rng, report)
-            more = _pair_step(before, step, rng, report) or ([] if step is None else [step])
+            single = _forward_step(steps[-1], rng, report)
+            before, more = _pair_step(steps[-1], single, rng, report)
+            steps[-1], more = before, more or ([] if single is None else [single])
             law = more[-1] if more else before
             split = any(effect.hidden_state for effect in before.hypothesis.effects)
             if len(steps) <= _STRUCTURE_STEPS and not split and _much_is_left(law):
@@ -119,16 +120,25 @@ def _forward_search(
     return steps, by_laws
 
 
-def _with_all_windows(step: Step, rng: np.random.Generator) -> Step:
-    """The step fitted to all windows alike."""
-    fit, noise = step.scored.fit, step.scored.noise.without_inflation
-    scored = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=False)
+def _pushed_windows(problem: Problem, fit: Fit, noise: Noise) -> Array | None:
+    """(S, L) further process force in the windows that stand out from a fit; None without any."""
+    system, prior = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
+    seen = innovations(system, noise.covariances(problem.segments.interval))
+    values, speed = posterior_means(seen, prior.at(noise)), problem.speed(fit.trajectory)
+    return windows_set_aside(system, values, speed, noise, problem.segments, problem.rig_motion)
+
+
+def _with_windows(step: Step, set_aside: Array | None, rng: np.random.Generator) -> Step:
+    """The step fitted with windows set aside; None for none."""
+    fit, noise = step.scored.fit, replace(step.scored.noise, set_aside=set_aside)
+    near = set_aside is not None
+    scored = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=near)
     return replace(step, scored=scored, test=test_of(scored, rng))
 
 
 def _set_aside(step: Step) -> bool:
     """Whether there are windows with a larger process force of their own."""
-    return step.scored.noise.inflation is not None
+    return step.scored.noise.set_aside is not None
 
 
 def _much_is_left(step: Step) -> bool:
@@ -186,14 +196,11 @@ def _push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | N
     if best is None or best.gain < least_gain(step.scored):
         return None
     # From here only what a constant push leaves is set aside.
-    fit = best.fit
-    system, _ = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    none, speed = np.zeros(system.W.shape[-1]), problem.speed(fit.trajectory)
-    noise = step.scored.residual_noise
-    inflation = covariance_inflation(system, none, speed, noise, problem.segments, problem.rig_motion)
-    if inflation is not None and noise.inflation is not None:
-        inflation = np.where(noise.inflation > 1, inflation, 1.0)
-    step = replace(step, scored=replace(step.scored, noise=replace(step.scored.noise, inflation=inflation)))
+    fit, noise = best.fit, step.scored.residual_noise
+    windows = _pushed_windows(problem, fit, noise)
+    if windows is not None and noise.set_aside is not None:
+        windows = np.where(noise.set_aside > 0, windows, 0.0)
+    step = replace(step, scored=replace(step.scored, noise=replace(step.scored.noise, set_aside=windows)))
     return step_to(step, fit, best.effect, best.gain, rivals, rng)
 
 
@@ -236,8 +243,8 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
     """Pushes of each joint in the windows that were set aside, compared with one process force everywhere."""
     problem, noise = step.problem, step.scored.residual_noise
     known = [pulse for e in step.hypothesis.effects if isinstance(e, ExternalPulse) for pulse in e.pulses]
-    found = pushes_where_inflated(system, noise, problem.segments, problem.rig_motion, known)
-    level = _evidence_without_inflation(step) if found else 0.0
+    found = pushes_set_aside(system, noise, problem.segments, problem.rig_motion, known)
+    level = _evidence_without_set_aside(step) if found else 0.0
     rivals: list[Rival] = []
     for push in found:
         refitted = _refitted_push(step, push)
@@ -263,49 +270,91 @@ def _largest_push(step: Step, part: str) -> float:
     return max(of_joint, default=0.0)
 
 
-def _evidence_without_inflation(step: Step) -> float:
+def _evidence_without_set_aside(step: Step) -> float:
     """Evidence of the step's fit under one process force everywhere."""
     fit, noise, interval = step.scored.fit, step.scored.residual_noise, step.problem.segments.interval
-    if noise.inflation is None:
+    if noise.set_aside is None:
         return fit.log_evidence
     system, prior = step.problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    noise = fit_process_force(system, prior, noise.without_inflation, interval)
+    noise = fit_process_force(system, prior, noise.without_set_aside, interval)
     return step.problem.fitter.fit(
         fit.hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system
     ).log_evidence
 
 
-def _pair_step(before: Step, single: Step | None, rng: np.random.Generator, report: Report) -> list[Step]:
+def _pair_step(
+    before: Step, single: Step | None, rng: np.random.Generator, report: Report
+) -> tuple[Step, list[Step]]:
     """Two steps that add a pair of effects, where it explains far more than the best effect alone; else none.
 
     One of two large missing forces, fitted alone, takes the values that explain most of both: the other then
     seems useless, and a third that corrects the first is found in its place.
+
+    Returns:
+        The step before, with those windows set aside that stand out from the pair, and the two.
     """
-    level, alone = before.scored.fit.log_evidence, 0.0 if single is None else single.gain
-    found: list[tuple[_Pair, Rival]] = []
+    problem, alone = before.problem, 0.0 if single is None else single.gain
+    level = before.scored.fit.log_evidence - least_worth(before.scored.noise.set_aside, problem.segments)
+    found: list[tuple[_Pair, Rival, Noise]] = []
     for pair in _promising_pairs(before.scored):
-        fit = _refit_pair(before, pair)
-        rival = Rival(pair.second, fit.log_evidence - level, fit)
+        fit, noise = _refit_pair(before, pair)
+        gain = fit.log_evidence - least_worth(noise.set_aside, problem.segments) - level
+        rival = Rival(pair.second, gain, fit)
         report(f"refitted {pair.first.key} with {pair.second.key}: {rival.gain:+.1f} nats")
         if fit.moved < _MAX_MOVED_SD:
-            found.append((pair, rival))
+            found.append((pair, rival, noise))
     found.sort(key=lambda one: -one[1].gain)
     if not found or found[0][1].gain < alone + least_gain(before.scored):
-        return []
-    first = found[0][0].first
-    tied = found[0][1].gain - max(least_gain(before.scored), _REFIT_MARGIN * found[0][1].gain)
-    best = _simplest(before, [rival for pair, rival in found if pair.first is first and rival.gain > tied])
+        return before, []
+    windows = found[0][2].set_aside
+    if windows is not None:
+        before = _with_windows(before, windows, rng)
+        level = before.scored.fit.log_evidence
+    first, best = _simplest_pair(before, [(pair, rival) for pair, rival, _ in found], found[0][2])
     only = refit(before, first, best.fit.theta[best.fit.hypothesis.slices[-2]])
     gain = only.log_evidence - level
     step = step_to(before, only, first, gain, [Rival(first, gain, only)], rng)
     both = step_to(before, best.fit, best.effect, best.gain, [best], rng)
     # By itself the first one gains with a process force that makes up for the other: both under one noise.
     noise = both.scored.residual_noise
-    without = before.problem.fitter.fit(step.hypothesis, only.theta, only.trajectory, noise)
+    without = problem.fitter.fit(step.hypothesis, only.theta, only.trajectory, noise)
     second = max(both.scored.fit.log_evidence - without.log_evidence, best.gain - gain)
     if np.isfinite(second):
         both = replace(both, gain=second, rivals=(replace(best, gain=second),))
-    return [step, both]
+    return before, [step, both]
+
+
+def _simplest_pair(
+    before: Step, found: Sequence[tuple["_Pair", Rival]], noise: Noise
+) -> tuple[JointEffect, Rival]:
+    """The best pair of some, best first, or a simpler one: its first effect, and the second as a rival.
+
+    Those that have an effect in common with the best one are fitted under its noise, about its trajectory: by
+    itself each may have stopped on the way.
+    """
+    problem, (best, rival) = before.problem, found[0]
+
+    def refitted(pair: _Pair, fit: Fit, common: JointEffect) -> Rival:
+        effect = pair.second if pair.first is common else pair.first
+        hypothesis = before.hypothesis.with_effect(common).with_effect(effect)
+        own = dict(zip((e.key for e in fit.hypothesis.effects), fit.hypothesis.slices, strict=True))
+        theta = np.concatenate([fit.theta[own[e.key]] for e in hypothesis.effects])
+        again = problem.fitter.fit(hypothesis, theta, rival.fit.trajectory, noise)
+        if again.log_evidence < fit.log_evidence and hypothesis == fit.hypothesis:
+            again = fit
+        return Rival(effect, again.log_evidence - before.scored.fit.log_evidence, again)
+
+    for common in (best.first, best.second):
+        others = [(pair, other) for pair, other in found[1:] if common in (pair.first, pair.second)]
+        if not others:
+            continue
+        whole = refitted(best, rival.fit, common)
+        rivals = [refitted(pair, other.fit, common) for pair, other in others]
+        tied = [one for one in rivals if one.gain > whole.gain - least_gain(before.scored)]
+        simplest = _simplest(before, [whole, *tied])
+        if simplest is not whole:
+            return common, simplest
+    return best.first, rival
 
 
 @dataclass(frozen=True)
@@ -355,15 +404,31 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
     return found
 
 
-def _refit_pair(before: Step, pair: _Pair) -> Fit:
-    fit = before.scored.fit
-    with_first = replace(
-        fit,
-        hypothesis=fit.hypothesis.with_effect(pair.first),
-        theta=np.concatenate([fit.theta, pair.first_values]),
-    )
-    known = replace(before, scored=replace(before.scored, fit=with_first))
-    return refit(known, pair.second, pair.second_values, noises=_PAIR_NOISES)
+def _refit_pair(before: Step, pair: _Pair) -> tuple[Fit, Noise]:
+    """The step's hypothesis with a pair, and its noise.
+
+    Where windows are set aside, laws that explain most of what was left tell better which ones are pushed.
+    """
+    problem, scored = before.problem, before.scored
+    fitter, interval, noise = problem.fitter, problem.segments.interval, scored.residual_noise
+    hypothesis = scored.fit.hypothesis.with_effect(pair.first).with_effect(pair.second)
+    theta = np.concatenate([scored.fit.theta, pair.first_values, pair.second_values])
+    fit = fitter.fit(hypothesis, theta, scored.fit.trajectory, noise, known=scored.system)
+    level = -np.inf
+    for _ in range(_PAIR_NOISES):
+        if not np.isfinite(fit.log_evidence) or has_no_effect(pair.second, fit):
+            break
+        system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
+        own = fit_process_force(system, prior, noise, interval)
+        if _set_aside(before):
+            windows = _pushed_windows(problem, fit, own)
+            own = replace(own, set_aside=own.set_aside if windows is None else windows)
+        again = fitter.fit(hypothesis, fit.theta, fit.trajectory, own, known=system)
+        gain = again.log_evidence - least_worth(own.set_aside, problem.segments)
+        if gain <= level:
+            break
+        fit, noise, level = again, own, gain
+    return fit, noise
 
 
 def _overdispersion(step: Step, rival: Rival) -> float:
@@ -472,7 +537,7 @@ def _backward_elimination(
     while True:
         fit = step.scored.fit
         effects = fit.hypothesis.effects
-        pushed = step.scored.residual_noise.inflation is not None
+        pushed = step.scored.residual_noise.set_aside is not None
         removable = [
             i for i, e in enumerate(effects)
             if e.key not in kept_for_good and not e.hidden_state

@@ -115,20 +115,22 @@ class Search:
 
 
 def nominal_step(
-    problem: Problem, free: Sequence[JointEffect], rng: np.random.Generator, may_inflate: bool = True
+    problem: Problem, free: Sequence[JointEffect], rng: np.random.Generator, may_set_aside: bool = True
 ) -> Step:
     """The nominal rig with its free parameters, fitted and tested."""
     base = problem.base(free)
     problem, fit, noise = initial_fit(problem, base)
     scored = fit_and_score(
-        problem, base, fit.theta, fit.trajectory, noise, near=False, may_inflate=may_inflate
+        problem, base, fit.theta, fit.trajectory, noise, near=False, may_set_aside=may_set_aside
     )
     if scored.noise.law_error <= _LARGE_LAW_ERROR:
         return Step(problem, scored, test_of(scored, rng))
     fine = problem.along(scored.fit.trajectory, fine=True)
+    # With all shapes, errors of laws explain parts of pushes: windows that were set aside stay.
     scored = fit_and_score(
-        fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise, may_inflate=may_inflate
-    )
+        fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise,
+        may_set_aside=may_set_aside and scored.noise.set_aside is None,
+    )  # fmt: skip
     step = Step(fine, scored, test_of(scored, rng))
     if step.test.p_value >= P_VALUE:
         return step
