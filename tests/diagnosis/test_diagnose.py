@@ -1,5 +1,6 @@
 """Which effects of a search keep their names."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -42,7 +43,7 @@ def test_effects_that_do_not_make_held_out_windows_more_likely_are_dropped(monke
     notes: list[str] = []
     found = searched(rig, effects)
     predictions(monkeypatch, likelihoods)
-    cut, by_model = diagnose._predict_models(found, None, None, notes.append)
+    cut, by_model = diagnose._predict_models(found, None, None, 0, notes.append)
     assert list(cut.named) == effects[:kept]
     assert by_model[2].hypothesis.effects == tuple(effects[:kept])
     assert len(notes) == 3 - kept
@@ -52,7 +53,7 @@ def test_an_effect_that_makes_errors_larger_is_dropped_though_windows_are_more_l
     rig, _, of, _ = arm_situation(20)
     effects = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
     predictions(monkeypatch, [0.0, 50.0, 60.0], clumsy=2)
-    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, lambda text: None)
+    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, 0, lambda text: None)
     assert list(cut.named) == effects[:1]
 
 
@@ -91,7 +92,7 @@ def test_an_effect_that_no_held_out_window_shows_stays(monkeypatch, apart, kept)
     rig, _, of, _ = arm_situation(20)
     effects = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
     predictions(monkeypatch, [0.0, 50.0, 49.0], apart=apart)
-    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, lambda text: None)
+    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, 0, lambda text: None)
     assert list(cut.named) == effects[:kept]
 
 
@@ -100,7 +101,7 @@ def test_a_push_needs_no_held_out_window_to_show_it(monkeypatch):
     push = ExternalPulse(of.joints[0], [Pulse(0, 0.0, 0.1, 0.2)])
     effects = [next(iter(ViscousFriction.instances(of))), push]
     predictions(monkeypatch, [0.0, 50.0, 49.0])
-    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, lambda text: None)
+    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, 0, lambda text: None)
     assert list(cut.named) == effects
 
 
@@ -110,14 +111,32 @@ def test_a_push_after_a_law_that_does_not_hold_saves_it_not(monkeypatch):
     laws = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
     notes: list[str] = []
     predictions(monkeypatch, [0.0, 50.0, 40.0, 60.0])
-    cut, _ = diagnose._predict_models(searched(rig, [*laws, push]), None, None, notes.append)
+    monkeypatch.setattr(diagnose, "with_pushes", lambda found, seed, report: found)
+    cut, _ = diagnose._predict_models(searched(rig, [*laws, push]), None, None, 0, notes.append)
     assert list(cut.named) == laws[:1]
     assert notes == [f"dropped {laws[1].key}, {push.key}: it does not predict held-out windows better"]
     assert cut.dropped == (laws[1], push)
     assert push.variant in diagnose._unknown(cut.final, 0.001, cut.dropped)
     predictions(monkeypatch, [0.0, 50.0])
-    cut, _ = diagnose._predict_models(searched(rig, [push]), None, None, notes.append)
+    cut, _ = diagnose._predict_models(searched(rig, [push]), None, None, 0, notes.append)
     assert list(cut.named) == [push]
+
+
+def test_pushes_that_went_with_a_law_are_looked_for_again(monkeypatch):
+    rig, _, of, _ = arm_situation(20)
+    push = ExternalPulse(of.joints[0], [Pulse(0, 0.0, 0.1, 0.2)])
+    laws = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
+    predictions(monkeypatch, [0.0, 50.0, 40.0, 60.0, 70.0])
+
+    def with_pushes(found: Search, seed: int, report: Callable[[str], None]) -> Search:
+        assert list(found.named) == laws[:1]
+        return replace(searched(rig, [laws[0], push]), dropped=(laws[1],))
+
+    monkeypatch.setattr(diagnose, "with_pushes", with_pushes)
+    cut, by_model = diagnose._predict_models(searched(rig, [*laws, push]), None, None, 0, lambda text: None)
+    assert list(cut.named) == [laws[0], push]
+    assert by_model[2].hypothesis.effects == cut.named
+    assert cut.dropped == (laws[1],)
 
 
 @pytest.mark.parametrize(("likelihood", "laws"), [(-5.0, True), (5.0, False)])
@@ -128,7 +147,7 @@ def test_laws_stand_in_for_a_hidden_state_that_does_not_predict_better(monkeypat
     )
     found = replace(searched(rig, [hidden]), by_laws=searched(rig, [law, other]).steps)
     predictions(monkeypatch, [0.0, likelihood, 50.0])
-    cut, by_model = diagnose._predict_models(found, None, None, lambda text: None)
+    cut, by_model = diagnose._predict_models(found, None, None, 0, lambda text: None)
     assert list(cut.named) == ([law, other] if laws else [hidden])
     assert by_model[2].hypothesis.effects == cut.named
 

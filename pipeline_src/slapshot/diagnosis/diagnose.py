@@ -23,7 +23,7 @@ from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.diagnosis.selection.free_forms import is_free
 from slapshot.diagnosis.selection.problem import Problem
-from slapshot.diagnosis.selection.search import search
+from slapshot.diagnosis.selection.search import search, with_pushes
 from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS, P_VALUE, Search, Step
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
@@ -160,7 +160,7 @@ def _diagnosis(
     if not windows.shape[0]:
         reason = "no held-out part is long enough to predict its second half; record longer episodes"
         return Diagnosis(_undecided(recording, rig, notes, reason, began), rig)
-    found, by_model = _predict_models(found, problem, windows, report)
+    found, by_model = _predict_models(found, problem, windows, seed, report)
     pushed = _held_out_pushes(found.final, problem, segments, held)
     notes += [str(push) for push in pushed]
     verdict = _verdict(recording, rig, found, windows, by_model, segments, held, notes, pushed, seed, began)
@@ -265,11 +265,12 @@ def _windows(recording: SignalRecording, rig: Rig, segments: Segments, held: NDA
 
 
 def _predict_models(
-    found: Search, problem: Problem, windows: Segments, report: Callable[[str], None]
+    found: Search, problem: Problem, windows: Segments, seed: int, report: Callable[[str], None]
 ) -> tuple[Search, tuple[Prediction, Prediction, Prediction]]:
     """Predictions of the nominal, refitted and augmented model, each with its own noise.
 
-    The search is truncated after the last step whose effect improves held-out predictions.
+    The search is truncated after the last step whose effect improves held-out predictions; pushes that came
+    after it are looked for again.
     """
 
     def predicted(step: Step, theta: Array, fitted: bool = True) -> Prediction:
@@ -295,6 +296,10 @@ def _predict_models(
         dropped = [effect for effect in found.since(step.added) if effect.key in named]
         report(f"dropped {', '.join(e.key for e in dropped)}: it does not predict held-out windows better")
         found, last = replace(less, dropped=(*dropped, *found.dropped)), before
+    if any(isinstance(effect, ExternalPulse) for effect in found.dropped):
+        again = with_pushes(found, seed, report)
+        if again is not found:
+            found, last = again, predicted(again.final, again.final.scored.fit.theta)
     hidden = any(effect.hidden_state for effect in found.named)
     if hidden and found.by_laws and not _improves(refitted, last):
         report("the hidden state does not predict held-out windows better: laws instead")

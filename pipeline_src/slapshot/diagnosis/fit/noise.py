@@ -344,7 +344,9 @@ def fit_noise(
     return replace(final_noise(*without), jitter_s=0.0)
 
 
-def fit_process_force(system: Linear, prior: Prior, noise: Noise, interval: float) -> Noise:
+def fit_process_force(
+    system: Linear, prior: Prior, noise: Noise, interval: float, largest_law_error: float = LARGEST_LAW_ERROR
+) -> Noise:
     """Fit the process force and law errors that a hypothesis leaves, at fixed noise of the readings.
 
     A missing effect does not change the noise of the readings, but leaves unmodelled forces.
@@ -354,13 +356,14 @@ def fit_process_force(system: Linear, prior: Prior, noise: Noise, interval: floa
         prior: of its columns.
         noise: of the readings; where the search begins.
         interval: s between nodes.
+        largest_law_error: of both kinds.
     """
 
     def of(values: Array, noise: Noise) -> Noise:
         law, added, force = (float(size) for size in np.exp(values[[0, 1, 3]]))
         return replace(noise, law_error=law, added_error=added, force=force)
 
-    least, most = np.log(1e-4), np.log(LARGEST_LAW_ERROR)
+    least, most = np.log(1e-4), np.log(largest_law_error)
     limits = [
         (least, most) if np.any(prior.kind == kind) else (np.log(size),) * 2
         for kind, size in ((NOMINAL, noise.law_error), (ADDED, noise.added_error))

@@ -48,8 +48,9 @@ from slapshot.effects.joints.external_pulse import ExternalPulse
 
 MAX_EFFECTS = 5
 MAX_REFITS = 6  # candidates refitted in a step
-# Pairs refitted in a step; refits of their process force; last movement of one that is believed.
-_MAX_PAIRS, _PAIR_NOISES, _MAX_MOVED_SD = 4, 3, 3.0
+# Pairs refitted in a step; last movement of one that is believed; largest law errors in fits of its noise.
+_MAX_PAIRS, _MAX_MOVED_SD = 4, 3.0
+_PAIR_LAW_ERRORS = (0.01, 0.01, *(LARGEST_LAW_ERROR,) * 3)
 _PRESELECTION_NODES, _PRESELECTION_ROUNDS = 2000, 4  # of a preliminary refit
 _REFIT_MARGIN, _REFIT_MARGIN_NATS = (
     0.02,
@@ -118,6 +119,23 @@ def _forward_search(
     while _set_aside(steps[-1]) and (pushed := _push_step(steps[-1], rng, report)) is not None:
         steps.append(pushed)
     return steps, by_laws
+
+
+def with_pushes(found: Search, seed: int, report: Report) -> Search:
+    """The search with pushes anew, where others went with a law before them."""
+    rng = np.random.default_rng([seed, 2])
+    step, steps = found.final, list[Step]()
+    if _set_aside(step):
+        while (pushed := _push_step(step, rng, report)) is not None:
+            steps.append(step := pushed)
+    elif rivals := _refitted_pushes(step, 0.0, report):
+        best = max(rivals, key=lambda rival: rival.gain)
+        if best.gain > least_gain(step.scored):
+            steps.append(step_to(step, best.fit, best.effect, best.gain, rivals, rng))
+    if not steps:
+        return found
+    dropped = tuple(effect for effect in found.dropped if not isinstance(effect, ExternalPulse))
+    return replace(found, steps=(*found.steps, *steps), dropped=dropped)
 
 
 def _pushed_windows(problem: Problem, fit: Fit, noise: Noise) -> Array | None:
@@ -407,28 +425,30 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
 def _refit_pair(before: Step, pair: _Pair) -> tuple[Fit, Noise]:
     """The step's hypothesis with a pair, and its noise.
 
-    Where windows are set aside, laws that explain most of what was left tell better which ones are pushed.
+    At first laws hardly err: with large errors wrong values explain as much as right ones, and stay. Where
+    windows are set aside, laws that explain most of what was left tell better which ones are pushed.
     """
     problem, scored = before.problem, before.scored
     fitter, interval, noise = problem.fitter, problem.segments.interval, scored.residual_noise
     hypothesis = scored.fit.hypothesis.with_effect(pair.first).with_effect(pair.second)
     theta = np.concatenate([scored.fit.theta, pair.first_values, pair.second_values])
     fit = fitter.fit(hypothesis, theta, scored.fit.trajectory, noise, known=scored.system)
-    level = -np.inf
-    for _ in range(_PAIR_NOISES):
+    best, level = (fit, noise), -np.inf
+    for largest in _PAIR_LAW_ERRORS:
         if not np.isfinite(fit.log_evidence) or has_no_effect(pair.second, fit):
             break
         system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
-        own = fit_process_force(system, prior, noise, interval)
+        noise = fit_process_force(system, prior, noise, interval, largest)
         if _set_aside(before):
-            windows = _pushed_windows(problem, fit, own)
-            own = replace(own, set_aside=own.set_aside if windows is None else windows)
-        again = fitter.fit(hypothesis, fit.theta, fit.trajectory, own, known=system)
-        gain = again.log_evidence - least_worth(own.set_aside, problem.segments)
-        if gain <= level:
+            windows = _pushed_windows(problem, fit, noise)
+            noise = replace(noise, set_aside=noise.set_aside if windows is None else windows)
+        fit = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, known=system)
+        gain = fit.log_evidence - least_worth(noise.set_aside, problem.segments)
+        if gain > level:
+            best, level = (fit, noise), gain
+        elif largest == LARGEST_LAW_ERROR:
             break
-        fit, noise, level = again, own, gain
-    return fit, noise
+    return best
 
 
 def _overdispersion(step: Step, rival: Rival) -> float:

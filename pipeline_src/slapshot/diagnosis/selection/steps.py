@@ -162,7 +162,7 @@ def least_gain(scored: ScoredFit) -> float:
     return float(np.log(len(scored.effects))) + EQUIVALENCE_NATS
 
 
-def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8, noises: int = 1) -> Fit:
+def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8) -> Fit:
     """Refit the step's hypothesis with one more effect, under its own process force.
 
     The first fit uses the process force without the effect, which absorbs part of it.
@@ -172,7 +172,6 @@ def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8, noises
         effect: to add.
         start: its first values.
         rounds: of the first fit.
-        noises: how often the process force may be refitted, as long as that gains.
     """
     scored, fitter = step.scored, step.problem.fitter
     hypothesis = scored.fit.hypothesis.with_effect(effect)
@@ -182,14 +181,10 @@ def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8, noises
     )
     if not np.isfinite(fit.log_evidence) or has_no_effect(effect, fit):
         return fit
-    for _ in range(noises):
-        system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
-        own = fit_process_force(system, prior, scored.residual_noise, step.problem.segments.interval)
-        again = fitter.fit(hypothesis, fit.theta, fit.trajectory, own, _SECOND_ROUNDS, known=system)
-        if again.log_evidence <= fit.log_evidence:
-            break
-        fit = again
-    return fit
+    system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
+    own = fit_process_force(system, prior, scored.residual_noise, step.problem.segments.interval)
+    again = fitter.fit(hypothesis, fit.theta, fit.trajectory, own, _SECOND_ROUNDS, known=system)
+    return again if again.log_evidence > fit.log_evidence else fit
 
 
 def one_step_values(scored: ScoredFit, index: int, values: Array) -> Array:
