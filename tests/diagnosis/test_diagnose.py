@@ -139,6 +139,19 @@ def test_pushes_that_went_with_a_law_are_looked_for_again(monkeypatch):
     assert cut.dropped == (laws[1],)
 
 
+def test_a_law_that_was_removed_takes_no_push_along(monkeypatch):
+    rig, _, of, _ = arm_situation(20)
+    push = ExternalPulse(of.joints[0], [Pulse(0, 0.0, 0.1, 0.2)])
+    laws = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
+    found = searched(rig, [*laws, push])
+    without = searched(rig, [laws[0], push]).final
+    predictions(monkeypatch, [0.0, 50.0, 40.0, 60.0])
+    found = replace(found, steps=(*found.steps, without))
+    cut, _ = diagnose._predict_models(found, None, None, 0, lambda text: None)
+    assert list(cut.named) == [laws[0], push]
+    assert not cut.dropped
+
+
 @pytest.mark.parametrize(("likelihood", "laws"), [(-5.0, True), (5.0, False)])
 def test_laws_stand_in_for_a_hidden_state_that_does_not_predict_better(monkeypatch, likelihood, laws):
     rig, _, of, _ = arm_situation(20)

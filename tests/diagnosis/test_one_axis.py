@@ -13,9 +13,10 @@ from mujoco import MjSpec
 from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection.pair_search import pair_step
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.pulses import WINDOW_S
-from slapshot.diagnosis.selection.search import _forward_step, _pair_step
+from slapshot.diagnosis.selection.search import _forward_step
 from slapshot.diagnosis.selection.steps import Step, nominal_step
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.effects.joints.external_pulse import ExternalPulse
@@ -118,7 +119,7 @@ def nominal(coulomb: float, seed: int = 3, **world: Any) -> Step:
 
 def test_two_large_frictions_are_found_at_once():
     step = nominal(COULOMB)
-    _, (first, second) = _pair_step(step, None, np.random.default_rng(2), lambda text: None)
+    _, (first, second) = pair_step(step, None, np.random.default_rng(2), lambda text: None)
     assert first.added is not None
     assert second.added is not None
     assert {first.added.name, second.added.name} == {"viscous_friction", "coulomb_friction"}
@@ -132,7 +133,7 @@ def test_laws_tell_which_windows_are_pushed():
     """Without laws a friction that sets in stands out beside the push, and spoils both estimates."""
     begin, end = 4.4, 4.8
     step = nominal(COULOMB, 5, step=0.002, push=(begin, end, -1.2 * COULOMB))
-    before, (_, both) = _pair_step(step, None, np.random.default_rng(2), lambda text: None)
+    before, (_, both) = pair_step(step, None, np.random.default_rng(2), lambda text: None)
     windows = [of.scored.noise.set_aside for of in (step, before)]
     assert windows[0] is not None
     assert windows[1] is not None
@@ -150,7 +151,7 @@ def test_where_one_friction_explains_all_there_is_no_pair():
     assert single is not None
     assert single.added is not None
     assert single.added.name == "viscous_friction"
-    _, pair = _pair_step(step, single, np.random.default_rng(2), lambda text: None)
+    _, pair = pair_step(step, single, np.random.default_rng(2), lambda text: None)
     assert not pair
 
 

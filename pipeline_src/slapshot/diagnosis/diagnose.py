@@ -23,7 +23,8 @@ from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.diagnosis.selection.free_forms import is_free
 from slapshot.diagnosis.selection.problem import Problem
-from slapshot.diagnosis.selection.search import search, with_pushes
+from slapshot.diagnosis.selection.push_search import with_pushes
+from slapshot.diagnosis.selection.search import search
 from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS, P_VALUE, Search, Step
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
@@ -284,7 +285,9 @@ def _predict_models(
     last = refitted if len(found.steps) == 1 else predicted(found.final, found.final.scored.fit.theta)
     while len(found.named) > 1:
         # A push is a single event that held-out data cannot confirm: it is dropped only with a law before it.
-        step = next((s for s in reversed(found.steps) if not isinstance(s.added, ExternalPulse)), first)
+        laws = {effect.key for effect in found.named if not isinstance(effect, ExternalPulse)}
+        of_laws = [step for step in found.steps if step.added is not None and step.added.key in laws]
+        step = of_laws[-1] if of_laws else first
         if step is first or found.before(step.added).final is first:
             break
         less = found.before(step.added)

@@ -1,0 +1,185 @@
+"""Steps that add a pair of effects at once.
+
+One of two large missing forces, fitted alone, takes the values that explain most of both: the other then
+seems useless, and a third that corrects the first is found in its place.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from slapshot.arrays import Array
+from slapshot.diagnosis.fit.fit import Fit
+from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, Noise, fit_process_force
+from slapshot.diagnosis.inference.mismatch_test import gains
+from slapshot.diagnosis.selection.free_forms import is_free
+from slapshot.diagnosis.selection.problem import ScoredFit, is_incredible
+from slapshot.diagnosis.selection.pulses import least_worth
+from slapshot.diagnosis.selection.push_search import has_windows_set_aside, pushed_windows, with_windows
+from slapshot.diagnosis.selection.simplest import simplest
+from slapshot.diagnosis.selection.steps import (
+    REFIT_MARGIN,
+    Report,
+    Rival,
+    Step,
+    has_no_effect,
+    least_gain,
+    one_step_values,
+    refit,
+    step_to,
+)
+from slapshot.effects.joints.effect import JointEffect, overrides
+
+# Pairs refitted in a step; last movement of one that is believed; largest law errors in fits of its noise.
+_MAX_PAIRS, _MAX_MOVED_SD = 4, 3.0
+_PAIR_LAW_ERRORS = (0.01, 0.01, *(LARGEST_LAW_ERROR,) * 3)
+
+
+def pair_step(
+    before: Step, single: Step | None, rng: np.random.Generator, report: Report
+) -> tuple[Step, list[Step]]:
+    """Two steps that add a pair of effects, where it explains far more than the best effect alone; else none.
+
+    Returns:
+        The step before, with those windows set aside that stand out from the pair, and the two.
+    """
+    problem, alone = before.problem, 0.0 if single is None else single.gain
+    level = before.scored.fit.log_evidence - least_worth(before.scored.noise.set_aside, problem.segments)
+    found: list[tuple[_Pair, Rival, Noise]] = []
+    for pair in _promising_pairs(before.scored):
+        fit, noise = _refit_pair(before, pair)
+        gain = fit.log_evidence - least_worth(noise.set_aside, problem.segments) - level
+        rival = Rival(pair.second, gain, fit)
+        report(f"refitted {pair.first.key} with {pair.second.key}: {rival.gain:+.1f} nats")
+        if fit.moved < _MAX_MOVED_SD:
+            found.append((pair, rival, noise))
+    found.sort(key=lambda one: -one[1].gain)
+    if not found or found[0][1].gain < alone + least_gain(before.scored):
+        return before, []
+    windows = found[0][2].set_aside
+    if windows is not None:
+        before = with_windows(before, windows, rng)
+        level = before.scored.fit.log_evidence
+    first, best = _simplest_pair(before, [(pair, rival) for pair, rival, _ in found], found[0][2])
+    only = refit(before, first, best.fit.theta[best.fit.hypothesis.slices[-2]])
+    gain = only.log_evidence - level
+    step = step_to(before, only, first, gain, [Rival(first, gain, only)], rng)
+    both = step_to(before, best.fit, best.effect, best.gain, [best], rng)
+    # By itself the first one gains with a process force that makes up for the other: both under one noise.
+    noise = both.scored.residual_noise
+    without = problem.fitter.fit(step.hypothesis, only.theta, only.trajectory, noise)
+    second = max(both.scored.fit.log_evidence - without.log_evidence, best.gain - gain)
+    if np.isfinite(second):
+        both = replace(both, gain=second, rivals=(replace(best, gain=second),))
+    return before, [step, both]
+
+
+def _simplest_pair(
+    before: Step, found: Sequence[tuple["_Pair", Rival]], noise: Noise
+) -> tuple[JointEffect, Rival]:
+    """The best pair of some, best first, or a simpler one: its first effect, and the second as a rival.
+
+    Those that have an effect in common with the best one are fitted under its noise, about its trajectory: by
+    itself each may have stopped on the way.
+    """
+    problem, (best, rival) = before.problem, found[0]
+
+    def refitted(pair: _Pair, fit: Fit, common: JointEffect) -> Rival:
+        effect = pair.second if pair.first is common else pair.first
+        hypothesis = before.hypothesis.with_effect(common).with_effect(effect)
+        own = dict(zip((e.key for e in fit.hypothesis.effects), fit.hypothesis.slices, strict=True))
+        theta = np.concatenate([fit.theta[own[e.key]] for e in hypothesis.effects])
+        again = problem.fitter.fit(hypothesis, theta, rival.fit.trajectory, noise)
+        if again.log_evidence < fit.log_evidence and hypothesis == fit.hypothesis:
+            again = fit
+        return Rival(effect, again.log_evidence - before.scored.fit.log_evidence, again)
+
+    for common in (best.first, best.second):
+        others = [(pair, other) for pair, other in found[1:] if common in (pair.first, pair.second)]
+        if not others:
+            continue
+        whole = refitted(best, rival.fit, common)
+        rivals = [refitted(pair, other.fit, common) for pair, other in others]
+        tied = [one for one in rivals if one.gain > whole.gain - least_gain(before.scored)]
+        simpler = simplest(before, [whole, *tied])
+        if simpler is not whole:
+            return common, simpler
+    return best.first, rival
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Two candidates, that of the larger gain first, and their values by one step."""
+
+    first: JointEffect
+    second: JointEffect
+    first_values: Array
+    second_values: Array
+
+
+def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
+    """Pairs of candidates with the largest gains, far above those of any alone; best first.
+
+    One of the two is a friction: missing frictions are as large as what moves a joint, and are mistaken for
+    each other and for drives. Two errors of geometry or of readings explain anything by their difference.
+    """
+    usable = [
+        i
+        for i, effect in enumerate(scored.effects)
+        if not is_free(effect) and not effect.many_forms and np.isfinite(scored.gains[i].log_evidence)
+        and len(scored.columns[i]) == len(effect.parameters) and not overrides(effect, "observe")
+    ]  # fmt: skip
+    alone = max((scored.gains[i].log_evidence for i in usable), default=0.0)
+    least = alone + max(least_gain(scored), REFIT_MARGIN * alone)
+    pairs = [
+        sorted((i, j), key=lambda k: -scored.gains[k].log_evidence)
+        for i, j in combinations(usable, 2)
+        if (scored.effects[i].name, scored.effects[i].part)
+        != (scored.effects[j].name, scored.effects[j].part)
+        and (scored.effects[i].friction or scored.effects[j].friction)
+    ]
+    if not pairs:
+        return []
+    both = gains(scored.scores, [np.concatenate([scored.columns[i], scored.columns[j]]) for i, j in pairs])
+    found: list[_Pair] = []
+    for k in sorted(range(len(pairs)), key=lambda k: -both[k].log_evidence):
+        if len(found) == _MAX_PAIRS or both[k].log_evidence <= least:
+            break
+        (i, j), values = pairs[k], both[k].values
+        own = np.split(values, [len(scored.columns[i])])
+        effects = scored.effects[i], scored.effects[j]
+        if not any(map(is_incredible, effects, own)):
+            starts = (one_step_values(scored, n, v) for n, v in zip((i, j), own, strict=True))
+            found.append(_Pair(*effects, *starts))
+    return found
+
+
+def _refit_pair(before: Step, pair: _Pair) -> tuple[Fit, Noise]:
+    """The step's hypothesis with a pair, and its noise.
+
+    At first laws hardly err: with large errors wrong values explain as much as right ones, and stay. Where
+    windows are set aside, laws that explain most of what was left tell better which ones are pushed.
+    """
+    problem, scored = before.problem, before.scored
+    fitter, interval, noise = problem.fitter, problem.segments.interval, scored.residual_noise
+    hypothesis = scored.fit.hypothesis.with_effect(pair.first).with_effect(pair.second)
+    theta = np.concatenate([scored.fit.theta, pair.first_values, pair.second_values])
+    fit = fitter.fit(hypothesis, theta, scored.fit.trajectory, noise, known=scored.system)
+    best, level = (fit, noise), -np.inf
+    for largest in _PAIR_LAW_ERRORS:
+        if not np.isfinite(fit.log_evidence) or has_no_effect(pair.second, fit):
+            break
+        system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
+        noise = fit_process_force(system, prior, noise, interval, largest)
+        if has_windows_set_aside(before):
+            windows = pushed_windows(problem, fit, noise)
+            noise = replace(noise, set_aside=noise.set_aside if windows is None else windows)
+        fit = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, known=system)
+        gain = fit.log_evidence - least_worth(noise.set_aside, problem.segments)
+        if gain > level:
+            best, level = (fit, noise), gain
+        elif largest == LARGEST_LAW_ERROR:
+            break
+    return best

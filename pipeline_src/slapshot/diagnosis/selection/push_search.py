@@ -1,0 +1,164 @@
+"""Steps that add pushes from outside, and the windows that are set aside for them.
+
+Where enormous forces act in a few windows, these are set aside while laws are found: their further process
+force keeps them from spoiling the fit. Then they are named as pushes, if they are worth it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from slapshot.arrays import Array
+from slapshot.diagnosis.fit.filter import Linear, innovations
+from slapshot.diagnosis.fit.fit import Fit
+from slapshot.diagnosis.fit.noise import Noise, fit_process_force, posterior_means
+from slapshot.diagnosis.selection.problem import Problem, fit_and_score
+from slapshot.diagnosis.selection.pulses import pushes, pushes_set_aside, window_nodes, windows_set_aside
+from slapshot.diagnosis.selection.steps import (
+    P_VALUE,
+    REFIT_MARGIN,
+    Report,
+    Rival,
+    Search,
+    Step,
+    least_gain,
+    refit,
+    step_to,
+    test_of,
+)
+from slapshot.effects.joints.external_pulse import ExternalPulse
+
+_LEAST_PUSH = 0.1  # share of a joint's largest push
+
+
+def with_pushes(found: Search, seed: int, report: Report) -> Search:
+    """The search with pushes anew, where others went with a law before them."""
+    rng = np.random.default_rng([seed, 2])
+    step, steps = found.final, list[Step]()
+    if has_windows_set_aside(step):
+        while (pushed := push_step(step, rng, report)) is not None:
+            steps.append(step := pushed)
+    elif rivals := refitted_pushes(step, 0.0, report):
+        best = max(rivals, key=lambda rival: rival.gain)
+        if best.gain > least_gain(step.scored):
+            steps.append(step_to(step, best.fit, best.effect, best.gain, rivals, rng))
+    if not steps:
+        return found
+    dropped = tuple(effect for effect in found.dropped if not isinstance(effect, ExternalPulse))
+    return replace(found, steps=(*found.steps, *steps), dropped=dropped)
+
+
+def pushed_windows(problem: Problem, fit: Fit, noise: Noise) -> Array | None:
+    """(S, L) further process force in the windows that stand out from a fit; None without any."""
+    system, prior = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
+    seen = innovations(system, noise.covariances(problem.segments.interval))
+    values, speed = posterior_means(seen, prior.at(noise)), problem.speed(fit.trajectory)
+    return windows_set_aside(system, values, speed, noise, problem.segments, problem.rig_motion)
+
+
+def with_windows(step: Step, set_aside: Array | None, rng: np.random.Generator) -> Step:
+    """The step fitted with windows set aside; None for none."""
+    fit, noise = step.scored.fit, replace(step.scored.noise, set_aside=set_aside)
+    near = set_aside is not None
+    scored = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=near)
+    return replace(step, scored=scored, test=test_of(scored, rng))
+
+
+def has_windows_set_aside(step: Step) -> bool:
+    """Whether there are windows with a larger process force of their own."""
+    return step.scored.noise.set_aside is not None
+
+
+def push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
+    """Add the pushes of windows that were set aside; None where they are not worth it."""
+    problem, fit = step.problem, step.scored.fit
+    system, _ = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
+    rivals = _refitted_set_aside(step, system, report)
+    best = max(rivals, key=lambda rival: rival.gain, default=None)
+    if best is None or best.gain < least_gain(step.scored):
+        return None
+    # From here only what a constant push leaves is set aside.
+    fit, noise = best.fit, step.scored.residual_noise
+    windows = pushed_windows(problem, fit, noise)
+    if windows is not None and noise.set_aside is not None:
+        windows = np.where(noise.set_aside > 0, windows, 0.0)
+    step = replace(step, scored=replace(step.scored, noise=replace(step.scored.noise, set_aside=windows)))
+    return step_to(step, fit, best.effect, best.gain, rivals, rng)
+
+
+def refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
+    """Pushes of each joint, where they may gain a share of what the leader does."""
+    problem = step.problem
+    present = {effect.key for effect in step.hypothesis.effects}
+    rivals: list[Rival] = []
+    if step.test.push_p_value >= P_VALUE:
+        return rivals
+    for push, promise in pushes(step.scored.pulses, problem.segments, problem.rig_motion):
+        if push.key not in present and promise > REFIT_MARGIN * leader:
+            refitted = _refitted_push(step, push)
+            if refitted is None:
+                continue
+            push, fit = refitted
+            rivals.append(Rival(push, fit.log_evidence - step.scored.fit.log_evidence, fit))
+            report(f"refitted {push.name}@{push.part}: {rivals[-1].gain:+.1f} nats")
+    return rivals
+
+
+def _refitted_push(step: Step, push: ExternalPulse) -> tuple[ExternalPulse, Fit] | None:
+    """A refit with those pushes that are something beside the joint's others; None where none is.
+
+    The others are errors of their shape, or of the joint's friction where it turns around.
+    """
+    fit = refit(step, push, np.zeros(len(push.parameters)))
+    values = fit.theta[len(fit.theta) - len(push.parameters) :]
+    size = np.abs(values)
+    large = size > _LEAST_PUSH * max(size.max(), _largest_push(step, push.part))
+    if large.all():
+        return push, fit
+    if not large.any():
+        return None
+    push = push.only(large)
+    return push, refit(step, push, values[large])
+
+
+def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Rival]:
+    """Pushes of each joint in the windows that were set aside, compared with one process force everywhere."""
+    problem, noise = step.problem, step.scored.residual_noise
+    known = [pulse for e in step.hypothesis.effects if isinstance(e, ExternalPulse) for pulse in e.pulses]
+    found = pushes_set_aside(system, noise, problem.segments, problem.rig_motion, known)
+    level = _evidence_without_set_aside(step) if found else 0.0
+    rivals: list[Rival] = []
+    for push in found:
+        refitted = _refitted_push(step, push)
+        if refitted is None:
+            continue
+        push, fit = refitted
+        # Each may have come in any window.
+        windows = problem.segments.time.size / window_nodes(problem.segments)
+        gain = fit.log_evidence - level - len(push.pulses) * float(np.log(windows))
+        rivals.append(Rival(push, gain, fit))
+        report(f"refitted {push.name}@{push.part}: {gain:+.1f} nats")
+    return rivals
+
+
+def _largest_push(step: Step, part: str) -> float:
+    """Size of the largest push of a joint that is named already; 0 without any."""
+    fit = step.scored.fit
+    of_joint = [
+        float(np.abs(fit.theta[own]).max())
+        for effect, own in zip(fit.hypothesis.effects, fit.hypothesis.slices, strict=True)
+        if isinstance(effect, ExternalPulse) and effect.part == part
+    ]
+    return max(of_joint, default=0.0)
+
+
+def _evidence_without_set_aside(step: Step) -> float:
+    """Evidence of the step's fit under one process force everywhere."""
+    fit, noise, interval = step.scored.fit, step.scored.residual_noise, step.problem.segments.interval
+    if noise.set_aside is None:
+        return fit.log_evidence
+    system, prior = step.problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
+    noise = fit_process_force(system, prior, noise.without_set_aside, interval)
+    return step.problem.fitter.fit(
+        fit.hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system
+    ).log_evidence
