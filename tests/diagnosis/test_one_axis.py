@@ -213,7 +213,6 @@ def pushed_axis(seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="the first push, of 3.1 to 3.3 s, is said to end at 3.276 s", strict=True)
 def test_pushes_beside_friction_are_placed_in_time():
     """From the mass alone; of the one that comes while the axis stands still only 10 N move it."""
     t, read, force = pushed_axis(24.8, 5)
