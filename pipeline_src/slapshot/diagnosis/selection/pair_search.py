@@ -106,7 +106,8 @@ def _simplest_pair(
         simpler = simplest(before, [whole, *tied])
         if simpler is not whole:
             return common, simpler
-    return best.first, rival
+    # With other windows set aside, the step before has other evidence.
+    return best.first, replace(rival, gain=rival.fit.log_evidence - before.scored.fit.log_evidence)
 
 
 @dataclass(frozen=True)

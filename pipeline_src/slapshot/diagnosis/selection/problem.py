@@ -430,7 +430,7 @@ def _with_set_aside(
         windows = windows_set_aside(used, values, speed, whole, segments, problem.rig_motion)
         before = found.set_aside
         if windows is None or (before is not None and np.array_equal(windows > 0, before > 0)):
-            break  # too many now, as each makes the others' spread smaller, or the same
+            break  # none, too many as each makes the others' spread smaller, or the same
         found = replace(found, set_aside=windows)
     if found.set_aside is None:
         return found
