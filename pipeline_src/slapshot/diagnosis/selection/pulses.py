@@ -393,7 +393,9 @@ def pushes_set_aside(
 def _with_edges(
     pulse: Pulse, pulses: Sequence[Pulse], joint: Joint, system: Linear, noise: Noise, segments: Segments
 ) -> Pulse:
-    """The push with those edges, within a window of the given ones, for which a constant force fits best.
+    """The push with edges by a constant force, within a window of the given ones: their posterior means.
+
+    While friction holds the joint, all edges fit alike.
 
     Args:
         pulse: whose edges are those of windows.
@@ -428,9 +430,15 @@ def _with_edges(
     gram = np.zeros((len(begins) + 1,) * 2)
     gram[1:, 1:] = np.cumsum(np.cumsum(z.T @ z, 0), 1)
     information = (gram.diagonal()[1:] + gram.diagonal()[:-1, None]) - (gram[:-1, 1:] + gram[1:, :-1].T)
-    gain = (score[1:] - score[:-1, None]) ** 2 / np.maximum(information, 1e-300)
-    first, last = np.unravel_index(int(np.argmax(np.triu(gain))), gain.shape)
-    return replace(pulse, begin=float(begins[first]), end=float(ends[last]))
+    # Where friction holds the joint, differences of sums are rounding.
+    information = np.maximum(information, 1e-9 * information.max() + 1e-300)
+    gain = 0.5 * (score[1:] - score[:-1, None]) ** 2 / information
+    weight = np.triu(np.exp(gain - np.triu(gain).max()))
+    first, last = weight.sum(1) @ begins / weight.sum(), weight.sum(0) @ ends / weight.sum()
+    return replace(
+        pulse,
+        begin=float(begins[np.abs(begins - first).argmin()]), end=float(ends[np.abs(ends - last).argmin()]),
+    )  # fmt: skip
 
 
 def _before(pulse: Pulse, other: Pulse) -> bool:
