@@ -34,7 +34,7 @@ from slapshot.effects.joints.effect import JointEffect, overrides
 
 # Pairs refitted in a step; last movement of one that is believed; largest law errors in fits of its noise.
 _MAX_PAIRS, _MAX_MOVED_SD = 4, 3.0
-_PAIR_LAW_ERRORS = (0.003, 0.01, 0.03, 0.1, *(LARGEST_LAW_ERROR,) * 2)
+_PAIR_LAW_ERRORS = (0.01, 0.01, *(LARGEST_LAW_ERROR,) * 3)
 
 
 def pair_step(
@@ -160,9 +160,8 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
 def _refit_pair(before: Step, pair: _Pair) -> tuple[Fit, Noise]:
     """The step's hypothesis with a pair, and its noise.
 
-    At first laws hardly err, then more and more: with large errors wrong values explain as much as right
-    ones, and stay. Where windows are set aside, laws that explain most of what was left tell better which
-    ones are pushed.
+    At first laws hardly err: with large errors wrong values explain as much as right ones, and stay. Where
+    windows are set aside, laws that explain most of what was left tell better which ones are pushed.
     """
     problem, scored = before.problem, before.scored
     fitter, interval, noise = problem.fitter, problem.segments.interval, scored.residual_noise
