@@ -4,7 +4,7 @@ It is integrated apart from MuJoCo; the encoder is so precise that a model witho
 thousands of its standard deviations.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.pulses import WINDOW_S
 from slapshot.diagnosis.selection.search import _forward_step
 from slapshot.diagnosis.selection.steps import Step, nominal_step
+from slapshot.diagnosis.verdict import Verdict
 from slapshot.effects.joints.external_pulse import ExternalPulse
 
 from .mechanisms import control_channel, joint, recording
@@ -188,7 +189,9 @@ STILL = -30.0  # N
 PUSHES = ((3.1, 3.3, 40.0), (10.2, 10.5, STILL), (16.7, 16.9, 60.0), (21.0, 21.1, 25.0))  # s, s, N
 
 
-def pushed_axis(seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def pushed_axis(
+    seconds: float, seed: int, pushes: Sequence[tuple[float, float, float]] = PUSHES
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """An axis that goes from place to place and is pushed, at 1 kHz; as `driven_axis`.
 
     Its friction differs by 3 % to both sides of its mean, a force of 3.2 N helps it forward, and another of
@@ -205,17 +208,17 @@ def pushed_axis(seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.n
         return float(np.clip(35.15 * 243.45 * (9.6 * (wanted[i] - q) - v), -350, 350))
 
     def other(time: float, q: float) -> float:
-        pushed = sum(size * (begin <= time < end) for begin, end, size in PUSHES)
+        pushed = sum(size * (begin <= time < end) for begin, end, size in pushes)
         return pushed + 3.2 + 0.2 * np.sin(q / 0.02 * 2 * np.pi)
 
     place, force = moved(t, 10, controller, other, asymmetry=0.03)
     return t, np.round((place + 2e-6 * rng.standard_normal(len(t))) / 1e-6) * 1e-6, force
 
 
-@pytest.mark.slow
-def test_pushes_beside_friction_are_placed_in_time():
-    """From the mass alone; of the one that comes while the axis stands still only 10 N move it."""
-    t, read, force = pushed_axis(24.8, 5)
+def diagnosed_axis(
+    t: np.ndarray, read: np.ndarray, force: np.ndarray
+) -> tuple[Verdict, list[tuple[float, float, float]]]:
+    """The verdict, and begin, end and size of every push that is named; friction is found to a per cent."""
     channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
     made = recording(t, channels)
     result = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1)
@@ -227,12 +230,18 @@ def test_pushes_beside_friction_are_placed_in_time():
     assert laws["direction_friction"] == pytest.approx([1.03 * COULOMB - 3.2, 0.97 * COULOMB + 3.2], rel=0.01)
     assert result.search is not None
     fit = result.search.final.scored.fit
-    found = [
+    return verdict, [
         (pulse.begin, pulse.end, value)
         for effect, own in zip(fit.hypothesis.effects, fit.hypothesis.slices, strict=True)
         if isinstance(effect, ExternalPulse)
         for pulse, value in zip(effect.pulses, fit.theta[own], strict=True)
     ]
+
+
+@pytest.mark.slow
+def test_pushes_beside_friction_are_placed_in_time():
+    """From the mass alone; of the one that comes while the axis stands still only 10 N move it."""
+    _, found = diagnosed_axis(*pushed_axis(24.8, 5))
     for begin, end, size in PUSHES:
         inside = [(first, last, value) for first, last, value in found if first < end and last > begin]
         assert max(last for _, last, _ in inside) == pytest.approx(end, abs=0.05)
@@ -242,3 +251,20 @@ def test_pushes_beside_friction_are_placed_in_time():
             assert [value for _, _, value in inside] == pytest.approx([size], rel=0.05)
     # And no other.
     assert all(any(first < end and last > begin for begin, end, _ in PUSHES) for first, last, _ in found)
+
+
+@pytest.mark.slow
+def test_long_pushes_do_not_spoil_friction():
+    """Of up to 1.7 times the friction and half a second; the first comes while the axis stands still."""
+    pushes = (3.1, 3.4, 35.0), (10.8, 11.3, -30.0), (19.0, 19.4, 25.0)
+    verdict, found = diagnosed_axis(*pushed_axis(24.8, 5, pushes))
+    assert verdict.fit is not None
+    errors = (
+        verdict.fit.nominal.rms["joint position"].value,
+        verdict.fit.augmented.rms["joint position"].value,
+    )
+    assert errors[1] < errors[0] / 100
+    assert len(found) == len(pushes)
+    for (first, last, value), (begin, end, size) in zip(sorted(found), pushes, strict=True):
+        assert value == pytest.approx(size, rel=0.05)
+        assert begin - 0.02 < first < last < end + 0.02
