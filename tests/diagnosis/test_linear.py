@@ -17,6 +17,8 @@ from slapshot.effects.joints.actuator_gain import ActuatorGain
 from slapshot.effects.joints.actuator_lag import ActuatorLag
 from slapshot.effects.joints.armature import Armature
 from slapshot.effects.joints.command_delay import CommandDelay
+from slapshot.effects.joints.coulomb_friction import CoulombFriction
+from slapshot.effects.joints.direction_friction import DirectionFriction
 from slapshot.effects.joints.effect import JointEffect, RigMotion, State
 from slapshot.effects.joints.encoder_delay import EncoderDelay
 from slapshot.effects.joints.joint_offset import JointOffset
@@ -349,6 +351,24 @@ def test_first_looks_are_differences_of_simulations(name):
     # curvature over a probe of a hundredth of the prior.
     assert errors[1] < 0.02
     assert errors[1] < max(0.35 * errors[0], 0.005)
+
+
+def test_columns_of_frictions_agree_where_a_joint_stops():
+    """Friction of both directions is dry friction, be it fitted or looked at, also within an interval."""
+    channels = {"place": joint("rail", unit="m"), "push": control_channel("N", actuator="push")}
+    rig, segments = made(CART, channels, 60, 0.04)
+    # Friction of 10 N slows the cart by 0.2 m/s within an interval of four steps.
+    trajectory, theta = random_path(rig, segments, 1, size=0.4), np.array([10.0])
+    of = rig_motion(rig, segments, trajectory)
+    coulomb, direction = (next(iter(k.instances(of))) for k in (CoulombFriction, DirectionFriction))
+    found = linearise(
+        Simulator(rig), Hypothesis(rig, (coulomb,)), theta, segments, trajectory,
+        perturbations_of([direction]),
+    )  # fmt: skip
+    own, forward, backward = np.moveaxis(found.system.W[0, :-1], -1, 0)
+    stops = np.abs(own).max(1) < 0.9 * np.abs(own).max()
+    assert 0.2 < stops.mean() < 0.8
+    assert forward + backward == pytest.approx(own, abs=1e-6 * np.abs(own).max())
 
 
 def test_two_looks_have_the_columns_of_each():

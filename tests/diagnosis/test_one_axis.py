@@ -5,21 +5,25 @@ thousands of its standard deviations.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection.pair_search import pair_step
-from slapshot.diagnosis.selection.problem import Problem
+from slapshot.diagnosis.selection.problem import Problem, fit_and_score
 from slapshot.diagnosis.selection.pulses import WINDOW_S
-from slapshot.diagnosis.selection.search import _forward_step
-from slapshot.diagnosis.selection.steps import Step, nominal_step
+from slapshot.diagnosis.selection.push_search import gain_elsewhere
+from slapshot.diagnosis.selection.search import _backward_elimination, _forward_step
+from slapshot.diagnosis.selection.steps import Rival, Step, least_gain, nominal_step, refit
+from slapshot.diagnosis.selection.steps import test_of as of_columns
 from slapshot.diagnosis.verdict import Verdict
-from slapshot.effects.joints.external_pulse import ExternalPulse
+from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 from .mechanisms import control_channel, joint, recording
 
@@ -143,6 +147,36 @@ def test_laws_tell_which_windows_are_pushed():
     assert time[windows[1] > 0].max() == pytest.approx(end, abs=WINDOW_S)
     assert {effect.name for effect in both.hypothesis.effects} == {"viscous_friction", "coulomb_friction"}
     assert both.scored.fit.theta == pytest.approx([VISCOUS, COULOMB], rel=0.01)
+
+
+def test_an_effect_that_others_can_stand_in_for_is_removed():
+    """Friction by direction holds dry friction: without that, it has all of its value."""
+    step = nominal(COULOMB)
+    catalogue = {effect.name: effect for effect in step.problem.catalogue if effect.part == "slide"}
+    names = "viscous_friction", "coulomb_friction", "direction_friction"
+    hypothesis = Hypothesis(step.problem.rig, tuple(catalogue[name] for name in names))
+    split = np.array([VISCOUS, 0.4 * COULOMB, 0.6 * COULOMB, 0.6 * COULOMB])
+    scored = fit_and_score(
+        step.problem, hypothesis, split, step.scored.fit.trajectory, step.scored.noise, near=False
+    )
+    rng = np.random.default_rng(2)
+    left = _backward_elimination(replace(step, scored=scored, test=of_columns(scored, rng)), (), rng, print)
+    assert [effect.name for effect in left.hypothesis.effects] == ["viscous_friction", "coulomb_friction"]
+    assert left.scored.fit.theta == pytest.approx([VISCOUS, COULOMB], rel=0.02)
+
+
+def test_a_law_must_act_outside_of_windows_set_aside():
+    begin, end = 4.4, 4.8
+    step = nominal(COULOMB, 5, step=0.002, push=(begin, end, -1.2 * COULOMB))
+    slide = step.problem.rig_motion.joints[0]
+    segments = step.problem.segments
+    episode, order = int(segments.ids[segments.episode[0]]), float(segments.order[0])
+    there = ExternalPulse(slide, [Pulse(episode, order, begin + WINDOW_S, end - WINDOW_S)])
+    everywhere = next(effect for effect in step.problem.catalogue if effect.name == "viscous_friction")
+    for effect, acts in ((there, False), (everywhere, True)):
+        fit = refit(step, effect, np.zeros(1))
+        rival = Rival(effect, fit.log_evidence - step.scored.fit.log_evidence, fit)
+        assert (gain_elsewhere(step, rival) > least_gain(step.scored)) == acts
 
 
 def test_where_one_friction_explains_all_there_is_no_pair():

@@ -210,34 +210,62 @@ def test_the_shape_of_a_named_push_is_no_mismatch():
     assert sizes[1] < 1.5
 
 
+def with_push_set_aside(system: Linear, of: Segments, force: float) -> Noise:
+    """As the process force, which covers the push at first, is fitted to what is left."""
+    known = noise(of)
+    for size in np.geomspace(abs(force) / 5, FORCE, 6):
+        known = replace(known, force=float(size))
+        known = replace(known, set_aside=windows_set_aside(system, NONE, MOVING, known, of, rig(0.01)))
+    return known
+
+
 @pytest.mark.parametrize(
     ("begin", "end", "force"),
     [(0.6, 0.8, 60.0), (0.6, 0.8, -600.0), (0.62, 0.78, 600.0), (0.48, 0.63, 600.0)],
 )
 def test_an_enormous_push_is_set_aside(begin: float, end: float, force: float):
-    """As the process force, which covers the push at first, is fitted to what is left.
-
-    Windows begin at multiples of 0.05 s; where the push begins or ends within one is found to a node.
-    """
+    """Windows begin at multiples of 0.05 s; where the push begins or ends within one is found to a node."""
     push = (1, 1, begin, end, force)
     of = segments()
-    system, known = masses(of, np.random.default_rng(8), push), noise(of)
-    for size in np.geomspace(abs(force) / 5, FORCE, 6):
-        known = replace(known, force=float(size))
-        known = replace(known, set_aside=windows_set_aside(system, NONE, MOVING, known, of, rig(0.01)))
+    system = masses(of, np.random.default_rng(8), push)
+    known = with_push_set_aside(system, of, force)
     assert known.set_aside is not None
     inside = (of.episode == 1)[:, None] & (of.time > begin - 1e-9) & (of.time < end - 1e-9)
     assert (known.set_aside[inside] > 0).all()
     # A window before or after may be touched by it.
     near = (of.episode == 1)[:, None] & (of.time > begin - 0.05 - 1e-9) & (of.time < end + 0.05 - 1e-9)
     np.testing.assert_array_equal(known.set_aside[~near], 0)
-    (effect,) = pushes_set_aside(system, known, of, rig(0.01), ())
+    ((effect, size),) = pushes_set_aside(system, known, of, rig(0.01), ())
     assert effect.part == "rail 1"
+    # A window's force is taken for about as large as it was known to be.
+    assert size == pytest.approx([force], rel=0.3)
     (pulse,) = effect.pulses
     assert pulse.episode == 9
     assert abs(pulse.begin - begin) <= of.interval + 1e-9
     assert abs(pulse.end - end) <= of.interval + 1e-9
     assert not pushes_set_aside(system, known, of, rig(0.01), effect.pulses)
+
+
+def test_a_push_goes_on_while_friction_holds_its_joint():
+    """From 0.7 to 0.8 s the joint hardly feels a force: motion tells no size, which stays as it was."""
+    push = (1, 1, 0.6, 0.8, 60.0)
+    of = segments()
+    system = masses(of, np.random.default_rng(8), push)
+    known = with_push_set_aside(system, of, push[-1])
+    assert known.set_aside is not None
+    held, speed = (of.episode == 1)[:, None] & (of.time > 0.7 - 1e-9) & (of.time < 0.8 - 1e-9), MOVING.copy()
+    assert (known.set_aside[held] > 0).all()
+    speed[held] = 0.0
+    holds = replace(system, B=np.where(held[..., None, None], 1e-6 * system.B, system.B), process=system.B)
+    found = windows_set_aside(holds, NONE, speed, known, of, rig(0.01))
+    assert found is not None
+    np.testing.assert_array_equal(found[held], known.set_aside[held])
+    # Alone, without a push beside it, it does not stay.
+    known = replace(known, set_aside=np.where(held, known.set_aside, 0.0))
+    assert windows_set_aside(replace(holds, r=0 * holds.r), NONE, speed, known, of, rig(0.01)) is None
+    ((effect, _),) = pushes_set_aside(holds, replace(known, set_aside=found), of, rig(0.01), ())
+    (pulse,) = effect.pulses
+    assert abs(pulse.begin - push[2]) <= of.interval + 1e-9
 
 
 def test_without_an_enormous_push_nothing_is_set_aside():

@@ -510,7 +510,7 @@ def test_rivals_states_and_free_parameters_are_told():
         "viscous friction at elbow (2.9 nats worse)" in text
     )
     assert "| half gap | 12.3 mrad (11.1 to 13.5) |" in text
-    assert "The data hardly determine damping" in text
+    assert "The data hardly narrow down damping" in text
     assert "| mass of lower | excess | 3.42 % (3.08 to 3.76) |" in text
     assert "At its physical bound: excess" in text
     assert "Parts of episodes 1 and 3 took no part" in text

@@ -206,7 +206,7 @@ def pushes_in(
     known = [pulse for e in hypothesis.effects if isinstance(e, ExternalPulse) for pulse in e.pulses]
     covariances = own.without_set_aside.covariances(segments.interval)
     found = []
-    for push in pushes_set_aside(system, own, segments, motion, known):
+    for push, _ in pushes_set_aside(system, own, segments, motion, known):
         joint = next(joint for joint in motion.joints if joint.name == push.part)
         W = np.zeros((*system.W.shape[:3], len(push.pulses)))
         for k, pulse in enumerate(push.pulses):

@@ -186,8 +186,9 @@ def linearise(
         forces = overrides(changed_effect, "force")
         if edits or forces:
             m = h.compiled(values, segments.step)
-        if k < p and (edits or controls or forces):
-            # From the whole interval, since fitted values depend on these.
+        if (k < p or changed_effect.friction) and (edits or controls or forces):
+            # From the whole interval, since fitted values depend on these; so must columns of frictions that
+            # are told from them, since joints stop and start within intervals.
             W[:, :, k] = tangent.subtract(advance(h, values, m, x, u)[0], base) / step
         else:
             if edits or forces:

@@ -174,7 +174,8 @@ def _state(effect: NamedEffect) -> str:
     texts = []
     if flat:
         texts.append(
-            f"The data hardly determine {escaped(listed(flat))}: the value is mostly that of the prior."
+            f"The data hardly narrow down {escaped(listed(flat))}: "
+            f"{'the interval is' if len(flat) == 1 else 'intervals are'} nearly as wide as the prior's."
         )
     if bound:
         texts.append(f"At its physical bound: {escaped(listed(bound))}.")

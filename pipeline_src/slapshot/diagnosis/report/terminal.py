@@ -92,7 +92,7 @@ def _findings(verdict: Verdict) -> list[str]:
 
 
 def _state(state: str) -> str:
-    return {"at a bound": ", at a bound", "flat": ", hardly determined by the data"}.get(state, "")
+    return {"at a bound": ", at a bound", "flat": ", hardly narrowed down by the data"}.get(state, "")
 
 
 def _line(head: str, text: str, most: int = 3) -> str:

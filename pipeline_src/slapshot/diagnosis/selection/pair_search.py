@@ -17,7 +17,12 @@ from slapshot.diagnosis.inference.mismatch_test import gains
 from slapshot.diagnosis.selection.free_forms import is_free
 from slapshot.diagnosis.selection.problem import ScoredFit, is_incredible
 from slapshot.diagnosis.selection.pulses import least_worth
-from slapshot.diagnosis.selection.push_search import has_windows_set_aside, pushed_windows, with_windows
+from slapshot.diagnosis.selection.push_search import (
+    gain_elsewhere,
+    has_windows_set_aside,
+    pushed_windows,
+    with_windows,
+)
 from slapshot.diagnosis.selection.simplest import simplest
 from slapshot.diagnosis.selection.steps import (
     REFIT_MARGIN,
@@ -34,7 +39,7 @@ from slapshot.effects.joints.effect import JointEffect, overrides
 
 # Pairs refitted in a step; last movement of one that is believed; largest law errors in fits of its noise.
 _MAX_PAIRS, _MAX_MOVED_SD = 4, 3.0
-_PAIR_LAW_ERRORS = (0.01, 0.01, *(LARGEST_LAW_ERROR,) * 3)
+_PAIR_LAW_ERRORS = (0.003, 0.01, 0.03, 0.1, *(LARGEST_LAW_ERROR,) * 2)
 
 
 def pair_step(
@@ -63,6 +68,9 @@ def pair_step(
         before = with_windows(before, windows, rng)
         level = before.scored.fit.log_evidence
     first, best = _simplest_pair(before, [(pair, rival) for pair, rival, _ in found], found[0][2])
+    if gain_elsewhere(before, best) < least_gain(before.scored):
+        report(f"not added: {first.key} with {best.effect.key}, which explain but what was set aside")
+        return before, []
     only = refit(before, first, best.fit.theta[best.fit.hypothesis.slices[-2]])
     gain = only.log_evidence - level
     step = step_to(before, only, first, gain, [Rival(first, gain, only)], rng)
@@ -85,29 +93,47 @@ def _simplest_pair(
     itself each may have stopped on the way.
     """
     problem, (best, rival) = before.problem, found[0]
+    # Gains are those of the pairs as they were found, less the worth of the windows that each set aside.
+    level = rival.fit.log_evidence - least_worth(noise.set_aside, problem.segments) - rival.gain
 
-    def refitted(pair: _Pair, fit: Fit, common: JointEffect) -> Rival:
+    def refitted(pair: _Pair, alone: Rival, common: JointEffect) -> Rival:
         effect = pair.second if pair.first is common else pair.first
         hypothesis = before.hypothesis.with_effect(common).with_effect(effect)
-        own = dict(zip((e.key for e in fit.hypothesis.effects), fit.hypothesis.slices, strict=True))
-        theta = np.concatenate([fit.theta[own[e.key]] for e in hypothesis.effects])
+        own, of_best = _values_by_effect(alone.fit), _values_by_effect(rival.fit)
+        # What both have in common is where the best one found it.
+        of = own | {key: of_best[key] for key in own if key in of_best}
+        theta = np.concatenate([of[e.key] for e in hypothesis.effects])
         again = problem.fitter.fit(hypothesis, theta, rival.fit.trajectory, noise)
-        if again.log_evidence < fit.log_evidence and hypothesis == fit.hypothesis:
-            again = fit
-        return Rival(effect, again.log_evidence - before.scored.fit.log_evidence, again)
+        gain = again.log_evidence - least_worth(noise.set_aside, problem.segments) - level
+        if (again.moved >= _MAX_MOVED_SD or gain < alone.gain) and hypothesis == alone.fit.hypothesis:
+            return replace(alone, effect=effect)
+        return Rival(effect, gain, again)
 
     for common in (best.first, best.second):
         others = [(pair, other) for pair, other in found[1:] if common in (pair.first, pair.second)]
         if not others:
             continue
-        whole = refitted(best, rival.fit, common)
-        rivals = [refitted(pair, other.fit, common) for pair, other in others]
-        tied = [one for one in rivals if one.gain > whole.gain - least_gain(before.scored)]
+        whole = refitted(best, rival, common)
+        rivals = [refitted(pair, other, common) for pair, other in others]
+        tied = [
+            one for one in rivals
+            if one.fit.moved < _MAX_MOVED_SD and one.gain > whole.gain - least_gain(before.scored)
+        ]  # fmt: skip
         simpler = simplest(before, [whole, *tied])
         if simpler is not whole:
-            return common, simpler
-    # With other windows set aside, the step before has other evidence.
-    return best.first, replace(rival, gain=rival.fit.log_evidence - before.scored.fit.log_evidence)
+            return common, _relative_to(before, simpler)
+    return best.first, _relative_to(before, rival)
+
+
+def _relative_to(before: Step, rival: Rival) -> Rival:
+    """A rival with its gain against a step, whose evidence is that with the same windows set aside."""
+    return replace(rival, gain=rival.fit.log_evidence - before.scored.fit.log_evidence)
+
+
+def _values_by_effect(fit: Fit) -> dict[str, Array]:
+    """Key of each effect of a fit -> its values."""
+    hypothesis = fit.hypothesis
+    return {e.key: fit.theta[own] for e, own in zip(hypothesis.effects, hypothesis.slices, strict=True)}
 
 
 @dataclass(frozen=True)
@@ -123,9 +149,12 @@ class _Pair:
 def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
     """Pairs of candidates with the largest gains, far above those of any alone; best first.
 
-    One of the two is a friction: missing frictions are as large as what moves a joint, and are mistaken for
-    each other and for drives. Two errors of geometry or of readings explain anything by their difference.
+    One of the two is the first friction of its joint: missing frictions are as large as what moves a joint,
+    and are mistaken for each other and for drives. Two errors of geometry or of readings explain anything by
+    their difference.
     """
+    named = {effect.part for effect in scored.fit.hypothesis.effects if effect.friction}
+    first = [effect.friction and effect.part not in named for effect in scored.effects]
     usable = [
         i
         for i, effect in enumerate(scored.effects)
@@ -139,7 +168,7 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
         for i, j in combinations(usable, 2)
         if (scored.effects[i].name, scored.effects[i].part)
         != (scored.effects[j].name, scored.effects[j].part)
-        and (scored.effects[i].friction or scored.effects[j].friction)
+        and (first[i] or first[j])
     ]
     if not pairs:
         return []
@@ -160,8 +189,9 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
 def _refit_pair(before: Step, pair: _Pair) -> tuple[Fit, Noise]:
     """The step's hypothesis with a pair, and its noise.
 
-    At first laws hardly err: with large errors wrong values explain as much as right ones, and stay. Where
-    windows are set aside, laws that explain most of what was left tell better which ones are pushed.
+    At first laws hardly err, then more and more: with large errors wrong values explain as much as right
+    ones, and stay. Where windows are set aside, laws that explain most of what was left tell better which
+    ones are pushed.
     """
     problem, scored = before.problem, before.scored
     fitter, interval, noise = problem.fitter, problem.segments.interval, scored.residual_noise

@@ -17,10 +17,11 @@ from slapshot.diagnosis.fit.filter import Linear, innovations
 from slapshot.diagnosis.fit.law_error import NEAR_REST
 from slapshot.diagnosis.fit.noise import FORCE_HOLD_S, Noise
 from slapshot.diagnosis.model.segments import Segments
-from slapshot.effects.joints.effect import RigMotion
+from slapshot.effects.joints.effect import Joint, RigMotion
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 WINDOW_S = 0.05
+_ALIKE_NATS = 2.0  # by which edges of a push may fit worse than the best ones
 _ROUNDING_S = 1e-6
 _SIGNIFICANCE = 0.01  # family-wise significance level
 _MAX_PUSHES = 40  # maximum number of pushes of a joint
@@ -216,12 +217,28 @@ def _windows_with(further: Array | None, segments: Segments) -> NDArray[np.bool_
     return np.asarray(further[:, ::nodes][:, : L // nodes] > 0)
 
 
-def _forces_set_aside(windows: _Windows, set_aside: NDArray[np.bool_]) -> Array:
+def _forces(windows: _Windows, noise: Noise, segments: Segments, rig: RigMotion) -> Array:
+    """(S, windows, joints) force in each window; where it was set aside, about none of the size known there.
+
+    While friction holds a joint, the motion tells nothing of a force, and any other estimate means nothing.
+    """
+    information = np.where(windows.observable, windows.information, np.inf)
+    if noise.set_aside is not None:
+        size = noise.set_aside[:, :: windows.nodes][:, : windows.score.shape[1], None]
+        unit = np.array([_held_force(1.0, joint.v, noise, segments) for joint in rig.joints])
+        set_aside = np.broadcast_to(size > 0, information.shape)
+        information = (
+            information + np.divide(unit, size, out=np.zeros(information.shape), where=set_aside) ** 2
+        )
+    return np.asarray(windows.score / information)
+
+
+def _forces_set_aside(windows: _Windows, forces: Array, set_aside: NDArray[np.bool_]) -> Array:
     """(S, windows, joints) force in windows set aside, on the joint on which it stands out most."""
     information = np.where(windows.observable, windows.information, np.inf)
     strength = np.abs(windows.score) / np.sqrt(information)
     own = strength == strength.max(-1, keepdims=True)
-    force = np.where(own & set_aside[..., None], windows.score / information, 0.0)
+    force = np.where(own & set_aside[..., None], forces, 0.0)
     for s, j in np.ndindex(len(force), force.shape[-1]):
         force[s, :, j] = _with_signs_of_strong(force[s, :, j])
     return force
@@ -262,16 +279,18 @@ def windows_set_aside(
     """
     windows = _windows(system.moved(values), noise, segments, rig)
     S, count, _ = windows.score.shape
+    before = np.zeros(segments.shape) if noise.set_aside is None else noise.set_aside
     further = np.zeros(segments.shape)
     known = _windows_with(noise.set_aside, segments)
+    forces = _forces(windows, noise, segments, rig)
     pushed = np.zeros((S, count), bool)
     for j, joint in enumerate(rig.joints):
         observable = windows.observable[..., j]
         if not observable.any():
             continue
-        information = np.where(observable, windows.information[..., j], np.inf)
-        force = windows.score[..., j] / information
+        force = forces[..., j]
         # In a window set aside the ratio is bounded, since its process force is as large as the push.
+        information = np.where(observable, windows.information[..., j], np.inf)
         ratio = windows.score[..., j] / np.sqrt(information)
         large = observable & np.where(
             known,
@@ -280,12 +299,26 @@ def windows_set_aside(
         )
         near = _near_rest(speed[..., joint.v], joint.speed, windows.nodes, count)
         large &= (np.abs(force) > _STRONG * joint.torque) | ~near
-        pushed |= large
-        for s, w in np.argwhere(large):
+        held = _continued(large, known & near) & ~large
+        pushed |= large | held
+        for s, w in np.argwhere(large | held):
             at = _nodes_of(int(w), count, windows.nodes, segments.shape[1])
-            size = _held_force(abs(force[s, w]), joint.v, noise, segments)
+            size = before[s, at] if held[s, w] else _held_force(abs(force[s, w]), joint.v, noise, segments)
             further[s, at] = np.maximum(further[s, at], size)
     return further if 0 < pushed.mean() <= _MAX_SHARE_SET_ASIDE else None
+
+
+def _continued(pushed: NDArray[np.bool_], held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Windows of pushes, (S, windows), with those of some others that continue one.
+
+    While friction holds a joint, its motion does not tell whether a push goes on.
+    """
+    found, before = pushed, np.zeros_like(pushed)
+    while not np.array_equal(found, before):
+        before, found = found, found.copy()
+        found[:, 1:] |= before[:, :-1] & held[:, 1:]
+        found[:, :-1] |= before[:, 1:] & held[:, :-1]
+    return found
 
 
 def least_worth(set_aside: Array | None, segments: Segments) -> float:
@@ -325,7 +358,7 @@ def pushes(found: Scan, segments: Segments, rig: RigMotion) -> Sequence[tuple[Ex
     """Significant pushes, one effect for each joint, and their approximate gain in nats."""
     limit = float(norm.isf(_SIGNIFICANCE / 2 / max(found.ratio.size, 1)))
     effects = []
-    for j, effect in _effects(found.ratio, found.nodes, segments, rig, limit):
+    for j, effect, _ in _effects(found.ratio, found.nodes, segments, rig, limit):
         ratio = np.abs(found.ratio[..., j])
         effects.append((effect, float(0.5 * np.sum(ratio[ratio > limit] ** 2))))
     return effects
@@ -333,8 +366,8 @@ def pushes(found: Scan, segments: Segments, rig: RigMotion) -> Sequence[tuple[Ex
 
 def pushes_set_aside(
     system: Linear, noise: Noise, segments: Segments, rig: RigMotion, known: Sequence[Pulse]
-) -> Sequence[ExternalPulse]:
-    """The pushes in the windows that are set aside, one effect for each joint.
+) -> Sequence[tuple[ExternalPulse, Array]]:
+    """The pushes in the windows that are set aside, one effect for each joint, and about their forces.
 
     Args:
         system: about the fitted trajectory.
@@ -346,38 +379,75 @@ def pushes_set_aside(
     if noise.set_aside is None:
         return []
     windows = _windows(system, noise, segments, rig)
-    force = _forces_set_aside(windows, _windows_with(noise.set_aside, segments))
+    forces = _forces(windows, noise, segments, rig)
+    force = _forces_set_aside(windows, forces, _windows_with(noise.set_aside, segments))
     force[_overlapping(known, windows, segments)] = 0
-    return [
-        ExternalPulse(
-            rig.joints[j], [_with_edges(p, force[..., j], windows.nodes, segments) for p in push.pulses]
-        )
-        for j, push in _effects(force, windows.nodes, segments, rig, 1e-300)
-    ]
+    found: list[tuple[ExternalPulse, Array]] = []
+    for j, push, size in _effects(force, windows.nodes, segments, rig, 1e-300):
+        joint = rig.joints[j]
+        pulses = [_with_edges(p, push.pulses, joint, system, noise, segments) for p in push.pulses]
+        found.append((ExternalPulse(joint, pulses), size))
+    return found
 
 
-def _with_edges(pulse: Pulse, force: Array, nodes: int, segments: Segments) -> Pulse:
-    """The push without the parts of its first and last window in which it does not act.
+def _with_edges(
+    pulse: Pulse, pulses: Sequence[Pulse], joint: Joint, system: Linear, noise: Noise, segments: Segments
+) -> Pulse:
+    """The push with edges by a constant force, within a window of the given ones: the shortest that fits.
 
-    A window's force is the mean over it: where that is a share of the push, so is the time that it acts.
+    While friction holds the joint, all edges fit alike: had the push acted there, it would have moved it.
+
+    Args:
+        pulse: whose edges are those of windows.
+        pulses: of the joint: the time between two is shared.
+        joint: on which it acts.
+        system: about the fitted trajectory.
+        noise: of the data, with the push's windows set aside.
+        segments: data.
     """
-    length = nodes * segments.interval
-    begin = segments.time[:, :1] + np.arange(force.shape[1]) * length
     same = segments.ids[segments.episode] == pulse.episode
-    inside = same[:, None] & (begin > pulse.begin - _ROUNDING_S) & (begin < pulse.end - _ROUNDING_S)
-    own = np.abs(force[inside])[np.argsort(begin[inside])]
-    if len(own) < 2:
-        return pulse
-    share = own / own.max()
-    return replace(
-        pulse, begin=pulse.begin + (1 - share[0]) * length, end=pulse.end - (1 - share[-1]) * length
-    )
+    least = max([pulse.begin - WINDOW_S, *((p.end + pulse.begin) / 2 for p in pulses if _before(p, pulse))])
+    most = min([pulse.end + WINDOW_S, *((pulse.end + p.begin) / 2 for p in pulses if _before(pulse, p))])
+    near = same[:, None] & (segments.time > least - _ROUNDING_S) & (segments.time < most - _ROUNDING_S)
+    some = np.flatnonzero(near.any(1))
+    near, time = near[some], segments.time[some]
+    # Pieces are nodes, but for the middle of a long push, which goes with the node before it.
+    middle = (time > pulse.begin + WINDOW_S - _ROUNDING_S) & (time < pulse.end - WINDOW_S - _ROUNDING_S)
+    begins = np.unique(np.round(time[near & ~middle], 9))
+    ends = np.append(begins[1:], most)
+    piece = np.searchsorted(begins, time + _ROUNDING_S, "right") - 1
+    part, own = system.select(some), noise.select(some)
+    if own.set_aside is not None:
+        own = replace(own, set_aside=np.where(near, 0.0, own.set_aside))
+    W = np.zeros((*part.d.shape, len(begins)))
+    s, t = np.nonzero(near)
+    W[s, t, :, piece[s, t]] = part.B[s, t, :, joint.v]
+    part = part.with_columns(W, np.zeros((*part.r.shape, len(begins))))
+    found = innovations(part, own.covariances(segments.interval))
+    z = found.Z.reshape(found.e.size, -1)
+    # Of a constant force in pieces i to j: sums over a row and over a square.
+    score = np.append(0.0, np.cumsum(z.T @ found.e.reshape(-1)))
+    gram = np.zeros((len(begins) + 1,) * 2)
+    gram[1:, 1:] = np.cumsum(np.cumsum(z.T @ z, 0), 1)
+    information = (gram.diagonal()[1:] + gram.diagonal()[:-1, None]) - (gram[:-1, 1:] + gram[1:, :-1].T)
+    # Where friction holds the joint, differences of sums are rounding.
+    information = np.maximum(information, 1e-9 * information.max() + 1e-300)
+    gain = 0.5 * (score[1:] - score[:-1, None]) ** 2 / information
+    length = np.where(gain < np.triu(gain).max() - _ALIKE_NATS, np.inf, ends - begins[:, None])
+    length[np.tril_indices(len(begins), -1)] = np.inf
+    first, last = np.unravel_index(length.argmin(), length.shape)
+    return replace(pulse, begin=float(begins[first]), end=float(ends[last]))
+
+
+def _before(pulse: Pulse, other: Pulse) -> bool:
+    """Whether a push comes before another of its episode."""
+    return pulse.episode == other.episode and pulse.end < other.begin + _ROUNDING_S
 
 
 def _effects(
     strength: Array, nodes: int, segments: Segments, rig: RigMotion, limit: float
-) -> Iterator[tuple[int, ExternalPulse]]:
-    """Joints, and their pushes of strengths (S, windows, joints) beyond a limit."""
+) -> Iterator[tuple[int, ExternalPulse, Array]]:
+    """Joints, their pushes of strengths (S, windows, joints) beyond a limit, and the largest of each push."""
     for j, joint in enumerate(rig.joints):
         pulses: list[tuple[float, Pulse]] = []
         for s in range(len(strength)):
@@ -386,8 +456,9 @@ def _effects(
         joined = [item for item in joined if not any(_is_side_lobe(item, other) for other in joined)]
         strongest = sorted(joined, key=lambda item: -abs(item[0]))[:_MAX_PUSHES]
         if strongest:
-            ordered = sorted((p for _, p in strongest), key=lambda p: (p.episode, p.begin))
-            yield j, ExternalPulse(joint, ordered)
+            ordered = sorted(strongest, key=lambda item: (item[1].episode, item[1].begin))
+            largest = np.array([strength for strength, _ in ordered])
+            yield j, ExternalPulse(joint, [pulse for _, pulse in ordered]), largest
 
 
 def _pushes_in_segment(

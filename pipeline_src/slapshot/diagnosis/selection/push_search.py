@@ -7,13 +7,21 @@ force keeps them from spoiling the fit. Then they are named as pushes, if they a
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Linear, innovations
 from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.fit.noise import Noise, fit_process_force, posterior_means
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.problem import Problem, fit_and_score
-from slapshot.diagnosis.selection.pulses import pushes, pushes_set_aside, window_nodes, windows_set_aside
+from slapshot.diagnosis.selection.pulses import (
+    WINDOW_S,
+    pushes,
+    pushes_set_aside,
+    window_nodes,
+    windows_set_aside,
+)
 from slapshot.diagnosis.selection.steps import (
     P_VALUE,
     REFIT_MARGIN,
@@ -29,6 +37,7 @@ from slapshot.diagnosis.selection.steps import (
 from slapshot.effects.joints.external_pulse import ExternalPulse
 
 _LEAST_PUSH = 0.1  # share of a joint's largest push
+_ANY_FORCE = 30.0  # factor on the process force of windows set aside, in which any force may act then
 
 
 def with_pushes(found: Search, seed: int, report: Report) -> Search:
@@ -69,6 +78,38 @@ def has_windows_set_aside(step: Step) -> bool:
     return step.scored.noise.set_aside is not None
 
 
+def gain_elsewhere(step: Step, rival: Rival) -> float:
+    """Nats that effects gain where nearly any force may act in the windows set aside, and beside them.
+
+    Laws that act in these alone, such as a limit of commands that only a push brings about, are none.
+
+    Args:
+        step: before.
+        rival: a fit of the step's hypothesis with one or two effects more.
+    """
+    left, before, problem = step.scored.residual_noise, step.scored.fit, step.problem
+    if left.set_aside is None:
+        return rival.gain
+    size = np.where(_beside(left.set_aside > 0, problem.segments), left.set_aside.max(), 0.0)
+    noise = replace(left, set_aside=_ANY_FORCE * size)
+    without = problem.fitter.fit(before.hypothesis, before.theta, before.trajectory, noise)
+    fit = problem.fitter.fit(rival.fit.hypothesis, rival.fit.theta, rival.fit.trajectory, noise)
+    return fit.log_evidence - without.log_evidence
+
+
+def _beside(nodes: NDArray[np.bool_], segments: Segments) -> NDArray[np.bool_]:
+    """Some nodes, (S, L), and those before and after, for as long as they last, where a push may set in."""
+    found = nodes.copy()
+    for episode in np.unique(segments.episode):
+        own = segments.episode == episode
+        time = segments.time[own]
+        at = np.sort(time[nodes[own]])
+        for part in np.split(at, np.flatnonzero(np.diff(at) > WINDOW_S) + 1) if len(at) else ():
+            lasts = max(part[-1] - part[0], WINDOW_S)
+            found[own] |= (time > part[0] - lasts) & (time < part[-1] + lasts)
+    return found
+
+
 def push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
     """Add the pushes of windows that were set aside; None where they are not worth it."""
     problem, fit = step.problem, step.scored.fit
@@ -95,7 +136,7 @@ def refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
         return rivals
     for push, promise in pushes(step.scored.pulses, problem.segments, problem.rig_motion):
         if push.key not in present and promise > REFIT_MARGIN * leader:
-            refitted = _refitted_push(step, push)
+            refitted = _refitted_push(step, push, np.zeros(len(push.parameters)))
             if refitted is None:
                 continue
             push, fit = refitted
@@ -104,12 +145,12 @@ def refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
     return rivals
 
 
-def _refitted_push(step: Step, push: ExternalPulse) -> tuple[ExternalPulse, Fit] | None:
+def _refitted_push(step: Step, push: ExternalPulse, start: Array) -> tuple[ExternalPulse, Fit] | None:
     """A refit with those pushes that are something beside the joint's others; None where none is.
 
     The others are errors of their shape, or of the joint's friction where it turns around.
     """
-    fit = refit(step, push, np.zeros(len(push.parameters)))
+    fit = refit(step, push, start)
     values = fit.theta[len(fit.theta) - len(push.parameters) :]
     size = np.abs(values)
     large = size > _LEAST_PUSH * max(size.max(), _largest_push(step, push.part))
@@ -128,8 +169,9 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
     found = pushes_set_aside(system, noise, problem.segments, problem.rig_motion, known)
     level = _evidence_without_set_aside(step) if found else 0.0
     rivals: list[Rival] = []
-    for push in found:
-        refitted = _refitted_push(step, push)
+    for push, force in found:
+        # From about their forces: without any, friction may hold the joint, and motion tells of none.
+        refitted = _refitted_push(step, push, force)
         if refitted is None:
             continue
         push, fit = refitted

@@ -19,6 +19,7 @@ from slapshot.diagnosis.selection.free_forms import is_free
 from slapshot.diagnosis.selection.pair_search import pair_step
 from slapshot.diagnosis.selection.problem import Problem, fit_and_score
 from slapshot.diagnosis.selection.push_search import (
+    gain_elsewhere,
     has_windows_set_aside,
     push_step,
     refitted_pushes,
@@ -149,6 +150,9 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
     if not has_windows_set_aside(step):
         rivals += refitted_pushes(step, max((rival.gain for rival in rivals), default=0.0), report)
     rivals.sort(key=lambda rival: -rival.gain)
+    while rivals and rivals[0].gain >= threshold and gain_elsewhere(step, rivals[0]) < threshold:
+        report(f"not added: {rivals[0].effect.key}, which explains but what was set aside")
+        rivals.pop(0)
     if not rivals or rivals[0].gain < threshold:
         return None
     best = simplest(step, rivals)
@@ -244,7 +248,10 @@ def _backward_elimination(
             covariance = np.linalg.inv(fit.precision)[part, part]
             if 0.5 * own @ np.linalg.solve(covariance, own) > 4 * threshold:
                 continue
-            without = step.problem.fitter.fit(less, fit.theta[keep], fit.trajectory, noise)
+            # Where the others can stand in for it, their values without it lie far away.
+            rest = fit.precision[keep]
+            start = fit.theta[keep] + np.linalg.solve(rest[:, keep], rest[:, part] @ own)
+            without = step.problem.fitter.fit(less, start, fit.trajectory, noise)
             if evidence - without.log_evidence < least_loss:
                 least_loss, best = evidence - without.log_evidence, without
         if best is None:

@@ -23,7 +23,7 @@ class CoulombFriction(JointEffect):
         for joint in rig.joints:
             scale = 0.3 * joint.torque
             nominal = float(rig.model.dof_frictionloss[joint.v])
-            yield cls(joint, Parameter("torque", joint.unit, scale, low=-nominal, probe=0.01 * scale))
+            yield cls(joint, Parameter("torque", joint.unit, scale, low=-nominal, probe=1e-3 * scale))
 
     def __init__(self, joint: Joint, parameter: Parameter) -> None:
         super().__init__(joint.name, (parameter,))

@@ -27,7 +27,7 @@ class DirectionFriction(JointEffect):
         for joint in rig.joints:
             scale = 0.3 * joint.torque
             nominal = float(rig.model.dof_frictionloss[joint.v])
-            way = {"low": -nominal, "probe": 0.01 * scale}
+            way = {"low": -nominal, "probe": 1e-3 * scale}
             yield cls(
                 joint,
                 Parameter("forward", joint.unit, scale, **way),

@@ -28,8 +28,8 @@ class StribeckFriction(JointEffect):
             unit = f"{joint.angle_unit}/s"
             yield cls(
                 joint,
-                Parameter("torque", joint.unit, scale, low=-nominal, probe=0.01 * scale),
-                Parameter("excess", joint.unit, scale, low=0.0, probe=0.01 * scale),
+                Parameter("torque", joint.unit, scale, low=-nominal, probe=1e-3 * scale),
+                Parameter("excess", joint.unit, scale, low=0.0, probe=1e-3 * scale),
                 Parameter("speed", unit, 0.7 * speed, speed, 0.2 * speed, 10 * speed),
             )
 

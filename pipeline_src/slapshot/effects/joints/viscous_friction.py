@@ -23,7 +23,7 @@ class ViscousFriction(JointEffect):
             scale = 0.3 * joint.torque / joint.speed
             damping = float(rig.model.dof_damping[joint.v])
             unit = f"{joint.unit} s/{joint.angle_unit}"
-            yield cls(joint, Parameter("coefficient", unit, scale, low=-damping, probe=0.01 * scale))
+            yield cls(joint, Parameter("coefficient", unit, scale, low=-damping, probe=1e-3 * scale))
 
     def __init__(self, joint: Joint, parameter: Parameter) -> None:
         super().__init__(joint.name, (parameter,))
