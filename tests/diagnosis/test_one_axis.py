@@ -18,7 +18,7 @@ from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection.pair_search import pair_step
 from slapshot.diagnosis.selection.problem import Problem, fit_and_score
 from slapshot.diagnosis.selection.pulses import WINDOW_S
-from slapshot.diagnosis.selection.push_search import gain_elsewhere
+from slapshot.diagnosis.selection.push_search import gain_elsewhere, push_step, with_windows
 from slapshot.diagnosis.selection.search import _backward_elimination, _forward_step
 from slapshot.diagnosis.selection.steps import Rival, Step, least_gain, nominal_step, refit
 from slapshot.diagnosis.selection.steps import test_of as of_columns
@@ -177,6 +177,34 @@ def test_a_law_must_act_outside_of_windows_set_aside():
         fit = refit(step, effect, np.zeros(1))
         rival = Rival(effect, fit.log_evidence - step.scored.fit.log_evidence, fit)
         assert (gain_elsewhere(step, rival) > least_gain(step.scored)) == acts
+
+
+def test_a_push_that_moves_a_resting_axis_is_placed_in_time():
+    """The model has all of the friction, which holds the axis before and after."""
+    begin, end, size = 2.005, 2.305, 1.7 * COULOMB
+    rng, t = np.random.default_rng(3), np.arange(5000) * 0.002
+    wanted = 0.05 * np.sin(2 * t) ** 3 * ((t < np.pi / 2) | (t > np.pi))
+
+    def controller(k: int, q: float, v: float) -> float:
+        return 4000 * (wanted[k] - q) - 300 * v
+
+    place, force = moved(t, 40, controller, lambda time, q: size * (begin <= time < end))
+    read = place + 2e-6 * rng.standard_normal(len(t))
+    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
+    made = recording(t, channels)
+    axis = AXIS.replace('type="slide"', f'type="slide" frictionloss="{COULOMB}" damping="{VISCOUS}"')
+    rig = bind(MjSpec.from_string(axis), made.channels)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    step = nominal_step(problem, (), np.random.default_rng(1))
+    # Windows are known to hold some force about as large as what moves the axis.
+    windows = (problem.segments.time > 1.999) & (problem.segments.time < 2.349)
+    step = with_windows(step, windows.astype(float), np.random.default_rng(1))
+    pushed = push_step(step, np.random.default_rng(2), lambda text: None)
+    assert pushed is not None
+    effect = pushed.hypothesis.effects[-1]
+    assert isinstance(effect, ExternalPulse)
+    assert [(p.begin, p.end) for p in effect.pulses] == [pytest.approx((begin, end), abs=0.01)]
+    assert pushed.scored.fit.theta == pytest.approx([size], rel=0.05)
 
 
 def test_where_one_friction_explains_all_there_is_no_pair():

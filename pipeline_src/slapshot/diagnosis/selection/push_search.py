@@ -4,6 +4,7 @@ Where enormous forces act in a few windows, these are set aside while laws are f
 force keeps them from spoiling the fit. Then they are named as pushes, if they are worth it.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -34,9 +35,13 @@ from slapshot.diagnosis.selection.steps import (
     step_to,
     test_of,
 )
-from slapshot.effects.joints.external_pulse import ExternalPulse
+from slapshot.effects.joints.effect import Joint
+from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 _LEAST_PUSH = 0.1  # share of a joint's largest push
+# Edges of pushes while friction holds a joint: share of its response to a force below which it is held; moves
+# that are tried, and how many at once; rounds of fits.
+_HELD, _EDGE_STEP_S, _EDGE_STEPS, _EDGE_ROUNDS = 0.5, 0.01, (4, 1), 6
 _ANY_FORCE = 30.0  # factor on the process force of windows set aside, in which any force may act then
 
 
@@ -171,7 +176,7 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
     rivals: list[Rival] = []
     for push, force in found:
         # From about their forces: without any, friction may hold the joint, and motion tells of none.
-        refitted = _refitted_push(step, push, force)
+        refitted = _refitted_push(step, _with_edges_while_held(step, system, push, force), force)
         if refitted is None:
             continue
         push, fit = refitted
@@ -181,6 +186,62 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
         rivals.append(Rival(push, gain, fit))
         report(f"refitted {push.name}@{push.part}: {gain:+.1f} nats")
     return rivals
+
+
+def _with_edges_while_held(step: Step, system: Linear, push: ExternalPulse, force: Array) -> ExternalPulse:
+    """The pushes, with those edges at which friction holds the joint where models explain most.
+
+    About a trajectory at rest a linear system tells nothing of a force that would move the joint.
+    """
+    if system.process is None:
+        return push
+    problem = step.problem
+    joint = next(joint for joint in problem.rig_motion.joints if joint.name == push.part)
+    free = np.linalg.norm(system.process[..., joint.v], axis=-1)
+    held = np.linalg.norm(system.B[..., joint.v], axis=-1) < _HELD * free
+    pulses = list(push.pulses)
+    for i in range(len(pulses)):
+        if _near_edges(held, pulses[i], problem.segments).any():
+            pulses[i] = _best_edges(step, joint, pulses, i, float(force[i]))
+    return ExternalPulse(joint, pulses)
+
+
+def _near_edges(nodes: NDArray[np.bool_], pulse: Pulse, segments: Segments) -> NDArray[np.bool_]:
+    """Whether any of some nodes (S, L) is near the begin of a push, and near its end."""
+    own = segments.ids[segments.episode] == pulse.episode
+    time, nodes = segments.time[own], nodes[own]
+    return np.array([(nodes & (np.abs(time - at) <= _EDGE_STEP_S)).any() for at in (pulse.begin, pulse.end)])
+
+
+def _best_edges(step: Step, joint: Joint, pulses: Sequence[Pulse], i: int, force: float) -> Pulse:
+    """A push of some, with edges moved as long as it explains more of the segments around it."""
+    problem, scored, pulse = step.problem, step.scored, pulses[i]
+    segments, margin = problem.segments, 2 * WINDOW_S
+    near = (segments.time > pulse.begin - margin) & (segments.time < pulse.end + margin)
+    some = np.flatnonzero((segments.ids[segments.episode] == pulse.episode) & near.any(axis=1))
+    fitter, noise = problem.fitter.select(some), scored.residual_noise.select(some)
+    others = [other for k, other in enumerate(pulses) if k != i and other.episode == pulse.episode]
+
+    def evidence(moved: Pulse) -> float:
+        overlaps = any(moved.begin < other.end and other.begin < moved.end for other in others)
+        if overlaps or moved.end - moved.begin < segments.interval:
+            return -np.inf
+        hypothesis = step.hypothesis.with_effect(ExternalPulse(joint, [moved]))
+        theta = np.append(scored.fit.theta, force)
+        fit = fitter.fit(hypothesis, theta, scored.fit.trajectory[some], noise, _EDGE_ROUNDS)
+        return fit.log_evidence
+
+    most = evidence(pulse)
+    for steps in _EDGE_STEPS:
+        length = steps * max(_EDGE_STEP_S, segments.interval)
+        for edge, way in (("begin", 1), ("begin", -1), ("end", 1), ("end", -1)):
+            for _ in range(round(margin / length)):
+                moved = replace(pulse, **{edge: getattr(pulse, edge) + way * length})
+                found = evidence(moved)
+                if found <= most:
+                    break
+                pulse, most = moved, found
+    return pulse
 
 
 def _largest_push(step: Step, part: str) -> float:
