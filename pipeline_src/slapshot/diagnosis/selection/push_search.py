@@ -201,16 +201,16 @@ def _with_edges_while_held(step: Step, system: Linear, push: ExternalPulse, forc
     held = np.linalg.norm(system.B[..., joint.v], axis=-1) < _HELD * free
     pulses = list(push.pulses)
     for i in range(len(pulses)):
-        if _near_edges(held, pulses[i], problem.segments).any():
+        if _near_an_edge(held, pulses[i], problem.segments):
             pulses[i] = _best_edges(step, joint, pulses, i, float(force[i]))
     return ExternalPulse(joint, pulses)
 
 
-def _near_edges(nodes: NDArray[np.bool_], pulse: Pulse, segments: Segments) -> NDArray[np.bool_]:
-    """Whether any of some nodes (S, L) is near the begin of a push, and near its end."""
+def _near_an_edge(nodes: NDArray[np.bool_], pulse: Pulse, segments: Segments) -> bool:
+    """Whether any of some nodes (S, L) is near the begin or the end of a push."""
     own = segments.ids[segments.episode] == pulse.episode
-    time, nodes = segments.time[own], nodes[own]
-    return np.array([(nodes & (np.abs(time - at) <= _EDGE_STEP_S)).any() for at in (pulse.begin, pulse.end)])
+    time = segments.time[own][nodes[own]]
+    return any((np.abs(time - at) <= _EDGE_STEP_S).any() for at in (pulse.begin, pulse.end))
 
 
 def _best_edges(step: Step, joint: Joint, pulses: Sequence[Pulse], i: int, force: float) -> Pulse:
