@@ -39,9 +39,9 @@ from slapshot.effects.joints.effect import Joint
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 _LEAST_PUSH = 0.1  # share of a joint's largest push
-# Edges of pushes while friction holds a joint: share of its response to a force below which it is held; moves
-# that are tried, and how many at once; rounds of fits.
-_HELD, _EDGE_STEP_S, _EDGE_STEPS, _EDGE_ROUNDS = 0.5, 0.01, (4, 1), 6
+# Edges of pushes while friction holds a joint: share of its response to a force below which it is held; how
+# near an edge that must be; moves that are tried; rounds of fits.
+_HELD, _NEAR_EDGE_S, _EDGE_STEPS_S, _EDGE_ROUNDS = 0.5, 0.01, (0.04, 0.01, 0.005), 6
 _ANY_FORCE = 30.0  # factor on the process force of windows set aside, in which any force may act then
 
 
@@ -210,19 +210,29 @@ def _near_an_edge(nodes: NDArray[np.bool_], pulse: Pulse, segments: Segments) ->
     """Whether any of some nodes (S, L) is near the begin or the end of a push."""
     own = segments.ids[segments.episode] == pulse.episode
     time = segments.time[own][nodes[own]]
-    return any((np.abs(time - at) <= _EDGE_STEP_S).any() for at in (pulse.begin, pulse.end))
+    return any((np.abs(time - at) <= _NEAR_EDGE_S).any() for at in (pulse.begin, pulse.end))
 
 
 def _best_edges(step: Step, joint: Joint, pulses: Sequence[Pulse], i: int, force: float) -> Pulse:
-    """A push of some, with edges moved as long as it explains more of the segments around it."""
+    """A push of some, with edges moved as long as it explains more of the segments around it.
+
+    First beside any force in its windows, under which few edges are dead ends, then alone, since beside any
+    force no edge is much worse than another.
+    """
     problem, scored, pulse = step.problem, step.scored, pulses[i]
     segments, margin = problem.segments, 2 * WINDOW_S
     near = (segments.time > pulse.begin - margin) & (segments.time < pulse.end + margin)
     some = np.flatnonzero((segments.ids[segments.episode] == pulse.episode) & near.any(axis=1))
-    fitter, noise = problem.fitter.select(some), scored.residual_noise.select(some)
+    fitter, beside = problem.fitter.select(some), scored.residual_noise.select(some)
     others = [other for k, other in enumerate(pulses) if k != i and other.episode == pulse.episode]
+    alone = beside
+    if beside.set_aside is not None:
+        own, time = near[some], segments.time[some]
+        for other in others:
+            own &= (time < other.begin - WINDOW_S) | (time > other.end + WINDOW_S)
+        alone = replace(beside, set_aside=np.where(own, 0.0, beside.set_aside))
 
-    def evidence(moved: Pulse) -> float:
+    def evidence(moved: Pulse, noise: Noise) -> float:
         overlaps = any(moved.begin < other.end and other.begin < moved.end for other in others)
         if overlaps or moved.end - moved.begin < segments.interval:
             return -np.inf
@@ -231,16 +241,17 @@ def _best_edges(step: Step, joint: Joint, pulses: Sequence[Pulse], i: int, force
         fit = fitter.fit(hypothesis, theta, scored.fit.trajectory[some], noise, _EDGE_ROUNDS)
         return fit.log_evidence
 
-    most = evidence(pulse)
-    for steps in _EDGE_STEPS:
-        length = steps * max(_EDGE_STEP_S, segments.interval)
-        for edge, way in (("begin", 1), ("begin", -1), ("end", 1), ("end", -1)):
-            for _ in range(round(margin / length)):
-                moved = replace(pulse, **{edge: getattr(pulse, edge) + way * length})
-                found = evidence(moved)
-                if found <= most:
-                    break
-                pulse, most = moved, found
+    for noise in (beside, alone):
+        most = evidence(pulse, noise)
+        for length in _EDGE_STEPS_S:
+            length = max(length, segments.interval)
+            for edge, way in (("begin", 1), ("begin", -1), ("end", 1), ("end", -1)):
+                for _ in range(round(margin / length)):
+                    moved = replace(pulse, **{edge: getattr(pulse, edge) + way * length})
+                    found = evidence(moved, noise)
+                    if found <= most:
+                        break
+                    pulse, most = moved, found
     return pulse
 
 
