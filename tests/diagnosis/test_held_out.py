@@ -210,3 +210,14 @@ def test_without_a_push_none_is_told_in_held_out_data():
     verdict = diagnose(of, rig, seed=1).verdict
     assert verdict.headline == "nothing_found"
     assert not [finding for finding in verdict.findings if "held-out data" in finding]
+
+
+def test_a_wrong_reading_in_held_out_data_is_no_push():
+    """A reading that is off by 25 standard deviations, once."""
+    of = taken(7)
+    rig = bind(MjSpec.from_string(PENDULUM), of.channels)
+    (table,) = of.signals.values()
+    table.loc[table.index[table.episode == 2][120], "angle"] += 25 * WHITE
+    verdict = diagnose(of, rig, seed=1).verdict
+    assert verdict.held_out_episodes == [2]
+    assert verdict.headline == "nothing_found"

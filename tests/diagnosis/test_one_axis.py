@@ -301,6 +301,25 @@ def diagnosed_axis(
 
 
 @pytest.mark.slow
+def test_a_ripple_beside_missing_friction_is_named():
+    """From the mass alone: frictions, and a force that repeats itself twelve times over the travel."""
+    t, read, force = pushed_axis(24.8, 5, ())
+    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
+    made = recording(t, channels)
+    verdict = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1).verdict
+    assert not verdict.unknown.flagged
+    laws = {e.name: [p.value for p in e.parameters] for e in verdict.effects}
+    assert set(laws) == {"viscous_friction", "direction_friction", "torque_ripple"}
+    assert laws["viscous_friction"] == pytest.approx([VISCOUS], rel=0.001)
+    assert laws["direction_friction"] == pytest.approx(
+        [1.03 * COULOMB - 3.2, 0.97 * COULOMB + 3.2], rel=0.001
+    )
+    sine, cosine, order = laws["torque_ripple"]
+    assert order == pytest.approx(2 * np.pi / 0.02, rel=0.001)
+    assert np.hypot(sine, cosine) == pytest.approx(0.2, rel=0.05)
+
+
+@pytest.mark.slow
 def test_pushes_beside_friction_are_placed_in_time():
     """From the mass alone; of the one that comes while the axis stands still only 10 N move it."""
     _, found = diagnosed_axis(*pushed_axis(24.8, 5))

@@ -339,7 +339,11 @@ def _held_out_pushes(
     if any(effect.hidden_state for effect in hypothesis.effects):
         return []
     first = held_out.initial_trajectory(step.problem, nominal, segments)
-    noise = scored.residual_noise
+    # Errors of laws elsewhere are not those that columns were fitted to: as a force, they are no pushes.
+    noise, _ = held_out.refitted_noise(
+        step.problem, hypothesis, scored.fit.theta, scored.fit.trajectory, scored.noise
+    )
+    noise = replace(scored.residual_noise, force=max(noise.force, scored.residual_noise.force))
     try:
         return held_out.pushes_in(step.problem, hypothesis, scored.fit, segments, held, noise, first)
     except np.linalg.LinAlgError:

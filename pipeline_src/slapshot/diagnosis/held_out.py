@@ -13,14 +13,20 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Linear, innovations, smooth
 from slapshot.diagnosis.fit.fit import Fit, Fitter, prior_of
 from slapshot.diagnosis.fit.linear import Perturbation, residuals
-from slapshot.diagnosis.fit.noise import CLIP, Noise, fit_noise, posterior_means
+from slapshot.diagnosis.fit.noise import CLIP, Noise, fit_noise, posterior_means, with_outliers
 from slapshot.diagnosis.fit.shooting import shoot, simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.model.structure import transferred_trajectory
 from slapshot.diagnosis.selection.problem import NUISANCE, Problem
-from slapshot.diagnosis.selection.pulses import SET_ASIDE_ROUNDS, pushes_set_aside, windows_set_aside
+from slapshot.diagnosis.selection.pulses import (
+    SET_ASIDE_ROUNDS,
+    pushes_set_aside,
+    window_nodes,
+    windows_set_aside,
+)
+from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 WINDOW_S = 0.5
@@ -197,7 +203,12 @@ def pushes_in(
     sd = prior.at(own)
     sd[: len(fit.theta)] = fit.sd
     # A process force that covers all pushes at first, and then only what is no push.
-    for force in np.geomspace(max(1.0, own.force), own.force, SET_ASIDE_ROUNDS):
+    forces = np.geomspace(max(1.0, own.force), own.force, SET_ASIDE_ROUNDS)
+    # No fit has told which readings of held-out data are outliers: one would be a short, enormous push.
+    covering = replace(own, force=float(forces[0]))
+    values = posterior_means(innovations(system, covering.covariances(segments.interval)), sd)
+    own = with_outliers(system.moved(values), covering, segments.interval)
+    for force in forces:
         own = replace(own, force=float(force))
         values = posterior_means(innovations(system, own.covariances(segments.interval)), sd)
         speed = problem.speed(trajectory)
@@ -213,11 +224,16 @@ def pushes_in(
             during = _during(pulse, segments)
             W[during, :, k] = system.B[during][..., joint.v]
         alone = system.with_columns(W, np.zeros((*system.psi.shape[:3], len(push.pulses))))
-        forces = posterior_means(innovations(alone, covariances), np.full(len(push.pulses), joint.torque))
+        seen = innovations(alone, covariances)
+        sizes = posterior_means(seen, np.full(len(push.pulses), joint.torque))
+        # Each may have come in any window.
+        z = seen.Z.reshape(seen.e.size, -1)
+        gains = (z.T @ seen.e.reshape(-1)) ** 2 / np.maximum(2 * (z**2).sum(0), 1e-300)
+        least = np.log(segments.time.size / window_nodes(segments)) + EQUIVALENCE_NATS
         found += [
             HeldOutPush(push.part, pulse, float(force), joint.unit)
-            for pulse, force in zip(push.pulses, forces, strict=True)
-            if _during(pulse, segments)[held].any()
+            for pulse, force, gain in zip(push.pulses, sizes, gains, strict=True)
+            if gain > least and _during(pulse, segments)[held].any()
         ]
     return found
 

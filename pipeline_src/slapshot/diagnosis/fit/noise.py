@@ -475,14 +475,38 @@ def _reweighted(system: Linear, prior: Prior, noise: Noise, segments: Segments, 
              if there[..., c].any() else 1.0 for c in range(there.shape[2])]
         )  # fmt: skip
         factor = np.clip(size, 0.5, 2.0)
-        residual, variance = leave_one_out(system.moved(values).without_columns(), covariances)
-        variance = np.where(there, variance * np.maximum(size, 1e-12) ** 2, 1.0)
-        lacking = np.maximum((residual / CLIP) ** 2 - variance, 0.0)
+        lacking = _lacking_variance(system.moved(values), covariances, size)
         white = np.maximum(noise.white * factor, least)
         noise = replace(
             noise, white=white, coloured=noise.coloured * factor, weight=noise.weight + lacking / white**2
         )
     return noise
+
+
+def with_outliers(system: Linear, noise: Noise, interval: float) -> Noise:
+    """The noise with outliers down-weighted, judged about the trajectory of a system.
+
+    Args:
+        system: with the columns' values moved into it.
+        noise: of the data, with a process force that covers all that may act.
+        interval: s between nodes.
+    """
+    one = np.ones(system.r.shape[-1])
+    lacking = _lacking_variance(system, noise.covariances(interval), one)
+    return replace(noise, weight=noise.weight + lacking / noise.white**2)
+
+
+def _lacking_variance(system: Linear, covariances: Covariances, size: Array) -> Array:
+    """(S, L, ny) variance that outliers lack, by residuals in which they take no part themselves.
+
+    Args:
+        system: with the columns' values moved into it.
+        covariances: of the noise.
+        size: (ny,) factor on the standard deviations.
+    """
+    residual, variance = leave_one_out(system.without_columns(), covariances)
+    variance = np.where(np.isfinite(system.r), variance * np.maximum(size, 1e-12) ** 2, 1.0)
+    return np.asarray(np.maximum((residual / CLIP) ** 2 - variance, 0.0))
 
 
 def posterior_means(found: Innovations, prior_sd: Array) -> Array:

@@ -15,6 +15,7 @@ from slapshot.diagnosis.fit.filter import innovations
 from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.inference.mismatch_test import overdispersion, scores
 from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.selection.fine_ripples import fine_ripples
 from slapshot.diagnosis.selection.free_forms import is_free
 from slapshot.diagnosis.selection.pair_search import pair_step
 from slapshot.diagnosis.selection.problem import Problem, fit_and_score
@@ -135,12 +136,19 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
             candidates[family] = effect, one_step_values(scored, i, found[i].values)
         if len(candidates) == MAX_REFITS:
             break
+    trials: dict[str, float] = {}
+    # With windows set aside they would leave so little process force that pushes do not converge.
+    for ripple in [] if has_windows_set_aside(step) else fine_ripples(step):
+        trials[ripple.effect.key] = ripple.trials
+        candidates[ripple.effect.key] = ripple.effect, ripple.start
     leader = -np.inf
     for effect, start, gain in _preselect(step, list(candidates.values())):
         if gain < leader - max(_REFIT_MARGIN_NATS, REFIT_MARGIN * leader):
             break
         fit = refit(step, effect, start)
-        rival = Rival(effect, fit.log_evidence - scored.fit.log_evidence, fit)
+        # Of those that were detected, each may have had any order.
+        gained = fit.log_evidence - scored.fit.log_evidence - trials.get(effect.key, 0.0)
+        rival = Rival(effect, gained, fit)
         report(
             f"refitted {effect.key}: {rival.gain:+.1f} nats{', at no size' if rival.has_no_effect else ''}"
         )

@@ -19,23 +19,35 @@ class TorqueRipple(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["TorqueRipple"]:
-        """One for each joint and start of its period; prior: a tenth of the usual torque."""
+        """One for each joint and start of its period; periods that are shorter are detected in the data."""
         for joint in rig.joints:
-            scale = 0.1 * joint.torque
-            # Spacing at which orders are distinguishable over the travel; longer periods are springs.
-            apart = np.pi / (2.5 * joint.travel)
-            for order in apart * np.arange(1.5, 1.5 + MOST):
-                yield cls(
-                    joint,
-                    Parameter("sine", joint.unit, scale, probe=0.01 * scale),
-                    Parameter("cosine", joint.unit, scale, probe=0.01 * scale),
-                    Parameter("order", f"1/{joint.angle_unit}", 0.5 * apart, float(order), low=apart),
-                )
+            for order in cls.spacing(joint) * np.arange(1.5, 1.5 + MOST):
+                yield cls.at(joint, float(order))
+
+    @classmethod
+    def at(cls, joint: Joint, order: float) -> "TorqueRipple":
+        """With an order to start from; prior: a tenth of the usual torque."""
+        scale, apart = 0.1 * joint.torque, cls.spacing(joint)
+        return cls(
+            joint,
+            Parameter("sine", joint.unit, scale, probe=0.01 * scale),
+            Parameter("cosine", joint.unit, scale, probe=0.01 * scale),
+            Parameter("order", f"1/{joint.angle_unit}", 0.5 * apart, order, low=apart),
+        )
+
+    @staticmethod
+    def spacing(joint: Joint) -> float:
+        """Spacing at which orders are distinguishable over the travel; longer periods are springs."""
+        return float(np.pi / (2.5 * joint.travel))
 
     def __init__(self, joint: Joint, *parameters: Parameter) -> None:
         super().__init__(joint.name, parameters)
         self._joint = joint
         self.start_order = parameters[2].start
+
+    def on(self, rig: RigMotion) -> "TorqueRipple":
+        """The same ripple at the joint of that name."""
+        return TorqueRipple({joint.name: joint for joint in rig.joints}[self.part], *self.parameters)
 
     @property
     def key(self) -> str:
