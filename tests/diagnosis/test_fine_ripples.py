@@ -24,7 +24,7 @@ def positions() -> np.ndarray:
     return TRAVEL * np.sqrt(2) * np.sin(1.3 * t + 0.2 * np.sin(0.37 * t))
 
 
-def test_a_ripple_of_a_hundred_periods_is_found():
+def test_a_ripple_of_fifty_periods_is_found():
     """By scores of independent forces at each node, as if these were read."""
     q, order, sine, cosine = positions(), 230.0, 0.05, -0.03
     force = sine * np.sin(order * q) + cosine * np.cos(order * q)
