@@ -156,11 +156,13 @@ def test_an_effect_that_others_can_stand_in_for_is_removed():
     names = "viscous_friction", "coulomb_friction", "direction_friction"
     hypothesis = Hypothesis(step.problem.rig, tuple(catalogue[name] for name in names))
     split = np.array([VISCOUS, 0.4 * COULOMB, 0.6 * COULOMB, 0.6 * COULOMB])
-    scored = fit_and_score(
+    scored, scores = fit_and_score(
         step.problem, hypothesis, split, step.scored.fit.trajectory, step.scored.noise, near=False
     )
     rng = np.random.default_rng(2)
-    left = _backward_elimination(replace(step, scored=scored, test=of_columns(scored, rng)), (), rng, print)
+    left = _backward_elimination(
+        replace(step, scored=scored, test=of_columns(scored, scores, rng)), (), rng, print
+    )
     assert [effect.name for effect in left.hypothesis.effects] == ["viscous_friction", "coulomb_friction"]
     assert left.scored.fit.theta == pytest.approx([VISCOUS, COULOMB], rel=0.02)
 

@@ -50,7 +50,8 @@ def test_coloured_noise_is_not_taken_for_errors_of_a_stiff_servo():
     problem, fit, noise = initial_fit(
         Problem.of(rig, made.channels, segment_recording(made, rig)), Hypothesis(rig)
     )
-    found = fit_and_score(problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=False).noise
+    scored, _ = fit_and_score(problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=False)
+    found = scored.noise
     # 3,200 readings that are alike for four: a standard deviation to 2.5 %, its time to 7 %; three of these.
     assert float(found.single[0]) == pytest.approx(sd, rel=0.08)
     assert float(found.correlation_s[0]) == pytest.approx(correlation, rel=0.25)

@@ -100,7 +100,8 @@ def fitted(problem: Problem, effect: JointEffect, rng: np.random.Generator) -> S
         if effect.hidden_state:
             return structural_fit(nominal, effect)
         fit = refit(nominal, effect, _initial_values(nominal, effect))
-        return fit_and_score(problem, fit.hypothesis, fit.theta, fit.trajectory, nominal.scored.noise)
+        scored, _ = fit_and_score(problem, fit.hypothesis, fit.theta, fit.trajectory, nominal.scored.noise)
+        return scored
     except np.linalg.LinAlgError:
         return None
 

@@ -16,8 +16,8 @@ from threadpoolctl import threadpool_limits
 
 from slapshot.arrays import Array
 from slapshot.diagnosis import held_out
+from slapshot.diagnosis.fit.noise import Noise
 from slapshot.diagnosis.held_out import HeldOutPush, Predictions
-from slapshot.diagnosis.inference.mismatch_test import Elimination
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments, segment_recording
@@ -63,11 +63,19 @@ _AGREE = 0.1  # probability by which windows may agree by chance: four of four
 
 @dataclass(frozen=True)
 class Prediction:
-    """One model's predictions of held-out windows."""
+    """One model's predictions of held-out windows.
+
+    Attributes:
+        hypothesis: effects.
+        theta: their values.
+        predictions: of the windows.
+        noise: refitted to the other data under the model.
+    """
 
     hypothesis: Hypothesis
     theta: Array
     predictions: Predictions
+    noise: Noise
 
 
 @dataclass(frozen=True)
@@ -162,7 +170,7 @@ def _diagnosis(
         reason = "no held-out part is long enough to predict its second half; record longer episodes"
         return Diagnosis(_undecided(recording, rig, notes, reason, began), rig)
     found, by_model = _predict_models(found, problem, windows, seed, report)
-    pushed = _held_out_pushes(found.final, problem, segments, held)
+    pushed = _held_out_pushes(found.final, by_model[2].noise, problem, segments, held)
     notes += [str(push) for push in pushed]
     verdict = _verdict(recording, rig, found, windows, by_model, segments, held, notes, pushed, seed, began)
     return Diagnosis(verdict, rig, found, windows, *by_model)
@@ -328,22 +336,27 @@ def predict_windows(
     noise, _ = held_out.refitted_noise(step.problem, hypothesis, theta, fit.trajectory, step.scored.noise)
     precision = fit.precision if fitted else None
     predictions = held_out.predict(step.problem, hypothesis, theta, windows, noise, trajectory, precision)
-    return Prediction(hypothesis, theta, predictions)
+    return Prediction(hypothesis, theta, predictions, noise)
 
 
 def _held_out_pushes(
-    step: Step, nominal: Problem, segments: Segments, held: NDArray[np.intp]
+    step: Step, refitted: Noise, nominal: Problem, segments: Segments, held: NDArray[np.intp]
 ) -> list[HeldOutPush]:
-    """Pushes in held-out segments; none is looked for where the model has hidden states."""
+    """Pushes in held-out segments; none is looked for where the model has hidden states.
+
+    Args:
+        step: the last of a search.
+        refitted: noise by which it predicted held-out windows.
+        nominal: the problem of the nominal rig.
+        segments: all.
+        held: indices of those held out.
+    """
     hypothesis, scored = step.hypothesis, step.scored
     if any(effect.hidden_state for effect in hypothesis.effects):
         return []
     first = held_out.initial_trajectory(step.problem, nominal, segments)
     # Errors of laws elsewhere are not those that columns were fitted to: as a force, they are no pushes.
-    noise, _ = held_out.refitted_noise(
-        step.problem, hypothesis, scored.fit.theta, scored.fit.trajectory, scored.noise
-    )
-    noise = replace(scored.residual_noise, force=max(noise.force, scored.residual_noise.force))
+    noise = replace(scored.residual_noise, force=max(refitted.force, scored.residual_noise.force))
     try:
         return held_out.pushes_in(step.problem, hypothesis, scored.fit, segments, held, noise, first)
     except np.linalg.LinAlgError:
@@ -667,8 +680,7 @@ def _noise(recording: SignalRecording, rig: Rig, step: Step) -> dict[str, Channe
 def _limits(step: Step) -> list[Limit]:
     """Upper limit of each effect by itself, at 95 %."""
     scored = step.scored
-    eliminated = Elimination(scored.scores)(scored.scores.b)
-    total, information = eliminated.segment.sum(0), eliminated.information
+    total, information = scored.eliminated.total, scored.eliminated.information
     limits = []
     for effect, columns in zip(scored.effects, scored.columns, strict=True):
         if is_free(effect) or effect.many_forms or len(columns) > len(effect.parameters):

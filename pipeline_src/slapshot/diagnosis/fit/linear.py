@@ -82,6 +82,7 @@ def linearise(
     *,
     torque_scale: Array | None = None,
     jacobian: Linear | None = None,
+    halved: Array | None = None,
 ) -> Linearised:
     """Linearise a hypothesis about a trajectory.
 
@@ -95,6 +96,7 @@ def linearise(
         torque_scale: (nv,) size of forces, for differences; 1 where it is not known.
         jacobian: of a trajectory nearby, whose A, B and C are taken, as they are most of the work; where it
             has columns, the first are those of this hypothesis, and are taken but for those of laws.
+        halved: (S, L, n) as in `Linear`, of a trajectory nearby; it costs two simulations of all intervals.
     """
     (S, L), tangent = segments.shape, simulator.tangent
     n, nv, dim = S * L, tangent.nv, tangent.dim
@@ -144,7 +146,8 @@ def linearise(
             for array, k in ((jacobian.A, dim), (jacobian.B, nv), (jacobian.C, dim), (jacobian.spread, dim))
         )
         process = None if jacobian.process is None else jacobian.process.reshape(n, -1, nv)
-    halved = None if jacobian is None or jacobian.halved is None else jacobian.halved.reshape(n, dim)
+    if halved is None and jacobian is not None:
+        halved = jacobian.halved
 
     observed = seen(y)
     added = hypothesis.observe(observed, theta)
@@ -222,8 +225,8 @@ def linearise(
             if halved is None:
                 finer = hypothesis.compiled(theta, segments.step / 2)
                 moved, _, _ = advance(hypothesis, theta, finer, x, np.repeat(control, 2, axis=1))
-                halved = tangent.subtract(moved, base)
-            W[:, :, k] = halved
+                halved = tangent.subtract(moved, base).reshape(S, L, dim)
+            W[:, :, k] = halved.reshape(n, dim)
         elif is_law(perturbation.effect):
             start = np.array([parameter.start for parameter in perturbation.effect.parameters])
             law_column(k, perturbation.effect, np.array(perturbation.values), start, perturbation.probe, 0.5)
@@ -238,7 +241,7 @@ def linearise(
     system = Linear(
         A.reshape(*shapes, dim, dim), B.reshape(*shapes, dim, nv), defect, C.reshape(*shapes, ny, dim),
         residual, W.reshape(*shapes, dim, -1), psi.reshape(*shapes, ny, -1),
-        spread.reshape(*shapes, dim, dim), None if halved is None else halved.reshape(*shapes, dim),
+        spread.reshape(*shapes, dim, dim), halved,
         None if process is None else process.reshape(*shapes, dim, nv),
     )  # fmt: skip
     mean = (torque + there) / 2

@@ -61,6 +61,11 @@ class Eliminated:
     by_segment: Callable[[NDArray[np.intp]], Array] | None = None
     shared: Array | None = None
 
+    @property
+    def total(self) -> Array:
+        """(k,) sum over segments."""
+        return np.asarray(self.segment.sum(0))
+
 
 class Elimination:
     """Elimination of the nuisance, for the data and for draws alike.
@@ -279,14 +284,13 @@ class Gain:
     values: Array
 
 
-def gains(of: Scores, groups: Sequence[NDArray[np.intp]]) -> list[Gain]:
+def gains(eliminated: Eliminated, groups: Sequence[NDArray[np.intp]]) -> list[Gain]:
     """Gains of all groups, each by itself."""
-    eliminated = Elimination(of)(of.b)
-    total, information = eliminated.segment.sum(0), eliminated.information
+    total, information = eliminated.total, eliminated.information
     found = []
     for group in groups:
         precision = np.eye(len(group)) + information[np.ix_(group, group)]
-        values = np.linalg.solve(precision, total[group])
+        values: Array = np.asarray(np.linalg.solve(precision, total[group]))
         volume = 0.5 * np.linalg.slogdet(precision)[1]
         found.append(Gain(float(0.5 * total[group] @ values - volume), values))
     return found

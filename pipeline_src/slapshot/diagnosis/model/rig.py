@@ -101,6 +101,14 @@ class Rig:
         return tuple(dof for dof, name in enumerate(names) if name.startswith(OWN))
 
     @cached_property
+    def collides(self) -> bool:
+        """Whether any two geoms may touch."""
+        model = self.model
+        touches = model.geom_contype[:, None] & model.geom_conaffinity
+        np.fill_diagonal(touches, 0)
+        return bool(model.npair or model.nflex or touches.any())
+
+    @cached_property
     def quaternions(self) -> tuple[list[int], ...]:
         """Columns of the observations, w first, of every quaternion that is observed whole."""
         model, parts = self.model, dict[tuple[int, ...], dict[int, int]]()

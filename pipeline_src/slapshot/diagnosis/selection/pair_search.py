@@ -172,7 +172,8 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
     ]
     if not pairs:
         return []
-    both = gains(scored.scores, [np.concatenate([scored.columns[i], scored.columns[j]]) for i, j in pairs])
+    columns = [np.concatenate([scored.columns[i], scored.columns[j]]) for i, j in pairs]
+    both = gains(scored.eliminated, columns)
     found: list[_Pair] = []
     for k in sorted(range(len(pairs)), key=lambda k: -both[k].log_evidence):
         if len(found) == _MAX_PAIRS or both[k].log_evidence <= least:

@@ -22,7 +22,14 @@ from slapshot.diagnosis.fit.noise import (
     marginal_likelihood,
     posterior_means,
 )
-from slapshot.diagnosis.inference.mismatch_test import Gain, Scores, gains, scores
+from slapshot.diagnosis.inference.mismatch_test import (
+    Eliminated,
+    Elimination,
+    Gain,
+    Scores,
+    gains,
+    scores,
+)
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator, actuator_torque
 from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.model.rig import Rig
@@ -253,7 +260,7 @@ class ScoredFit:
         system: linear about the trajectory before the last round of the fit.
         noise: of the data, with all candidates integrated out.
         residual_noise: noise including the process force that the hypothesis leaves, as used by the fit.
-        scores: with own parameters and nuisance eliminated.
+        eliminated: scores of the candidates, own parameters and nuisance eliminated.
         effects: candidates; `columns` holds their columns in the scores.
         columns: one index array for each effect.
         perturbations: one for each candidate column.
@@ -264,7 +271,7 @@ class ScoredFit:
     system: Linear
     noise: Noise
     residual_noise: Noise
-    scores: Scores
+    eliminated: Eliminated
     effects: tuple[JointEffect, ...]
     columns: tuple[NDArray[np.intp], ...]
     perturbations: tuple[Perturbation, ...]
@@ -277,7 +284,7 @@ class ScoredFit:
         An error of the readings of incredible size has none: it is a multiple of the recorded motion, and
         would explain any motion that the model does not make.
         """
-        found = gains(self.scores, self.columns)
+        found = gains(self.eliminated, self.columns)
         return [
             replace(gain, log_evidence=-np.inf) if is_incredible(effect, gain.values) else gain
             for effect, gain in zip(self.effects, found, strict=True)
@@ -315,8 +322,10 @@ def fit_and_score(
     *,
     near: bool = True,
     may_set_aside: bool = False,
-) -> ScoredFit:
+) -> tuple[ScoredFit, Scores]:
     """Fit a hypothesis and its noise, and score all missing candidates.
+
+    All segments' scores, which a test needs, are far larger than everything else and are not kept.
 
     Args:
         problem: data.
@@ -375,17 +384,19 @@ def fit_and_score(
         columns.append(
             np.array([i for i, perturbation in enumerate(perturbations) if perturbation.effect is effect])
         )
-    return ScoredFit(
+    of = scores(found, prior.at(noise), fixed_columns)
+    scored = ScoredFit(
         fit,
         system.without_columns(),
         noise,
         left,
-        scores(found, prior.at(noise), fixed_columns),
+        replace(Elimination(of)(of.b), by_segment=None),
         effects,
         tuple(columns),
         tuple(perturbations),
         pulses,
     )
+    return scored, of
 
 
 def _with_mean_forces(problem: Problem, fit: Fit, noise: Noise) -> Fit:

@@ -265,5 +265,7 @@ def _backward_elimination(
         if best is None:
             return step
         report("removed an effect that is no longer needed")
-        scored = fit_and_score(step.problem, best.hypothesis, best.theta, best.trajectory, step.scored.noise)
-        step = replace(step, scored=scored, test=test_of(scored, rng))
+        scored, of = fit_and_score(
+            step.problem, best.hypothesis, best.theta, best.trajectory, step.scored.noise
+        )
+        step = replace(step, scored=scored, test=test_of(scored, of, rng))

@@ -8,7 +8,7 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.fit.noise import fit_process_force
-from slapshot.diagnosis.inference.mismatch_test import DRAWS, MismatchTest, mismatch_test
+from slapshot.diagnosis.inference.mismatch_test import DRAWS, MismatchTest, Scores, mismatch_test
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score, initial_fit
 from slapshot.effects.joints.effect import JointEffect
@@ -121,18 +121,18 @@ def nominal_step(
     """The nominal rig with its free parameters, fitted and tested."""
     base = problem.base(free)
     problem, fit, noise = initial_fit(problem, base)
-    scored = fit_and_score(
+    scored, scores = fit_and_score(
         problem, base, fit.theta, fit.trajectory, noise, near=False, may_set_aside=may_set_aside
     )
     if scored.noise.law_error <= _LARGE_LAW_ERROR:
-        return Step(problem, scored, test_of(scored, rng))
+        return Step(problem, scored, test_of(scored, scores, rng))
     fine = problem.along(scored.fit.trajectory, fine=True)
     # With all shapes, errors of laws explain parts of pushes: windows that were set aside stay.
-    scored = fit_and_score(
+    scored, scores = fit_and_score(
         fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise,
         may_set_aside=may_set_aside and scored.noise.set_aside is None,
     )  # fmt: skip
-    step = Step(fine, scored, test_of(scored, rng))
+    step = Step(fine, scored, test_of(scored, scores, rng))
     if step.test.p_value >= P_VALUE:
         return step
     # Refits with all shapes are slow: from here only the identifiable ones are used.
@@ -151,9 +151,9 @@ def _refitted_to(step: Step, problem: Problem) -> Step:
     return replace(step, problem=problem, scored=replace(step.scored, fit=fit, residual_noise=left))
 
 
-def test_of(scored: ScoredFit, rng: np.random.Generator) -> MismatchTest:
+def test_of(scored: ScoredFit, scores: Scores, rng: np.random.Generator) -> MismatchTest:
     """Test of all groups of columns and of pushes; both p-values are combined (Šidák)."""
-    found = mismatch_test(scored.scores, scored.columns, rng)
+    found = mismatch_test(scores, scored.columns, rng)
     pushed = scored.pulses.p_value(rng, DRAWS)
     return replace(found, p_value=1 - (1 - min(found.p_value, pushed)) ** 2, push_p_value=pushed)
 
@@ -216,11 +216,11 @@ def step_to(
     rng: np.random.Generator,
 ) -> Step:
     """The step that adds an effect, from a fit with it."""
-    scored = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, step.scored.noise)
+    scored, scores = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, step.scored.noise)
     if fit.log_evidence > step.scored.fit.log_evidence + _DISTANT_NATS:
         # The noise was that of a model which explains far less, and so was the trajectory.
         fit = scored.fit
-        scored = fit_and_score(
+        scored, scores = fit_and_score(
             step.problem, fit.hypothesis, fit.theta, fit.trajectory, scored.noise, near=False
         )
-    return Step(step.problem, scored, test_of(scored, rng), effect, gain, tuple(rivals))
+    return Step(step.problem, scored, test_of(scored, scores, rng), effect, gain, tuple(rivals))

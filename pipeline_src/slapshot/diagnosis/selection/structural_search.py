@@ -72,10 +72,10 @@ def structural_step(before: Step, rival: Step, rng: np.random.Generator, report:
         return None
     evidence, whole = best
     fit = whole.fit
-    scored = fit_and_score(whole.problem, fit.hypothesis, fit.theta, fit.trajectory, whole.noise)
+    scored, scores = fit_and_score(whole.problem, fit.hypothesis, fit.theta, fit.trajectory, whole.noise)
     gain = evidence - level + rival.gain
     rivals = (Rival(whole.effect, gain, fit), *rival.rivals)
-    return Step(whole.problem, scored, test_of(scored, rng), whole.effect, gain, rivals)
+    return Step(whole.problem, scored, test_of(scored, scores, rng), whole.effect, gain, rivals)
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,10 @@ def structural_fit(before: Step, effect: JointEffect) -> ScoredFit | None:
     if candidate is None:
         return None
     _, whole = _refit_all_segments(candidate)
-    return fit_and_score(
+    scored, _ = fit_and_score(
         whole.problem, whole.fit.hypothesis, whole.fit.theta, whole.fit.trajectory, whole.noise
     )
+    return scored
 
 
 def _fit_structure(before: Step, effect: JointEffect) -> StructuralFit | None:
