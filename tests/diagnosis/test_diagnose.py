@@ -7,11 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis import diagnose, held_out
+from slapshot.diagnosis import diagnose, held_out, held_out_validation
+from slapshot.diagnosis.held_out_validation import improves, predict_models
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection.free_forms import FreeForce
+from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.steps import Search, Step
+from slapshot.diagnosis.verdict_of_search import _recurring_pushes, _size, _unknown
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.joint_elasticity import JointElasticity
@@ -19,7 +23,7 @@ from slapshot.effects.joints.payload import Payload
 from slapshot.effects.joints.spring import Spring
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 
-from .mechanisms import CART, joint, recording
+from .mechanisms import CART, control_channel, joint, recording
 from .test_linear import arm_situation
 
 
@@ -29,8 +33,9 @@ from .test_linear import arm_situation
         ([0.0, 50.0, 60.0, 61.0], 3),
         ([0.0, 50.0, 60.0, 59.0], 2),
         ([0.0, 50.0, 40.0, 39.0], 1),
-        # Of the first the verdict judges, by likelihood and error.
-        ([0.0, -5.0, -6.0, -7.0], 1),
+        ([0.0, -5.0, -6.0, -7.0], 0),
+        # Better than the one before it, and still worse than none.
+        ([0.0, -9.0, -8.0, -5.0], 0),
         # One that helps after one that does not: together they do.
         ([0.0, 50.0, 40.0, 45.0], 3),
     ],
@@ -43,17 +48,18 @@ def test_effects_that_do_not_make_held_out_windows_more_likely_are_dropped(monke
     notes: list[str] = []
     found = searched(rig, effects)
     predictions(monkeypatch, likelihoods)
-    cut, by_model = diagnose._predict_models(found, None, None, 0, notes.append)
+    cut, by_model = predict_models(found, None, None, 0, notes.append)
     assert list(cut.named) == effects[:kept]
     assert by_model[2].hypothesis.effects == tuple(effects[:kept])
-    assert len(notes) == 3 - kept
+    assert len(cut.dropped) == 3 - kept
+    assert all(effect.key in " ".join(notes) for effect in cut.dropped)
 
 
 def test_an_effect_that_makes_errors_larger_is_dropped_though_windows_are_more_likely(monkeypatch):
     rig, _, of, _ = arm_situation(20)
     effects = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
     predictions(monkeypatch, [0.0, 50.0, 60.0], clumsy=2)
-    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, 0, lambda text: None)
+    cut, _ = predict_models(searched(rig, effects), None, None, 0, lambda text: None)
     assert list(cut.named) == effects[:1]
 
 
@@ -82,8 +88,8 @@ def test_where_errors_shrink_in_window_after_window_the_likelihood_has_no_veto(s
         return SimpleNamespace(predictions=found)
 
     before, after = prediction([1.0] * count, 0.0, place=0.0), prediction(shrunk, -50.0)
-    assert diagnose._improves(before, after) == agree
-    assert diagnose._improves(before, prediction(shrunk, 50.0)) == (min(shrunk) < 1)
+    assert improves(before, after) == agree
+    assert improves(before, prediction(shrunk, 50.0)) == (min(shrunk) < 1)
 
 
 @pytest.mark.parametrize(("apart", "kept"), [(1.99, 2), (2.01, 1)])
@@ -92,7 +98,7 @@ def test_an_effect_that_no_held_out_window_shows_stays(monkeypatch, apart, kept)
     rig, _, of, _ = arm_situation(20)
     effects = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
     predictions(monkeypatch, [0.0, 50.0, 49.0], apart=apart)
-    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, 0, lambda text: None)
+    cut, _ = predict_models(searched(rig, effects), None, None, 0, lambda text: None)
     assert list(cut.named) == effects[:kept]
 
 
@@ -101,7 +107,7 @@ def test_a_push_needs_no_held_out_window_to_show_it(monkeypatch):
     push = ExternalPulse(of.joints[0], [Pulse(0, 0.0, 0.1, 0.2)])
     effects = [next(iter(ViscousFriction.instances(of))), push]
     predictions(monkeypatch, [0.0, 50.0, 49.0])
-    cut, _ = diagnose._predict_models(searched(rig, effects), None, None, 0, lambda text: None)
+    cut, _ = predict_models(searched(rig, effects), None, None, 0, lambda text: None)
     assert list(cut.named) == effects
 
 
@@ -111,14 +117,14 @@ def test_a_push_after_a_law_that_does_not_hold_saves_it_not(monkeypatch):
     laws = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
     notes: list[str] = []
     predictions(monkeypatch, [0.0, 50.0, 40.0, 60.0])
-    monkeypatch.setattr(diagnose, "with_pushes", lambda found, seed, report: found)
-    cut, _ = diagnose._predict_models(searched(rig, [*laws, push]), None, None, 0, notes.append)
+    monkeypatch.setattr(held_out_validation, "with_pushes", lambda found, seed, report: found)
+    cut, _ = predict_models(searched(rig, [*laws, push]), None, None, 0, notes.append)
     assert list(cut.named) == laws[:1]
     assert notes == [f"dropped {laws[1].key}, {push.key}: it does not predict held-out windows better"]
     assert cut.dropped == (laws[1], push)
-    assert push.variant in diagnose._unknown(cut.final, 0.001, cut.dropped)
+    assert push.variant in _unknown(cut.final, 0.001, cut.dropped)
     predictions(monkeypatch, [0.0, 50.0])
-    cut, _ = diagnose._predict_models(searched(rig, [push]), None, None, 0, notes.append)
+    cut, _ = predict_models(searched(rig, [push]), None, None, 0, notes.append)
     assert list(cut.named) == [push]
 
 
@@ -132,8 +138,8 @@ def test_pushes_that_went_with_a_law_are_looked_for_again(monkeypatch):
         assert list(found.named) == laws[:1]
         return replace(searched(rig, [laws[0], push]), dropped=(laws[1],))
 
-    monkeypatch.setattr(diagnose, "with_pushes", with_pushes)
-    cut, by_model = diagnose._predict_models(searched(rig, [*laws, push]), None, None, 0, lambda text: None)
+    monkeypatch.setattr(held_out_validation, "with_pushes", with_pushes)
+    cut, by_model = predict_models(searched(rig, [*laws, push]), None, None, 0, lambda text: None)
     assert list(cut.named) == [laws[0], push]
     assert by_model[2].hypothesis.effects == cut.named
     assert cut.dropped == (laws[1],)
@@ -147,7 +153,7 @@ def test_a_law_that_was_removed_takes_no_push_along(monkeypatch):
     without = searched(rig, [laws[0], push]).final
     predictions(monkeypatch, [0.0, 50.0, 40.0, 60.0])
     found = replace(found, steps=(*found.steps, without))
-    cut, _ = diagnose._predict_models(found, None, None, 0, lambda text: None)
+    cut, _ = predict_models(found, None, None, 0, lambda text: None)
     assert list(cut.named) == [laws[0], push]
     assert not cut.dropped
 
@@ -160,9 +166,57 @@ def test_laws_stand_in_for_a_hidden_state_that_does_not_predict_better(monkeypat
     )
     found = replace(searched(rig, [hidden]), by_laws=searched(rig, [law, other]).steps)
     predictions(monkeypatch, [0.0, likelihood, 50.0])
-    cut, by_model = diagnose._predict_models(found, None, None, 0, lambda text: None)
+    cut, by_model = predict_models(found, None, None, 0, lambda text: None)
     assert list(cut.named) == ([law, other] if laws else [hidden])
     assert by_model[2].hypothesis.effects == cut.named
+
+
+def test_a_push_stays_where_the_only_law_does_not_hold(monkeypatch):
+    """Whichever of the two was found first: pushes are looked for again without the law."""
+    rig, _, of, _ = arm_situation(20)
+    push = ExternalPulse(of.joints[0], [Pulse(0, 0.0, 0.1, 0.2)])
+    law = next(iter(Payload.instances(of)))
+    predictions(monkeypatch, [0.0, -50.0, -60.0], clumsy=1)
+
+    def with_pushes(found: Search, seed: int, report: Callable[[str], None]) -> Search:
+        assert not found.named
+        return replace(searched(rig, [push]), dropped=(law,))
+
+    monkeypatch.setattr(held_out_validation, "with_pushes", with_pushes)
+    cut, by_model = predict_models(searched(rig, [law, push]), None, None, 0, lambda text: None)
+    assert list(cut.named) == [push]
+    assert cut.dropped == (law,)
+    assert by_model[2].hypothesis.effects == (push,)
+    cut, _ = predict_models(searched(rig, [push, law]), None, None, 0, lambda text: None)
+    assert list(cut.named) == [push]
+    assert cut.dropped == (law,)
+
+
+@pytest.mark.parametrize("interval", [0.003, 1 / 75, 1 / 15, 0.00799999, 0.01])
+def test_a_long_episode_has_windows_at_any_rate(interval):
+    t = np.arange(round(30 / interval)) * interval
+    made = recording(t, {"p": (joint("rail", unit="m"), 0.3 * t)})
+    rig = bind(MjSpec.from_string(CART), made.channels)
+    segments = segment_recording(made, rig)
+    _, held = diagnose.split(segments)
+    windows = diagnose._windows(made, rig, segments, held)
+    assert len(windows.episode) == len(held) // 2
+    assert windows.shape[1] // 2 * windows.interval == pytest.approx(0.5, abs=interval)
+    times = {round(float(t), 6) for t in segments.time[held][segments.inside[held]]}
+    assert {round(float(t), 6) for t in windows.time[windows.inside]} <= times
+
+
+def test_windows_without_readings_in_either_half_are_none():
+    t = np.arange(2000) * 0.01
+    read = np.where((t > 2.495) & (t < 2.995), np.nan, 0.3 * t)
+    made = recording(t, {"p": (joint("rail", unit="m"), read)})
+    rig = bind(MjSpec.from_string(CART), made.channels)
+    segments = segment_recording(made, rig)
+    _, held = diagnose.split(segments)
+    windows = diagnose._windows(made, rig, segments, held)
+    assert segments.time[held].min() == pytest.approx(2.0)
+    assert windows.time.min() > 3
+    assert len(windows.episode) == len(held) // 2 - 1
 
 
 @pytest.mark.parametrize(("seconds", "window_s"), [(0.75, 0.37), (2.6, 0.5)])
@@ -189,6 +243,26 @@ def test_held_out_blocks_of_a_long_episode_are_windows():
     windows = diagnose._windows(made, rig, segments, held)
     blocks = set(segments.first[held])
     assert {f for first in windows.first for f in (first, first + 50)} == blocks
+
+
+def test_the_size_of_a_force_over_load_is_that_at_the_loads_that_acted():
+    rng, t = np.random.default_rng(8), np.arange(400) * 0.01
+    drive = 3 * np.sin(2 * t) + 0.1 * rng.standard_normal(len(t))
+    made = recording(
+        t, {"p": (joint("rail", unit="m"), 0.3 * np.sin(t)), "u": (control_channel(actuator="push"), drive)}
+    )
+    rig = bind(MjSpec.from_string(CART), made.channels)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    (rail,) = problem.rig_motion.joints
+    form = FreeForce(rail, "load", -4.0, 4.0)
+    values = rng.standard_normal(len(form.parameters))
+    step = SimpleNamespace(
+        problem=problem, scored=SimpleNamespace(fit=SimpleNamespace(trajectory=problem.trajectory))
+    )
+    gear = rig.model.actuator_gear[0, 0]
+    held = gear * drive[np.rint(problem.segments.time[problem.segments.inside] / 0.01).astype(int)]
+    force = form.basis(held) @ (values * [parameter.scale for parameter in form.parameters])
+    assert _size(step, form, values).value == pytest.approx(np.sqrt(np.mean(force**2)), rel=1e-6)
 
 
 def searched(rig, effects: list[JointEffect]) -> Search:
@@ -229,5 +303,5 @@ def test_pushes_in_most_episodes_are_no_events(episodes, pushed, recurring):
     order = np.linspace(-0.5, 0.5, episodes)
     push = ExternalPulse(of.joints[0], [Pulse(e, float(order[e]), 0.1, 0.2) for e in pushed])
     step = SimpleNamespace(problem=SimpleNamespace(segments=SimpleNamespace(episode=np.arange(episodes))))
-    told = diagnose._recurring_pushes(step, [push, *Spring.instances(of)])
+    told = _recurring_pushes(step, [push, *Spring.instances(of)])
     assert (told is not None) == recurring

@@ -18,7 +18,9 @@ from slapshot.diagnosis.fit.noise import (
     log_likelihood,
     marginal_likelihood,
     posterior_means,
+    prefers_jitter,
 )
+from slapshot.diagnosis.inference.fisher_scoring import Evaluation
 from slapshot.diagnosis.model.segments import Segments
 
 INTERVAL, TORQUE, INERTIA = 0.01, 2.0, 0.5
@@ -167,6 +169,21 @@ def test_what_a_model_lacks_is_process_force_and_leaves_readings_as_they_were(in
     assert abs(np.log(right.force / 0.3)) < 4 * error
     # Shares of laws that no column tells of stay what they were.
     assert (right.law_error, right.added_error) == pytest.approx((of.noise.law_error, of.noise.added_error))
+
+
+def test_jitter_is_looked_for_where_errors_follow_the_rate():
+    """By white noise alone in one of six cases, beyond one standard deviation."""
+    rng, count = np.random.default_rng(5), 2000
+    rate = rng.gamma(0.5, size=count)
+    variance = np.full(count, 0.04)
+    called = []
+    for jitter in (0.0, 0.1):
+        sd = np.sqrt(1 + (jitter * rate) ** 2 / variance)
+        errors = [sd * rng.standard_normal(count) for _ in range(500)]
+        found = [Evaluation(0.0, e / np.sqrt(np.mean(e**2)), np.log(variance)) for e in errors]
+        called.append(np.mean([prefers_jitter(one, rate) for one in found]))
+    assert called[0] == pytest.approx(0.159, abs=4 * np.sqrt(0.159 * 0.841 / 500))
+    assert called[1] == 1
 
 
 def test_jitter_of_the_sample_times_is_recovered():
@@ -355,3 +372,10 @@ def test_a_fit_begins_at_the_noise_of_third_differences():
     np.testing.assert_allclose(found.white, [1e-3, 3e-2], rtol=0.24)
     assert np.all(found.coloured == 0)
     np.testing.assert_allclose(found.initial, [1, 25, 1, 1, 1])
+    y[:, np.arange(60) % 4 != 0, 1] = (
+        np.nan
+    )  # a slow clock: a quarter of the differences, twice the deviation
+    slow_clock = initial_noise(
+        replace(of.segments, y=y), np.array([TORQUE]), 5, np.array([1.0]), np.array([5.0])
+    )
+    np.testing.assert_allclose(slow_clock.white, [found.white[0], 3e-2], rtol=0.5)

@@ -15,12 +15,20 @@ from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection import pair_search
 from slapshot.diagnosis.selection.pair_search import pair_step
 from slapshot.diagnosis.selection.problem import Problem, fit_and_score
 from slapshot.diagnosis.selection.pulses import WINDOW_S
 from slapshot.diagnosis.selection.push_search import gain_elsewhere, push_step, with_windows
 from slapshot.diagnosis.selection.search import _backward_elimination, _forward_step
-from slapshot.diagnosis.selection.steps import Rival, Step, least_gain, nominal_step, refit
+from slapshot.diagnosis.selection.steps import (
+    Rival,
+    Step,
+    least_gain,
+    nominal_step,
+    refit,
+    rival_overdispersion,
+)
 from slapshot.diagnosis.selection.steps import test_of as of_columns
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
@@ -121,9 +129,15 @@ def nominal(coulomb: float, seed: int = 3, **world: Any) -> Step:
     return nominal_step(problem, (), np.random.default_rng(1))
 
 
-def test_two_large_frictions_are_found_at_once():
+@pytest.fixture(scope="module")
+def two_frictions() -> tuple[Step, Sequence[Step]]:
+    """The first step where both frictions are missing, and those that add the pair."""
     step = nominal(COULOMB)
-    _, (first, second) = pair_step(step, None, np.random.default_rng(2), lambda text: None)
+    return step, pair_step(step, None, np.random.default_rng(2), lambda text: None)[1]
+
+
+def test_two_large_frictions_are_found_at_once(two_frictions):
+    step, (first, second) = two_frictions
     assert first.added is not None
     assert second.added is not None
     assert {first.added.name, second.added.name} == {"viscous_friction", "coulomb_friction"}
@@ -131,6 +145,26 @@ def test_two_large_frictions_are_found_at_once():
     values = dict(zip((first.added.name, second.added.name), second.scored.fit.theta, strict=True))
     assert values["viscous_friction"] == pytest.approx(VISCOUS, rel=0.02)
     assert values["coulomb_friction"] == pytest.approx(COULOMB, rel=0.02)
+    # The laws are those of the world: segments do not disagree by more than chance.
+    assert rival_overdispersion(step, second.rivals[0], 2) < 2
+
+
+def test_a_pair_on_which_segments_disagree_is_not_added(two_frictions, monkeypatch):
+    """As a single effect is not: the evidence of persistent forces that no model has is overestimated."""
+    step, more = two_frictions
+    asked = []
+
+    def disagree(before: Step, rival: Rival, count: int) -> float:
+        asked.append((before.hypothesis.effects, rival.effect.name, count))
+        return 1.01 * sum(one.gain for one in more) / least_gain(step.scored)
+
+    monkeypatch.setattr(pair_search, "rival_overdispersion", disagree)
+    said: list[str] = []
+    before, none = pair_step(step, None, np.random.default_rng(2), said.append)
+    assert before is step
+    assert not none
+    assert asked == [((), more[1].added.name, 2)]
+    assert said[-1].startswith("not added")
 
 
 def test_laws_tell_which_windows_are_pushed():
@@ -149,9 +183,9 @@ def test_laws_tell_which_windows_are_pushed():
     assert both.scored.fit.theta == pytest.approx([VISCOUS, COULOMB], rel=0.01)
 
 
-def test_an_effect_that_others_can_stand_in_for_is_removed():
+def test_an_effect_that_others_can_stand_in_for_is_removed(two_frictions):
     """Friction by direction holds dry friction: without that, it has all of its value."""
-    step = nominal(COULOMB)
+    step, _ = two_frictions
     catalogue = {effect.name: effect for effect in step.problem.catalogue if effect.part == "slide"}
     names = "viscous_friction", "coulomb_friction", "direction_friction"
     hypothesis = Hypothesis(step.problem.rig, tuple(catalogue[name] for name in names))

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.model.hypothesis import Hypothesis
-from slapshot.diagnosis.selection.search import _preselect
+from slapshot.diagnosis.selection import search
+from slapshot.diagnosis.selection.search import _forward_search, _preselect
 from slapshot.diagnosis.selection.steps import Rival, Search, Step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.encoder_delay import EncoderDelay
@@ -49,6 +50,20 @@ def test_a_search_before_an_effect_ends_where_that_was_not_yet_there():
     assert found.before(payload).before(friction).final is nominal
     assert found.since(friction) == [friction, payload]
     assert found.since(payload) == [payload]
+
+
+def test_what_was_found_stays_where_a_refit_with_pushes_diverges(monkeypatch):
+    def diverges(*_: object) -> None:
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(search, "has_windows_set_aside", lambda step: True)
+    monkeypatch.setattr(search, "push_step", diverges)
+    steps = [Step(None, None, SimpleNamespace(p_value=0.5))]
+    said: list[str] = []
+    found, by_laws = _forward_search(steps, np.random.default_rng(1), said.append)
+    assert found == steps
+    assert not by_laws
+    assert said == ["a refit with pushes diverges: the search ends"]
 
 
 def test_a_delay_is_raced_from_both_signs_and_the_best_candidate_comes_first():

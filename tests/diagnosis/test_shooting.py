@@ -15,6 +15,7 @@ from slapshot.effects.joints.actuator_gain import ActuatorGain
 from slapshot.effects.joints.backlash import Backlash
 from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect
+from slapshot.effects.joints.encoder_delay import EncoderDelay
 from slapshot.effects.joints.joint_elasticity import JointElasticity
 
 from . import mechanisms
@@ -100,7 +101,7 @@ def sliding(seed: int, gain: float = 1.2) -> Problem:
 
 
 @pytest.mark.parametrize("coloured", [0.0, 5e-4])
-@pytest.mark.parametrize("kinds", [(), (ActuatorGain,)])
+@pytest.mark.parametrize("kinds", [(), (ActuatorGain,), (ActuatorGain, EncoderDelay)])
 def test_on_a_linear_system_it_is_the_filter(coloured: float, kinds: tuple[type[JointEffect], ...]):
     """Both evidences are exact. The filter's prior of initial states moves with the trajectory, all that they
     differ by: half the squared distance, in prior standard deviations, by which first states moved."""

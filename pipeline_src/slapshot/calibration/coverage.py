@@ -14,11 +14,11 @@ from slapshot.calibration.calibration_rigs import (
     calibration_rig,
     simulate_recording,
 )
-from slapshot.diagnosis.diagnose import estimated_parameter
 from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score
 from slapshot.diagnosis.selection.steps import Step, nominal_step, one_step_values, refit
 from slapshot.diagnosis.selection.structural_search import structural_fit
+from slapshot.diagnosis.verdict_of_search import estimated_parameter
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.effects.joints.effect import JointEffect, RigMotion
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse

@@ -111,13 +111,6 @@ def linearise(
     ) -> tuple[Array, Array, Array]:
         return simulator.advance(h, values, m, states, u, time, order, extra)
 
-    def seen(y: Array) -> Observed:
-        y = y.reshape(S, L, ny)
-        rate = segments.rate(y)
-        second_rate = segments.rate(rate)
-        flat = (y.reshape(n, ny), rate.reshape(n, ny), second_rate.reshape(n, ny))
-        return Observed(*flat, order)
-
     base, y, torque = advance(hypothesis, theta, model, x, control)
     middle = Midpoint(simulator, hypothesis, theta, model, x, base, control, time, order)
     plain = _reads_joints(hypothesis.rig)
@@ -149,11 +142,9 @@ def linearise(
     if halved is None and jacobian is not None:
         halved = jacobian.halved
 
-    observed = seen(y)
+    observed = _observed(segments, y)
     added = hypothesis.observe(observed, theta)
-    shift = segments.shift.reshape(n, ny)
-    square = segments.shift_square.reshape(n, ny)
-    predicted = y + shift * observed.rate + square / 2 * observed.second_rate + added
+    predicted = _at_sample_times(segments, observed) + added
     following = np.concatenate([trajectory[:, 1:], trajectory[:, -1:]], axis=1).reshape(n, -1)
     defect = tangent.subtract(base, following).reshape(S, L, dim)
     # Beyond the end of an episode there are no data, and the defect must not grow.
@@ -253,6 +244,28 @@ def is_law(effect: JointEffect) -> bool:
     return overrides(effect, "force") and not any(
         overrides(effect, other) for other in ("edit", "control", "observe")
     )
+
+
+def predicted_readings(hypothesis: Hypothesis, theta: Array, segments: Segments, y: Array) -> Array:
+    """Readings (S, L, ny) by a hypothesis at the times of the samples, where sensors show y at the nodes."""
+    observed = _observed(segments, y)
+    read = _at_sample_times(segments, observed) + hypothesis.observe(observed, theta)
+    return np.asarray(read.reshape(y.shape))
+
+
+def _observed(segments: Segments, y: Array) -> Observed:
+    """Readings at all nodes with their derivatives in time."""
+    y = y.reshape(*segments.shape, -1)
+    rate = segments.rate(y)
+    second_rate = segments.rate(rate)
+    flat = [values.reshape(-1, y.shape[-1]) for values in (y, rate, second_rate)]
+    return Observed(flat[0], flat[1], flat[2], np.repeat(segments.order, segments.shape[1]))
+
+
+def _at_sample_times(segments: Segments, observed: Observed) -> Array:
+    """Readings of the samples, which may lie beside their nodes, (S L, ny)."""
+    shift, square = (array.reshape(observed.y.shape) for array in (segments.shift, segments.shift_square))
+    return np.asarray(observed.y + shift * observed.rate + square / 2 * observed.second_rate)
 
 
 def residuals(rig: Rig, segments: Segments, predicted: Array) -> Array:

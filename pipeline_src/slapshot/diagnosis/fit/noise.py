@@ -153,14 +153,22 @@ def initial_noise(segments: Segments, torque: Array, n: int, position: Array, sp
         position: (nv,) wide standard deviations of a first position about the trajectory.
         speed: (nv,) the same of a velocity.
     """
-    third = np.diff(segments.y, n=3, axis=1)
-    # Third differences of white noise have 20 times its variance; the median leaves jumps out.
-    white = np.nanmedian(np.abs(third), axis=(0, 1)) / 0.6745 / np.sqrt(20)
+    white = np.array([_white_noise(channel) for channel in np.moveaxis(segments.y, -1, 0)])
     spread = np.nanstd(segments.y, axis=(0, 1))
-    white = np.maximum(np.nan_to_num(white), np.maximum(1e-6 * np.nan_to_num(spread), 1e-9))
+    white = np.maximum(white, np.maximum(1e-6 * np.nan_to_num(spread), 1e-9))
     initial = np.concatenate([position**2, speed**2, np.ones(n - 2 * len(torque))])
     ny = segments.y.shape[2]
     return Noise(white, np.zeros(ny), np.full(ny, 0.05), 1e-2, torque, initial, np.ones_like(segments.y))
+
+
+def _white_noise(y: Array) -> float:
+    """Standard deviation of a channel, (S, L), from third differences of its samples.
+
+    Those of white noise have 20 times its variance; the median leaves jumps out. A slow clock has samples at
+    some nodes only.
+    """
+    third = np.concatenate([np.diff(row[np.isfinite(row)], n=3) for row in y])
+    return float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20) if len(third) else 0.0
 
 
 # Columns with a common size that is a noise parameter: errors of nominal and of added laws, relative to the
@@ -334,11 +342,11 @@ def fit_noise(
     limits = none, segments.interval / 2
     if near:
         return final_noise(*maximum_likelihood(noise.jitter_s, limits))
+    without = maximum_likelihood(none, (none, none))
+    if not prefers_jitter(searched(without[0]), noise.rate[some][np.isfinite(part.r)]):
+        return replace(final_noise(*without), jitter_s=0.0)
     # Outliers are mistaken for jitter until they are down-weighted.
-    without, jittery = (
-        maximum_likelihood(none, (none, none)),
-        maximum_likelihood(_USUAL_JITTER * segments.interval, limits),
-    )
+    jittery = maximum_likelihood(_USUAL_JITTER * segments.interval, limits)
     if value(reweighted(jittery[0])) > value(replace(reweighted(without[0]), jitter_s=0.0)) + _MIN_GAIN_NATS:
         return final_noise(*jittery)
     return replace(final_noise(*without), jitter_s=0.0)
@@ -405,6 +413,20 @@ def fit_process_force(
     return of(values, noise)
 
 
+def prefers_jitter(found: Evaluation, rate: Array) -> bool:
+    """Whether errors are larger where readings change fast, by a score test (Cook, Weisberg 1983).
+
+    Jitter must gain far more than the standard deviation that is asked for here.
+
+    Args:
+        found: under a noise without jitter.
+        rate: (n,) derivatives in time of the observations.
+    """
+    share = rate**2 / np.exp(found.log_variance)
+    share = share - share.mean()  # white noise was fitted
+    return bool(np.sum((found.e**2 - 1) * share) > np.sqrt(2 * np.sum(share**2)))
+
+
 def _search_subset(segments: int, observations: int) -> NDArray[np.intp]:
     """A subset of segments that determines the noise well enough for a search."""
     count = max(_SEARCH_SEGMENTS, min(segments, _SEARCH_OBSERVATIONS // observations))
@@ -432,7 +454,7 @@ class _Likelihood:
         found, gram, b = self._innovations(noise, values[_SIZES:].tobytes())
         sd = self._prior.at(noise)
         gram, b = gram * np.outer(sd, sd), b * sd
-        there = found.e != 0
+        there = np.isfinite(self._system.r)
         if not np.all(np.isfinite(gram)):
             with np.errstate(invalid="ignore"):  # variances that overflowed
                 return Evaluation(-np.inf, found.e[there], np.log(found.variance[there]))

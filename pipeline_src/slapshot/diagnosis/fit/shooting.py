@@ -11,6 +11,7 @@ from scipy.linalg import solve_triangular
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.fit import CONVERGED_SD, Fit
+from slapshot.diagnosis.fit.linear import predicted_readings, residuals
 from slapshot.diagnosis.fit.noise import Noise
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.model.segments import Segments
@@ -85,8 +86,8 @@ def shoot(
 
     def residual(values: Array, states: Array) -> tuple[Array, Array]:
         x, y = simulate(simulator, hypothesis, values, segments, states)
-        e = np.where(np.isfinite(segments.y), segments.y - y, 0.0)
-        return whiten(np.where(np.isfinite(e), e, 1e6)), x
+        e = residuals(hypothesis.rig, segments, predicted_readings(hypothesis, values, segments, y))
+        return whiten(np.where(np.isfinite(segments.y), np.where(np.isfinite(e), e, 1e6), 0.0)), x
 
     def cost(e: Array, values: Array, states: Array) -> float:
         off = tangent.subtract(states, start) / spread

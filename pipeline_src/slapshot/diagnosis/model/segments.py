@@ -5,7 +5,7 @@ kept in `shift` and corrected along the trajectory), so that clocks need neither
 Between nodes the model takes `substeps` steps; each has the mean of the controls over its time.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -183,7 +183,13 @@ def node_interval(recording: SignalRecording, rig: Rig) -> float:
 
 
 def segment_recording(
-    recording: SignalRecording, rig: Rig, *, segment_s: float = SEGMENT_S, finer: int = 1
+    recording: SignalRecording,
+    rig: Rig,
+    *,
+    segment_s: float = SEGMENT_S,
+    finer: int = 1,
+    nodes: int | None = None,
+    parts: Sequence[tuple[int, int, int]] | None = None,
 ) -> Segments:
     """Resample a recording to a grid and divide it into segments.
 
@@ -192,13 +198,16 @@ def segment_recording(
         rig: what they are.
         segment_s: length of a segment in s.
         finer: factor by which model steps are shorter than the model's own.
+        nodes: of a segment, in place of its length in s.
+        parts: what is divided: index of an episode in the session, first node and number of nodes; None for
+            whole episodes.
 
     Raises:
         InputError: an episode has no observation.
     """
     interval = node_interval(recording, rig)
     substeps = max(1, int(np.ceil(interval / rig.model.opt.timestep - 1e-6))) * finer
-    L = max(4, round(segment_s / interval))
+    L = max(4, round(segment_s / interval)) if nodes is None else nodes
     episodes = recording.episodes.sort_values("order")
     count = len(episodes)
     orders = np.linspace(-0.5, 0.5, count) if count > 1 else np.zeros(1)
@@ -215,14 +224,12 @@ def segment_recording(
             )[:, : len(rig.controls)]
         )
         ids.append(int(episode))
-        for start in range(0, len(t), L):
-            length = min(L, len(t) - start)
-            if start and length < L // 4:  # a few samples cannot determine an initial state
-                continue
-            pad = ((0, L - length), (0, 0))
-            y.append(np.pad(values[start : start + L], pad, constant_values=np.nan))
-            shift.append(np.pad(offset[start : start + L], pad))
-            square.append(np.pad(offset_square[start : start + L], pad))
+        own = [(0, len(t))] if parts is None else [(a, n) for e, a, n in parts if e == index]
+        for start, length in (piece for a, n in own for piece in _pieces(a, n, L)):
+            pad, there = ((0, L - length), (0, 0)), slice(start, start + length)
+            y.append(np.pad(values[there], pad, constant_values=np.nan))
+            shift.append(np.pad(offset[there], pad))
+            square.append(np.pad(offset_square[there], pad))
             inside.append(np.arange(L) < length)
             time.append(t[start] + np.arange(L) * interval)
             owner.append(index)
@@ -234,6 +241,14 @@ def segment_recording(
         np.array(ids, np.int64),
         np.array([channel_statistics(recording, o.channel).grid for o in rig.observations]),
     )  # fmt: skip
+
+
+def _pieces(first: int, count: int, length: int) -> Iterator[tuple[int, int]]:
+    """First node and number of nodes of the pieces of a part; a few samples cannot determine a state."""
+    for start in range(first, first + count, length):
+        nodes = min(length, first + count - start)
+        if start == first or nodes >= length // 4:
+            yield start, nodes
 
 
 def _on_grid(

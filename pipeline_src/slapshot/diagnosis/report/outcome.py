@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import mujoco
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.diagnose import Diagnosis, Prediction
+from slapshot.diagnosis.diagnose import Diagnosis
 from slapshot.diagnosis.held_out import Predictions
+from slapshot.diagnosis.held_out_validation import Prediction
 from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.steps import Search, Step

@@ -33,6 +33,7 @@ from slapshot.diagnosis.selection.steps import (
     least_gain,
     one_step_values,
     refit,
+    rival_overdispersion,
     step_to,
 )
 from slapshot.effects.joints.effect import JointEffect, overrides
@@ -40,6 +41,7 @@ from slapshot.effects.joints.effect import JointEffect, overrides
 # Pairs refitted in a step; last movement of one that is believed; largest law errors in fits of its noise.
 _MAX_PAIRS, _MAX_MOVED_SD = 4, 3.0
 _PAIR_LAW_ERRORS = (0.003, 0.01, 0.03, 0.1, *(LARGEST_LAW_ERROR,) * 2)
+_LEAST_TRIED, _BEHIND_NATS = 2, 100.0  # of these, and the distance behind a leader at which a pair is left
 
 
 def pair_step(
@@ -53,9 +55,12 @@ def pair_step(
     problem, alone = before.problem, 0.0 if single is None else single.gain
     level = before.scored.fit.log_evidence - least_worth(before.scored.noise.set_aside, problem.segments)
     found: list[tuple[_Pair, Rival, Noise]] = []
+    most, leader = -np.inf, list[float]()
     for pair in _promising_pairs(before.scored):
-        fit, noise = _refit_pair(before, pair)
+        fit, noise, by_law_error = _refit_pair(before, pair, leader)
         gain = fit.log_evidence - least_worth(noise.set_aside, problem.segments) - level
+        if gain > most:
+            most, leader = gain, by_law_error
         rival = Rival(pair.second, gain, fit)
         report(f"refitted {pair.first.key} with {pair.second.key}: {rival.gain:+.1f} nats")
         if fit.moved < _MAX_MOVED_SD:
@@ -63,14 +68,19 @@ def pair_step(
     found.sort(key=lambda one: -one[1].gain)
     if not found or found[0][1].gain < alone + least_gain(before.scored):
         return before, []
-    windows = found[0][2].set_aside
+    given, windows = before, found[0][2].set_aside
     if windows is not None:
         before = with_windows(before, windows, rng)
         level = before.scored.fit.log_evidence
     first, best = _simplest_pair(before, [(pair, rival) for pair, rival, _ in found], found[0][2])
+    least = least_gain(before.scored) * rival_overdispersion(before, best, 2)
+    if best.gain < least:
+        report(f"not added: {first.key} with {best.effect.key}, on which segments disagree too much")
+        return given, []
     if gain_elsewhere(before, best) < least_gain(before.scored):
         report(f"not added: {first.key} with {best.effect.key}, which explain but what was set aside")
-        return before, []
+        # The best single effect was fitted with the windows of before.
+        return before if single is None else given, []
     only = refit(before, first, best.fit.theta[best.fit.hypothesis.slices[-2]])
     gain = only.log_evidence - level
     step = step_to(before, only, first, gain, [Rival(first, gain, only)], rng)
@@ -187,20 +197,20 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
     return found
 
 
-def _refit_pair(before: Step, pair: _Pair) -> tuple[Fit, Noise]:
-    """The step's hypothesis with a pair, and its noise.
+def _refit_pair(before: Step, pair: _Pair, leader: Sequence[float]) -> tuple[Fit, Noise, list[float]]:
+    """The step's hypothesis with a pair, its noise, and the evidence by how much laws may err.
 
     At first laws hardly err, then more and more: with large errors wrong values explain as much as right
-    ones, and stay. Where windows are set aside, laws that explain most of what was left tell better which
-    ones are pushed.
+    ones, and stay. It ends early where the evidence falls far behind a leader's. Where windows are set aside,
+    laws that explain most of what was left tell better which ones are pushed.
     """
     problem, scored = before.problem, before.scored
     fitter, interval, noise = problem.fitter, problem.segments.interval, scored.residual_noise
     hypothesis = scored.fit.hypothesis.with_effect(pair.first).with_effect(pair.second)
     theta = np.concatenate([scored.fit.theta, pair.first_values, pair.second_values])
     fit = fitter.fit(hypothesis, theta, scored.fit.trajectory, noise, known=scored.system)
-    best, level = (fit, noise), -np.inf
-    for largest in _PAIR_LAW_ERRORS:
+    best, found = (fit, noise), list[float]()
+    for number, largest in enumerate(_PAIR_LAW_ERRORS):
         if not np.isfinite(fit.log_evidence) or has_no_effect(pair.second, fit):
             break
         system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
@@ -209,9 +219,11 @@ def _refit_pair(before: Step, pair: _Pair) -> tuple[Fit, Noise]:
             windows = pushed_windows(problem, fit, noise)
             noise = replace(noise, set_aside=noise.set_aside if windows is None else windows)
         fit = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, known=system)
-        gain = fit.log_evidence - least_worth(noise.set_aside, problem.segments)
-        if gain > level:
-            best, level = (fit, noise), gain
+        found.append(fit.log_evidence - least_worth(noise.set_aside, problem.segments))
+        if found[-1] == max(found):
+            best = fit, noise
         elif largest == LARGEST_LAW_ERROR:
             break
-    return best
+        if number < len(leader) and number >= _LEAST_TRIED and found[-1] < leader[number] - _BEHIND_NATS:
+            break
+    return *best, found

@@ -313,6 +313,77 @@ def initial_fit(problem: Problem, hypothesis: Hypothesis) -> tuple[Problem, Fit,
     return problem.along(fit.trajectory), fit, noise
 
 
+@dataclass(frozen=True)
+class FitWithNoise:
+    """A hypothesis fitted under noise of its own.
+
+    Attributes:
+        fit: of the hypothesis.
+        noise: of the data, with candidates integrated out.
+        residual_noise: noise including the process force that the hypothesis leaves, as used by the fit.
+        system: linear about the trajectory before the last round of the fit, with columns of the candidates.
+        prior: of its columns.
+        candidate: which of its columns are perturbations by candidates.
+        perturbations: one for each of these.
+    """
+
+    fit: Fit
+    noise: Noise
+    residual_noise: Noise
+    system: Linear
+    prior: Prior
+    candidate: NDArray[np.bool_]
+    perturbations: tuple[Perturbation, ...]
+
+
+def fit_with_noise(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    theta: Array,
+    trajectory: Array,
+    noise: Noise,
+    *,
+    near: bool = True,
+    may_set_aside: bool = False,
+    candidates: Sequence[JointEffect] | None = None,
+) -> FitWithNoise:
+    """Fit a hypothesis and its noise, from which candidates that could explain the data are left out.
+
+    Args:
+        problem: data.
+        hypothesis: what to fit.
+        theta: first values.
+        trajectory: first trajectory.
+        noise: initial noise.
+        near: whether the noise was fitted before, so that one initial point suffices.
+        may_set_aside: whether a few windows may be set aside.
+        candidates: that the system has columns of; None for those that tell the noise.
+    """
+    if candidates is None:
+        candidates = [effect for effect in candidates_for(problem, hypothesis) if not _has_many(effect)]
+    fitter, interval = problem.fitter, problem.segments.interval
+    fixed = len(hypothesis.parameters) + len(NUISANCE)
+    perturbations = perturbations_of(candidates)
+    system, prior = fitter.system(hypothesis, theta, trajectory, perturbations)
+    candidate = np.zeros(len(prior.sd), bool)
+    candidate[fixed : fixed + len(perturbations)] = True
+    explains = ~candidate
+    many = [p.effect is not None and _has_many(p.effect) for p in perturbations]
+    explains[candidate] = ~np.array(many, bool)
+    pushed = push_error(_pushes(hypothesis, theta), noise.torque, problem.segments, problem.rig_motion)
+    noise = replace(noise, push_error=pushed)
+    noise, explains = _fit_noise_with_columns(problem, system, prior, explains, noise, near)
+    if may_set_aside:
+        before = noise
+        noise = _with_set_aside(problem, system, prior, explains, problem.speed(trajectory), before)
+        if noise.set_aside is not None or before.set_aside is not None:
+            noise, _ = _fit_noise_with_columns(problem, system, prior, explains, noise, near=True)
+    left = fit_process_force(_select_columns(system, ~candidate), prior.select(~candidate), noise, interval)
+    fit = fitter.fit(hypothesis, theta, trajectory, left, rounds=8, known=system)
+    fit = _with_mean_forces(problem, fit, left)
+    return FitWithNoise(fit, noise, left, system, prior, candidate, tuple(perturbations))
+
+
 def fit_and_score(
     problem: Problem,
     hypothesis: Hypothesis,
@@ -336,67 +407,51 @@ def fit_and_score(
         near: whether the noise was fitted before, so that one initial point suffices.
         may_set_aside: whether a few windows may be set aside.
     """
-    fitter = problem.fitter
-    present = {effect.key for effect in hypothesis.effects}
-    effects = tuple(e for e in problem.catalogue if e.probe_values and e.key not in present)
-    own = len(hypothesis.parameters)
-    fixed = own + len(NUISANCE)
-    perturbations = perturbations_of(effects)
-    system, prior = fitter.system(hypothesis, theta, trajectory, perturbations)
-    candidate = np.zeros(len(prior.sd), bool)
-    candidate[fixed : fixed + len(perturbations)] = True
-    many = [
-        perturbation.effect is not None and (perturbation.effect.many_forms or is_free(perturbation.effect))
-        for perturbation in perturbations
-    ]
-    explains = ~candidate
-    explains[fixed : fixed + len(perturbations)] = ~np.array(many, bool)
-    named = zip(hypothesis.effects, hypothesis.slices, strict=True)
-    of_pushes = [(effect, theta[own]) for effect, own in named if isinstance(effect, ExternalPulse)]
-    noise = replace(
-        noise, push_error=push_error(of_pushes, noise.torque, problem.segments, problem.rig_motion)
-    )
-    noise, explains = _fit_noise_with_columns(problem, system, prior, explains, noise, near)
-    if may_set_aside:
-        before = noise
-        noise = _with_set_aside(problem, system, prior, explains, problem.speed(trajectory), before)
-        if noise.set_aside is not None or before.set_aside is not None:
-            noise, _ = _fit_noise_with_columns(problem, system, prior, explains, noise, near=True)
-    own_columns = _select_columns(system, ~candidate), prior.select(~candidate)
-    left = fit_process_force(*own_columns, noise, problem.segments.interval)
-    fit = _with_mean_forces(
-        problem, fitter.fit(hypothesis, theta, trajectory, left, rounds=8, known=system), left
-    )
+    effects = candidates_for(problem, hypothesis)
+    found = fit_with_noise(
+        problem, hypothesis, theta, trajectory, noise,
+        near=near, may_set_aside=may_set_aside, candidates=effects,
+    )  # fmt: skip
     # About the trajectory before the last fit, which is equally valid: scores eliminate the fitted
     # parameters.
-    found = innovations(system, noise.covariances(problem.segments.interval))
-    fixed_columns = ~candidate
-    sd = prior.at(noise)[fixed_columns]
-    z = found.Z[..., fixed_columns].reshape(found.e.size, -1) * sd
-    values = sd * np.linalg.solve(np.eye(len(sd)) + z.T @ z, z.T @ found.e.reshape(-1))
-    known = [pulse for effect, _ in of_pushes for pulse in effect.pulses]
+    system, noise, fixed = found.system, found.noise, ~found.candidate
+    seen = innovations(system, noise.covariances(problem.segments.interval))
+    sd = found.prior.at(noise)
+    z = seen.Z[..., fixed].reshape(seen.e.size, -1) * sd[fixed]
+    values = sd[fixed] * np.linalg.solve(np.eye(z.shape[1]) + z.T @ z, z.T @ seen.e.reshape(-1))
+    known = [pulse for effect, _ in _pushes(hypothesis, theta) for pulse in effect.pulses]
     pulses = scan(
-        _select_columns(system, fixed_columns), values, noise, problem.segments, problem.rig_motion, known,
+        _select_columns(system, fixed), values, noise, problem.segments, problem.rig_motion, known,
         problem.frictional_speeds(hypothesis, trajectory),
     )  # fmt: skip
-    columns = []
-    for effect in effects:
-        columns.append(
-            np.array([i for i, perturbation in enumerate(perturbations) if perturbation.effect is effect])
-        )
-    of = scores(found, prior.at(noise), fixed_columns)
-    scored = ScoredFit(
-        fit,
-        system.without_columns(),
-        noise,
-        left,
-        replace(Elimination(of)(of.b), by_segment=None),
-        effects,
-        tuple(columns),
-        tuple(perturbations),
-        pulses,
+    columns = tuple(
+        np.array([i for i, perturbation in enumerate(found.perturbations) if perturbation.effect is effect])
+        for effect in effects
     )
+    of = scores(seen, sd, fixed)
+    eliminated = replace(Elimination(of)(of.b), by_segment=None)
+    scored = ScoredFit(
+        found.fit, system.without_columns(), noise, found.residual_noise, eliminated, effects, columns,
+        found.perturbations, pulses,
+    )  # fmt: skip
     return scored, of
+
+
+def candidates_for(problem: Problem, hypothesis: Hypothesis) -> tuple[JointEffect, ...]:
+    """Effects of the catalogue that a hypothesis does not have."""
+    present = {effect.key for effect in hypothesis.effects}
+    return tuple(e for e in problem.catalogue if e.probe_values and e.key not in present)
+
+
+def _has_many(effect: JointEffect) -> bool:
+    """Whether an effect has so many forms that these would explain the noise."""
+    return effect.many_forms or is_free(effect)
+
+
+def _pushes(hypothesis: Hypothesis, theta: Array) -> list[tuple[ExternalPulse, Array]]:
+    """Named pushes with their values."""
+    named = zip(hypothesis.effects, hypothesis.slices, strict=True)
+    return [(effect, theta[own]) for effect, own in named if isinstance(effect, ExternalPulse)]
 
 
 def _with_mean_forces(problem: Problem, fit: Fit, noise: Noise) -> Fit:

@@ -74,8 +74,8 @@ def with_windows(step: Step, set_aside: Array | None, rng: np.random.Generator) 
     """The step fitted with windows set aside; None for none."""
     fit, noise = step.scored.fit, replace(step.scored.noise, set_aside=set_aside)
     near = set_aside is not None
-    scored, scores = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=near)
-    return replace(step, scored=scored, test=test_of(scored, scores, rng))
+    scored, of = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=near)
+    return replace(step, scored=scored, test=test_of(scored, of, rng))
 
 
 def has_windows_set_aside(step: Step) -> bool:

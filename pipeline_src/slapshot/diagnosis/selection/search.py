@@ -11,9 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit.filter import innovations
 from slapshot.diagnosis.fit.fit import Fit
-from slapshot.diagnosis.inference.mismatch_test import overdispersion, scores
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.selection.fine_ripples import fine_ripples
 from slapshot.diagnosis.selection.free_forms import is_free
@@ -39,6 +37,7 @@ from slapshot.diagnosis.selection.steps import (
     nominal_step,
     one_step_values,
     refit,
+    rival_overdispersion,
     step_to,
     test_of,
 )
@@ -76,7 +75,11 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
             steps[-1] = with_windows(steps[-1], None, rng)
         steps, later = _forward_search(steps, rng, report)
         by_laws = later or by_laws
-    final = _backward_elimination(steps[-1], free, rng, report)
+    try:
+        final = _backward_elimination(steps[-1], free, rng, report)
+    except np.linalg.LinAlgError:
+        report("a refit with fewer effects diverges: all stay")
+        final = steps[-1]
     if final is not steps[-1]:
         steps.append(final)
     return Search(tuple(steps), tuple(free), tuple(by_laws))
@@ -94,12 +97,13 @@ def _forward_search(
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MAX_EFFECTS:
         try:
             single = _forward_step(steps[-1], rng, report)
-            before, more = pair_step(steps[-1], single, rng, report)
+            before, more = steps[-1], list[Step]()
+            if single is None or single.test.p_value < P_VALUE or has_windows_set_aside(before):
+                before, more = pair_step(before, single, rng, report)
             steps[-1], more = before, more or ([] if single is None else [single])
-            law = more[-1] if more else before
             split = any(effect.hidden_state for effect in before.hypothesis.effects)
-            if len(steps) <= _STRUCTURE_STEPS and not split and _much_is_left(law):
-                structure = structural_step(before, law, rng, report)
+            if len(steps) <= _STRUCTURE_STEPS and not split and _much_is_left(more[-1] if more else before):
+                structure = structural_step(before, more, rng, report)
                 if structure is not None:
                     by_laws, more = [*steps, *more] if more else [], [structure]
             if not more:
@@ -109,8 +113,11 @@ def _forward_search(
             # The effects found so far are kept, and their test remains significant.
             report("a refit diverges: the search ends")
             break
-    while has_windows_set_aside(steps[-1]) and (pushed := push_step(steps[-1], rng, report)) is not None:
-        steps.append(pushed)
+    try:
+        while has_windows_set_aside(steps[-1]) and (pushed := push_step(steps[-1], rng, report)) is not None:
+            steps.append(pushed)
+    except np.linalg.LinAlgError:
+        report("a refit with pushes diverges: the search ends")
     return steps, by_laws
 
 
@@ -164,24 +171,12 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
     if not rivals or rivals[0].gain < threshold:
         return None
     best = simplest(step, rivals)
-    if not isinstance(best.effect, ExternalPulse) and best.gain < threshold * _overdispersion(step, best):
+    if not isinstance(best.effect, ExternalPulse) and best.gain < threshold * rival_overdispersion(
+        step, best
+    ):
         report(f"not added: {best.effect.key}, on which segments disagree too much")
         return None
     return step_to(step, best.fit, best.effect, best.gain, rivals, rng)
-
-
-def _overdispersion(step: Step, rival: Rival) -> float:
-    """Overdispersion of an effect's scores between segments, relative to the noise; at least 1.
-
-    Unmodelled forces are persistent and not white, so that log evidence is overestimated by this factor (the
-    information over the scores' variance, as in Godambe 1960, Annals of Mathematical Statistics 31(4)).
-    """
-    left, fitter, fit = step.scored.residual_noise, step.problem.fitter, rival.fit
-    system, prior = fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    found = innovations(system, left.covariances(step.problem.segments.interval))
-    known = np.ones(len(prior.sd), bool)
-    known[fit.hypothesis.slices[-1]] = False
-    return overdispersion(scores(found, prior.at(left), known))
 
 
 def _preselect(

@@ -6,11 +6,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slapshot.arrays import Array
+from slapshot.diagnosis.fit.filter import innovations
 from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.fit.noise import fit_process_force
-from slapshot.diagnosis.inference.mismatch_test import DRAWS, MismatchTest, Scores, mismatch_test
+from slapshot.diagnosis.inference.mismatch_test import (
+    DRAWS,
+    MismatchTest,
+    Scores,
+    mismatch_test,
+    overdispersion,
+    scores,
+)
 from slapshot.diagnosis.model.hypothesis import Hypothesis
-from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score, initial_fit
+from slapshot.diagnosis.selection.problem import (
+    Problem,
+    ScoredFit,
+    fit_and_score,
+    fit_with_noise,
+    initial_fit,
+)
 from slapshot.effects.joints.effect import JointEffect
 
 P_VALUE = 0.01
@@ -121,18 +135,18 @@ def nominal_step(
     """The nominal rig with its free parameters, fitted and tested."""
     base = problem.base(free)
     problem, fit, noise = initial_fit(problem, base)
-    scored, scores = fit_and_score(
+    scored, of = fit_and_score(
         problem, base, fit.theta, fit.trajectory, noise, near=False, may_set_aside=may_set_aside
     )
     if scored.noise.law_error <= _LARGE_LAW_ERROR:
-        return Step(problem, scored, test_of(scored, scores, rng))
+        return Step(problem, scored, test_of(scored, of, rng))
     fine = problem.along(scored.fit.trajectory, fine=True)
     # With all shapes, errors of laws explain parts of pushes: windows that were set aside stay.
-    scored, scores = fit_and_score(
+    scored, of = fit_and_score(
         fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise,
         may_set_aside=may_set_aside and scored.noise.set_aside is None,
     )  # fmt: skip
-    step = Step(fine, scored, test_of(scored, scores, rng))
+    step = Step(fine, scored, test_of(scored, of, rng))
     if step.test.p_value >= P_VALUE:
         return step
     # Refits with all shapes are slow: from here only the identifiable ones are used.
@@ -151,9 +165,9 @@ def _refitted_to(step: Step, problem: Problem) -> Step:
     return replace(step, problem=problem, scored=replace(step.scored, fit=fit, residual_noise=left))
 
 
-def test_of(scored: ScoredFit, scores: Scores, rng: np.random.Generator) -> MismatchTest:
+def test_of(scored: ScoredFit, of: Scores, rng: np.random.Generator) -> MismatchTest:
     """Test of all groups of columns and of pushes; both p-values are combined (Šidák)."""
-    found = mismatch_test(scores, scored.columns, rng)
+    found = mismatch_test(of, scored.columns, rng)
     pushed = scored.pulses.p_value(rng, DRAWS)
     return replace(found, p_value=1 - (1 - min(found.p_value, pushed)) ** 2, push_p_value=pushed)
 
@@ -188,6 +202,26 @@ def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8) -> Fit
     return again if again.log_evidence > fit.log_evidence else fit
 
 
+def rival_overdispersion(step: Step, rival: Rival, count: int = 1) -> float:
+    """Overdispersion of the last effects' scores between segments, relative to the noise; at least 1.
+
+    Unmodelled forces are persistent and not white, so that log evidence is overestimated by this factor (the
+    information over the scores' variance, as in Godambe 1960, Annals of Mathematical Statistics 31(4)).
+
+    Args:
+        step: before.
+        rival: fit of the step's hypothesis with further effects.
+        count: of these.
+    """
+    left, fitter, fit = step.scored.residual_noise, step.problem.fitter, rival.fit
+    system, prior = fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
+    found = innovations(system, left.covariances(step.problem.segments.interval))
+    known = np.ones(len(prior.sd), bool)
+    for own in fit.hypothesis.slices[-count:]:
+        known[own] = False
+    return overdispersion(scores(found, prior.at(left), known))
+
+
 def one_step_values(scored: ScoredFit, index: int, values: Array) -> Array:
     """One-step estimate of an effect's values from its columns, clipped to bounds."""
     effect = scored.effects[index]
@@ -216,11 +250,10 @@ def step_to(
     rng: np.random.Generator,
 ) -> Step:
     """The step that adds an effect, from a fit with it."""
-    scored, scores = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, step.scored.noise)
+    noise, near = step.scored.noise, True
     if fit.log_evidence > step.scored.fit.log_evidence + _DISTANT_NATS:
         # The noise was that of a model which explains far less, and so was the trajectory.
-        fit = scored.fit
-        scored, scores = fit_and_score(
-            step.problem, fit.hypothesis, fit.theta, fit.trajectory, scored.noise, near=False
-        )
-    return Step(step.problem, scored, test_of(scored, scores, rng), effect, gain, tuple(rivals))
+        first = fit_with_noise(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise)
+        fit, noise, near = first.fit, first.noise, False
+    scored, of = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=near)
+    return Step(step.problem, scored, test_of(scored, of, rng), effect, gain, tuple(rivals))

@@ -1,5 +1,6 @@
 """Search for models with hidden states, such as elasticity or backlash of a joint, by shooting."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,16 +24,18 @@ _SPREAD, _LEAST_SPREAD = (
 _MARGIN = 20.0  # nats behind the best law, beyond which a structure is dropped
 
 
-def structural_step(before: Step, rival: Step, rng: np.random.Generator, report: Report) -> Step | None:
-    """A model with hidden states in place of the best law; None if none is better.
+def structural_step(
+    before: Step, laws: Sequence[Step], rng: np.random.Generator, report: Report
+) -> Step | None:
+    """A model with hidden states in place of the best laws; None if none is better.
 
     Args:
         before: without either.
-        rival: with that law; `before` itself where no law gains enough.
+        laws: steps that add the best law or two; none where no law gains enough.
         rng: for p-values.
         report: receives progress messages.
     """
-    problem, scored = before.problem, before.scored
+    problem, scored, rival = before.problem, before.scored, laws[-1] if laws else before
     statistic = {j.name: 0.0 for j in problem.rig_motion.joints}
     for effect, value in zip(scored.effects, before.test.statistics, strict=True):
         if effect.part in statistic:
@@ -72,10 +75,10 @@ def structural_step(before: Step, rival: Step, rng: np.random.Generator, report:
         return None
     evidence, whole = best
     fit = whole.fit
-    scored, scores = fit_and_score(whole.problem, fit.hypothesis, fit.theta, fit.trajectory, whole.noise)
-    gain = evidence - level + rival.gain
-    rivals = (Rival(whole.effect, gain, fit), *rival.rivals)
-    return Step(whole.problem, scored, test_of(scored, scores, rng), whole.effect, gain, rivals)
+    scored, of = fit_and_score(whole.problem, fit.hypothesis, fit.theta, fit.trajectory, whole.noise)
+    gain = evidence - level + sum(step.gain for step in laws)
+    rivals = (Rival(whole.effect, gain, fit), *(rival.rivals if laws else ()))
+    return Step(whole.problem, scored, test_of(scored, of, rng), whole.effect, gain, rivals)
 
 
 @dataclass(frozen=True)

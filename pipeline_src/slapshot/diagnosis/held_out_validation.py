@@ -1,0 +1,193 @@
+"""Predictions of held-out windows by the models of a search, and which of its effects they confirm."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import wilcoxon
+
+from slapshot.arrays import Array
+from slapshot.diagnosis import held_out
+from slapshot.diagnosis.fit.noise import Noise
+from slapshot.diagnosis.held_out import HeldOutPush, Predictions
+from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.model.segments import Segments
+from slapshot.diagnosis.selection.problem import Problem
+from slapshot.diagnosis.selection.push_search import with_pushes
+from slapshot.diagnosis.selection.steps import Search, Step
+from slapshot.effects.joints.effect import JointEffect
+from slapshot.effects.joints.external_pulse import ExternalPulse
+
+_DISTINGUISHABLE_NATS = 2.0  # two standard deviations under noise
+_AGREE = 0.1  # probability by which windows may agree by chance: four of four
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One model's predictions of held-out windows.
+
+    Attributes:
+        hypothesis: effects.
+        theta: their values.
+        predictions: of the windows.
+        noise: refitted to the other data under the model.
+    """
+
+    hypothesis: Hypothesis
+    theta: Array
+    predictions: Predictions
+    noise: Noise
+
+
+def predict_models(
+    found: Search, problem: Problem, windows: Segments, seed: int, report: Callable[[str], None]
+) -> tuple[Search, tuple[Prediction, Prediction, Prediction]]:
+    """Predictions of the nominal, refitted and augmented model, each with its own noise.
+
+    The search is truncated after the last step whose effect improves held-out predictions; pushes that came
+    after it are looked for again.
+    """
+
+    def predicted(step: Step) -> Prediction:
+        return predict_windows(step, step.scored.fit.theta, problem, windows, fitted=True)
+
+    first = found.nominal
+    start = first.hypothesis.start
+    nominal = refitted = predict_windows(first, start, problem, windows, fitted=False)
+    if not np.array_equal(start, first.scored.fit.theta):
+        refitted = predicted(first)
+    last = refitted if found.final is first else predicted(found.final)
+    found, last = _confirmed(found, refitted, last, predicted, report)
+    if found.by_laws and _hidden(found.named) and not improves(refitted, last):
+        report("the hidden state does not predict held-out windows better: laws instead")
+        found = replace(found, steps=found.by_laws, by_laws=())
+        found, last = _confirmed(found, refitted, predicted(found.final), predicted, report)
+    if any(isinstance(effect, ExternalPulse) for effect in found.dropped):
+        again = with_pushes(found, seed, report)
+        if again is not found:
+            found, last = again, predicted(again.final)
+    return found, (nominal, refitted, last)
+
+
+def _confirmed(
+    found: Search,
+    refitted: Prediction,
+    last: Prediction,
+    predicted: Callable[[Step], Prediction],
+    report: Callable[[str], None],
+) -> tuple[Search, Prediction]:
+    """The search up to the last effect that improves held-out predictions, and its predictions.
+
+    A push is a single event that held-out data cannot confirm: it is dropped only with an effect before it. A
+    hidden state that has laws to take its place is compared with these.
+
+    Args:
+        found: all steps.
+        refitted: predictions by the nominal model.
+        last: predictions by the last step.
+        predicted: predicts by a step.
+        report: receives progress messages.
+    """
+    first = found.nominal
+    while laws := {effect.key for effect in found.named if not isinstance(effect, ExternalPulse)}:
+        step = [step for step in found.steps if step.added is not None and step.added.key in laws][-1]
+        less = found.before(step.added)
+        if less.final is first and found.by_laws and _hidden(found.named):
+            break
+        before = refitted if less.final is first else predicted(less.final)
+        after = last if step is found.final else predicted(step)
+        if improves(before, after):
+            if improves(refitted, last) or (found.by_laws and _hidden(found.named)):
+                break
+            # Better than the one before it, and still worse than none.
+            less, before = replace(found, steps=found.steps[:1]), refitted
+        named = {effect.key for effect in found.named}
+        since = [step.added for step in found.steps[len(less.steps) :] if step.added is not None]
+        dropped = list({effect.key: effect for effect in since if effect.key in named}.values())
+        report(f"dropped {', '.join(e.key for e in dropped)}: it does not predict held-out windows better")
+        found, last = replace(less, dropped=(*dropped, *found.dropped)), before
+    return found, last
+
+
+def _hidden(effects: Sequence[JointEffect]) -> bool:
+    return any(effect.hidden_state for effect in effects)
+
+
+def predict_windows(
+    step: Step, theta: Array, nominal: Problem, windows: Segments, *, fitted: bool
+) -> Prediction:
+    """Predict held-out windows by the hypothesis of a step, with refitted noise.
+
+    Args:
+        step: of a search.
+        theta: values of the hypothesis, not necessarily fitted.
+        nominal: the problem of the nominal rig.
+        windows: see `Diagnosis`.
+        fitted: whether the values have the uncertainty of the step's fit; else they are exact.
+    """
+    fit, hypothesis = step.scored.fit, step.hypothesis
+    trajectory = held_out.initial_trajectory(step.problem, nominal, windows)
+    noise, _ = held_out.refitted_noise(step.problem, hypothesis, theta, fit.trajectory, step.scored.noise)
+    precision = fit.precision if fitted else None
+    predictions = held_out.predict(step.problem, hypothesis, theta, windows, noise, trajectory, precision)
+    return Prediction(hypothesis, theta, predictions, noise)
+
+
+def held_out_pushes(
+    step: Step, refitted: Noise, nominal: Problem, segments: Segments, held: NDArray[np.intp]
+) -> list[HeldOutPush]:
+    """Pushes in held-out segments; none is looked for where the model has hidden states.
+
+    Args:
+        step: the last of a search.
+        refitted: noise by which it predicted held-out windows.
+        nominal: the problem of the nominal rig.
+        segments: all.
+        held: indices of those held out.
+    """
+    hypothesis, scored = step.hypothesis, step.scored
+    if _hidden(hypothesis.effects):
+        return []
+    first = held_out.initial_trajectory(step.problem, nominal, segments)
+    # Errors of laws elsewhere are not those that columns were fitted to: as a force, they are no pushes.
+    noise = replace(scored.residual_noise, force=max(refitted.force, scored.residual_noise.force))
+    try:
+        return held_out.pushes_in(step.problem, hypothesis, scored.fit, segments, held, noise, first)
+    except np.linalg.LinAlgError:
+        return []  # the model diverges there, which errors of predictions show
+
+
+def distinguishable(old: Predictions, new: Predictions) -> bool:
+    """Whether held-out windows can distinguish two predictions, assuming white noise.
+
+    Half the squared difference over the noise is the expected gain of the better one, in nats. A limit that
+    is rarely reached may not have been reached in any window.
+    """
+    shift = (new.predicted - old.predicted) / np.maximum(old.floor, 1e-12)
+    return bool(np.sum(shift[np.isfinite(old.error)] ** 2) / 2 > _DISTINGUISHABLE_NATS)
+
+
+def improves(before: Prediction, after: Prediction) -> bool:
+    """Whether held-out likelihood and errors improve, or the windows cannot distinguish the two."""
+    old, new = before.predictions, after.predictions
+    if not distinguishable(old, new):
+        return True
+    scale = np.maximum(old.floor.mean(axis=(0, 1)), 1e-12)
+    squares = [np.nanmean((found.error / scale) ** 2, axis=(1, 2)) for found in (old, new)]
+    if np.nanmean(squares[1]) >= np.nanmean(squares[0]):
+        return False
+    return bool(new.log_likelihood.sum() > old.log_likelihood.sum() or _windows_agree(*squares))
+
+
+def _windows_agree(before: Array, after: Array) -> bool:
+    """Whether errors shrink in window after window by more than chance (Wilcoxon's signed ranks of logs).
+
+    Then the likelihood has no veto: it is that of the process force which a model was left with, and
+    punishes the better model for the smaller one as soon as a window has something that no model has.
+    """
+    there = np.isfinite(before) & np.isfinite(after) & (before > 0) & (after > 0) & (before != after)
+    if not there.any():
+        return False
+    shrunk = np.log(after[there] / before[there])
+    return bool(wilcoxon(shrunk, alternative="less").pvalue < _AGREE)
