@@ -1,4 +1,7 @@
-"""Numbers that README and docs state are those of published tables. The proof's: tests/proof/test_draw.py."""
+"""Numbers that README and docs state are those of published tables.
+
+Those of the proof are checked in tests/blind_validation/test_draw.py.
+"""
 
 import re
 from pathlib import Path

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from slapshot.errors import InputError
 from slapshot.recordings.cli import run_check, run_import
-from slapshot.recordings.importing.keys_table import as_markdown
 from slapshot.recordings.importing.signal_importer import SignalSummary, import_signals
 from slapshot.recordings.importing.signal_mapping import is_signal_mapping, load_signal_mapping
 from slapshot.recordings.signal_quality import signal_warnings
@@ -448,7 +447,3 @@ def test_flights_of_a_ball_are_imported_in_si(tmp_path):
     kept = np.delete(np.arange(100), (40, 41))
     np.testing.assert_allclose(table["t"] - table["t"].iloc[0], t[kept], atol=1e-9)
     np.testing.assert_allclose(table["z"], height[kept], atol=1e-12)
-
-
-def test_the_keys_in_the_documentation_are_those_of_the_code():
-    assert as_markdown() in (ROOT / "docs/recordings.md").read_text()

@@ -29,12 +29,14 @@ Part = Annotated[str, Field(min_length=1, max_length=200)]
 class Binding(Model):
     """The model element of a channel."""
 
-    joint: Part | None = None
-    actuator: Part | None = None
-    sensor: Part | None = None
-    site: Part | None = None
-    body: Part | None = None
-    component: Component | None = None
+    joint: Part | None = Field(default=None, description="name of a joint in the model")
+    actuator: Part | None = Field(default=None, description="name of an actuator in the model")
+    sensor: Part | None = Field(default=None, description="name of a sensor in the model")
+    site: Part | None = Field(default=None, description="name of a site in the model")
+    body: Part | None = Field(default=None, description="name of a body in the model")
+    component: Component | None = Field(
+        default=None, description="of sites, bodies, and of ball and free joints"
+    )
 
     @model_validator(mode="after")
     def _one(self) -> "Binding":
@@ -48,12 +50,15 @@ class RigSettings(Model):
 
     model: Part = Field(description="MJCF or URDF file, beside the rig file")
     name: Part | None = Field(default=None, description="of the rig, for the report")
-    channels: dict[str, Binding] = Field(default={}, description="channel -> part of the model")
+    channels: dict[str, Binding] = Field(
+        default={}, description="channel of the recording -> part of the model, where it names none itself"
+    )
     ignore: tuple[Part, ...] = Field(default=(), description="channels that are not to be used")
     free: tuple[Part, ...] = Field(
-        default=(), description="effects that belong to the nominal model, as name or name@part"
+        default=(),
+        description="effects of the nominal model whose values are refitted, as name or name@part",
     )
-    timestep: float | None = Field(default=None, gt=0, le=0.1, description="s")
+    timestep: float | None = Field(default=None, gt=0, le=0.1, description="s, in place of the model's own")
     effects: tuple[Annotated[str, Field(pattern=MODULE, max_length=200)], ...] = Field(
         default=(), description="dotted names of modules that define effects of one's own"
     )

@@ -1,6 +1,8 @@
-"""`python -m slapshot.recordings.importing.keys_table`: keys of a mapping of signals, for people."""
+"""`python -m slapshot.keys_table MODULE MODEL`: keys of a file that a pydantic model reads, for people."""
 
+import importlib
 import re
+import sys
 import types
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -8,14 +10,12 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from slapshot.recordings.importing.signal_mapping import SignalMapping
-
 _HEADER = "| key | what it says | left out |\n| --- | --- | --- |\n"
 
 
-def as_markdown() -> str:
-    """One row a key, in the order of the models that read a mapping."""
-    keys = _keys(SignalMapping, "")
+def keys_table(model: type[BaseModel]) -> str:
+    """One row a key in Markdown, in the order of a model and those within it."""
+    keys = _keys(model, "")
     return _HEADER + "".join(f"| `{key}` | {_meaning(field)} | {_default(field)} |\n" for key, field in keys)
 
 
@@ -54,8 +54,9 @@ def _default(field: FieldInfo) -> str:
         return "not possible"
     value = field.get_default(call_default_factory=True)
     shown = str(value).lower() if isinstance(value, bool) else value
-    return "" if value in (None, (), "") else f"`{shown}`"
+    return "" if value in (None, (), "", {}) else f"`{shown}`"
 
 
 if __name__ == "__main__":
-    print(as_markdown(), end="")
+    module, name = sys.argv[1:]
+    print(keys_table(getattr(importlib.import_module(module), name)), end="")
