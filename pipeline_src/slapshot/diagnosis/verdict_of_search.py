@@ -108,7 +108,7 @@ def verdict_of(
         )
         if named and recurring is not None:
             reason += f": {recurring}"
-        elif flagged and worse[1]:
+        elif flagged and worse[1] and (named or p < P_VALUE):
             reason += ": held-out prediction errors exceed noise and law errors"
         elif flagged and pushed and left >= P_VALUE:
             reason += ": something pushes in held-out data"

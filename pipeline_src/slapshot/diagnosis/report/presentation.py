@@ -47,7 +47,7 @@ def headline(verdict: Verdict) -> str:
         return f"Something is missing: {names}" + (", and something that no name explains" if further else "")
     location = verdict.location
     at = "" if location is None or not location.part else f" at {location.part}"
-    return f"Something is missing{at} that no effect of the catalogue explains"
+    return f"Something is missing{at}, and no effect is named"
 
 
 def _in_short(effects: Sequence[NamedEffect]) -> list[str]:
