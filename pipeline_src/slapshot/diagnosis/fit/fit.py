@@ -106,7 +106,6 @@ class Fitter:
         trajectory: Array,
         perturbations: Sequence[Perturbation] = (),
         jacobian: Linear | None = None,
-        halved: Array | None = None,
     ) -> tuple[Linear, Prior]:
         """The linear system of a hypothesis with all nuisance, and the priors of its columns.
 
@@ -114,7 +113,7 @@ class Fitter:
         readings, and errors of the nominal model's laws and of those that the hypothesis adds.
         """
         everything = (*self.nuisance, *perturbations)
-        found = self.linearise(hypothesis, theta, trajectory, everything, jacobian, halved)
+        found = self.linearise(hypothesis, theta, trajectory, everything, jacobian)
         system, prior = found.system, prior_of(hypothesis, everything)
         more: list[tuple[Prior, Array | None, Array | None]] = []
         if self.drifts is not None:
@@ -147,12 +146,11 @@ class Fitter:
         trajectory: Array,
         perturbations: Sequence[Perturbation] = (),
         jacobian: Linear | None = None,
-        halved: Array | None = None,
     ) -> Linearised:
         """Linearise on these segments."""
         return linearise(
             self.simulator, hypothesis, theta, self.segments, trajectory, perturbations,
-            torque_scale=self.torque, jacobian=jacobian, halved=halved,
+            torque_scale=self.torque, jacobian=jacobian,
         )  # fmt: skip
 
     def fit(
@@ -191,8 +189,7 @@ class Fitter:
             # Derivatives change slowly: they are recomputed only after the values have moved.
             fresh = system is None or since > (_NEAR if converged or number == rounds else _FAR)
             reused = None if fresh else system
-            halved = None if system is None else system.halved
-            system, prior = self.system(hypothesis, theta, trajectory, jacobian=reused, halved=halved)
+            system, prior = self.system(hypothesis, theta, trajectory, jacobian=reused)
             since = 0.0 if fresh else since
             sd = prior.at(noise)
             seen = innovations(system, covariances)

@@ -82,7 +82,6 @@ def linearise(
     *,
     torque_scale: Array | None = None,
     jacobian: Linear | None = None,
-    halved: Array | None = None,
 ) -> Linearised:
     """Linearise a hypothesis about a trajectory.
 
@@ -96,7 +95,6 @@ def linearise(
         torque_scale: (nv,) size of forces, for differences; 1 where it is not known.
         jacobian: of a trajectory nearby, whose A, B and C are taken, as they are most of the work; where it
             has columns, the first are those of this hypothesis, and are taken but for those of laws.
-        halved: (S, L, n) as in `Linear`, of a trajectory nearby; it costs two simulations of all intervals.
     """
     (S, L), tangent = segments.shape, simulator.tangent
     n, nv, dim = S * L, tangent.nv, tangent.dim
@@ -139,8 +137,7 @@ def linearise(
             for array, k in ((jacobian.A, dim), (jacobian.B, nv), (jacobian.C, dim), (jacobian.spread, dim))
         )
         process = None if jacobian.process is None else jacobian.process.reshape(n, -1, nv)
-    if halved is None and jacobian is not None:
-        halved = jacobian.halved
+    halved = None if jacobian is None else jacobian.halved
 
     observed = _observed(segments, y)
     added = hypothesis.observe(observed, theta)
