@@ -347,7 +347,7 @@ def fit_with_noise(
     may_set_aside: bool = False,
     candidates: Sequence[JointEffect] | None = None,
 ) -> FitWithNoise:
-    """Fit a hypothesis and its noise, from which candidates that could explain the data are left out.
+    """Fit a hypothesis and its noise; what candidates could explain is not counted as noise.
 
     Args:
         problem: data.
