@@ -219,8 +219,9 @@ def _refit_pair(before: Step, pair: _Pair, leader: Sequence[float]) -> tuple[Fit
             windows = pushed_windows(problem, fit, noise)
             noise = replace(noise, set_aside=noise.set_aside if windows is None else windows)
         fit = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, known=system)
+        most = max(found, default=-np.inf)
         found.append(fit.log_evidence - least_worth(noise.set_aside, problem.segments))
-        if found[-1] == max(found):
+        if found[-1] > most:
             best = fit, noise
         elif largest == LARGEST_LAW_ERROR:
             break
