@@ -15,7 +15,7 @@ from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection.free_forms import FreeForce
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.steps import Search, Step
-from slapshot.diagnosis.verdict_of_search import _recurring_pushes, _size, _unknown
+from slapshot.diagnosis.verdict_of_search import _recurring_pushes, _size, _unknown, channel_groups
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.joint_elasticity import JointElasticity
@@ -263,6 +263,21 @@ def test_the_size_of_a_force_over_load_is_that_at_the_loads_that_acted():
     held = gear * drive[np.rint(problem.segments.time[problem.segments.inside] / 0.01).astype(int)]
     force = form.basis(held) @ (values * [parameter.scale for parameter in form.parameters])
     assert _size(step, form, values).value == pytest.approx(np.sqrt(np.mean(force**2)), rel=1e-6)
+
+
+def test_errors_in_rad_and_in_m_are_told_apart():
+    def observed(quantity, dof):
+        return SimpleNamespace(quantity=quantity, dof=dof)
+
+    rig = SimpleNamespace(
+        observations=[observed("position", 0), observed("position", 1), observed("position", None)]
+    )
+    alike = channel_groups(rig, ["rad", "rad", "m"])
+    assert {kind: c.tolist() for kind, c in alike.items()} == {"joint position": [0, 1], "body position": [2]}
+    apart = channel_groups(rig, ["m", "rad", "m"])
+    assert {kind: c.tolist() for kind, c in apart.items()} == {
+        "joint position in m": [0], "joint position in rad": [1], "body position": [2],
+    }  # fmt: skip
 
 
 def searched(rig, effects: list[JointEffect]) -> Search:

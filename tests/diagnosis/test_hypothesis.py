@@ -181,3 +181,32 @@ def test_values_stay_within_what_is_possible():
     np.testing.assert_allclose(hypothesis.clipped(np.array([-1.0, -0.1])), [-0.05, 0.0])
     np.testing.assert_allclose(hypothesis.clipped(np.array([7.0, 2.0])), [7.0, 1.0])
     assert Hypothesis(rig).clipped(np.zeros(0)).shape == (0,)
+
+
+PHANTOM = 'contype="0" conaffinity="0"'
+
+
+@pytest.mark.parametrize(
+    ("geoms", "pair", "collides"),
+    [
+        ("", "", True),
+        ('contype="0" conaffinity="0"', "", False),
+        ('contype="0" conaffinity="0"', "yes", True),
+    ],
+)
+def test_contacts_are_left_out_only_where_no_geoms_can_touch(geoms, pair, collides):
+    text = f"""<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1" {geoms}/>
+    <body pos="0 0 0.5"><joint name="fall" type="slide" axis="0 0 1"/><geom name="ball" size="0.1" {geoms}/>
+    </body></worldbody>{'<contact><pair geom1="floor" geom2="ball"/></contact>' if pair else ""}</mujoco>"""
+    t = np.arange(100) * 0.01
+    made = recording(t, {"z": (joint("fall", unit="m"), 0 * t)})
+    rig = bind(MjSpec.from_string(text), made.channels)
+    assert rig.collides == collides
+    model, data = mujoco.MjModel.from_xml_string(text), mujoco.MjData(mujoco.MjModel.from_xml_string(text))
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    compiled = Hypothesis(rig).compiled(np.zeros(0), model.opt.timestep)
+    end, *_ = Simulator(rig).run(compiled, np.zeros((1, 2)), np.zeros((1, 500, 0)))
+    # It rests on the floor, or has fallen for a second.
+    assert (end[0, 0] > -0.45) == collides
+    np.testing.assert_allclose(end[0], [data.qpos[0], data.qvel[0]], atol=1e-9)
