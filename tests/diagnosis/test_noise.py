@@ -177,7 +177,7 @@ def test_jitter_is_looked_for_where_errors_follow_the_rate():
     rate = rng.uniform(0.5, 1.5, count)  # the white noise that is fitted takes most of it
     variance = np.full(count, 0.04)
     called = []
-    for jitter in (0.0, 0.1):
+    for jitter in (0.0, 0.2):  # of which the score is 9 standard deviations
         sd = np.sqrt(1 + (jitter * rate) ** 2 / variance)
         errors = [sd * rng.standard_normal(count) for _ in range(500)]
         found = [Evaluation(0.0, e / np.sqrt(np.mean(e**2)), np.log(variance)) for e in errors]
