@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.fit.law_error import Friction, Law, law_errors
+from slapshot.diagnosis.fit.law_error import Friction, Law, Shapes, law_errors
 from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.rig_motion import rig_motion
@@ -73,6 +73,26 @@ def test_smooth_functions_of_speed_and_load_are_sums_of_the_shapes():
     columns = law.errors(state)
     remaining = wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]
     assert np.sqrt(np.mean(remaining**2) / np.mean(wave**2)) < 0.1
+
+
+def test_the_covariance_of_law_errors_is_that_of_two_length_scales():
+    """Sums of squared exponentials of 0.6 and 1.8 usual speeds and loads, and a narrow one at rest."""
+    rng = np.random.default_rng(2)
+    speed, load = rng.normal(size=(2, 1500))
+    weight = load**2 / np.sum(load**2)
+    shapes = Shapes(speed, load, load**2, (1e-5, 120))
+    columns = shapes(speed, load) * shapes.share
+    squared = (speed[:, None] - speed) ** 2 + (load[:, None] - load) ** 2
+    at_rest = np.exp(-((speed / 0.2) ** 2))
+    expected = sum(np.exp(-squared / (2 * scale**2)) for scale in (0.6, 1.8)) + np.outer(at_rest, at_rest)
+    mean = weight @ expected
+    expected = expected - mean - mean[:, None] + mean @ weight  # what changes the whole law is apart
+    expected /= weight @ np.diag(expected)
+    usual = np.hypot(speed, load) < 2
+    difference = (columns @ columns.T - expected)[np.ix_(usual, usual)]
+    # A grid of Gaussians as far apart as they are wide ripples by 2 exp(-pi²/2), or 1.4 %, and components
+    # with a thousandth of the variance are left out.
+    assert np.abs(difference).max() < 0.02 * np.diag(expected).max()
 
 
 def test_looks_at_law_errors_are_small_steps():

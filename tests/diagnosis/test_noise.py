@@ -198,12 +198,14 @@ def test_jitter_of_the_sample_times_is_recovered():
         replace(of.system, r=y), replace(of.segments, y=y), replace(of.noise, jitter_s=jitter, rate=rate)
     )
     initial_point = initial_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))
-    found = fit_noise(of.system, no_columns(), initial_point.elsewhere(rate), of.segments, KINDS)
+    initial_point = initial_point.elsewhere(rate, of.segments.order)
+    found = fit_noise(of.system, no_columns(), initial_point, of.segments, KINDS)
     errors = standard_errors(of, ("jitter_s", "white0", "white1"))
     assert np.all(off([found.jitter_s, *found.white], [jitter, *of.noise.white], errors) < 4)
     assert errors[0] < 0.1
     # Without a rate there is no jitter to be seen.
-    assert np.all(fitted(made(1)).variance == fitted(made(1)).white ** 2 * fitted(made(1)).weight)
+    without = fitted(made(1))
+    assert np.all(without.variance == without.usual_variance * without.weight)
 
 
 def test_coloured_noise_is_recovered():
@@ -337,6 +339,33 @@ def test_outliers_are_given_less_weight():
     # With the outliers the noise has 17 times its variance.
     assert np.all(found.white < 1.6 * of.noise.white)
     assert np.all(found.white > 0.8 * of.noise.white)
+
+
+@pytest.mark.parametrize("growth", [0.0, 0.4])
+def test_noise_that_grows_over_the_session_is_weighted(growth):
+    of = made(31, S=40, L=60)
+    size = np.exp(growth * of.segments.order)[:, None]
+    # Readings are linear in the noise: what is added to the first channel is its own, larger or smaller.
+    own = np.random.default_rng(32).normal(size=of.segments.y.shape[:2]) * of.noise.white[0]
+    added = np.sqrt(3.0) * size * own
+    y = of.segments.y.copy()
+    y[..., 0] += added
+    found = fitted(Made(replace(of.system, r=y), replace(of.segments, y=y), of.noise))
+    # Of four parts of the variance three grow; the middle of the session stays.
+    variance = of.noise.white[0] ** 2 * (1 + 3 * size[:, 0] ** 2)
+    np.testing.assert_allclose(found.usual_variance[:, 0, 0], variance, rtol=4 / np.sqrt(2400 / 2))
+    assert found.growth[1] == pytest.approx(0.0, abs=4 / np.sqrt(2 * 2400 / 12))
+    elsewhere = found.elsewhere(np.zeros((2, 3, 2)), np.array([-0.5, 0.5]))
+    np.testing.assert_allclose(elsewhere.variance[:, 1], found.variance[[0, -1], 1], rtol=1e-9)
+
+
+def test_errors_in_a_burst_are_no_growth_of_the_noise():
+    """The last segment errs five times as much: by all errors, noise would grow."""
+    of = made(33, S=24, L=60)
+    y = of.segments.y.copy()
+    y[-1] += 5 * of.noise.white * np.random.default_rng(34).normal(size=y[-1].shape)
+    found = fitted(Made(replace(of.system, r=y), replace(of.segments, y=y), of.noise))
+    np.testing.assert_array_equal(found.growth, 0)
 
 
 def test_missing_observations_have_no_say():

@@ -2,17 +2,23 @@
 
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
+import pytest
 from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection import search
+from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.search import _forward_search, _preselect
-from slapshot.diagnosis.selection.steps import Rival, Search, Step
+from slapshot.diagnosis.selection.steps import Rival, Search, Step, nominal_step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.encoder_delay import EncoderDelay
 from slapshot.effects.joints.payload import Payload
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 
+from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
 from .test_linear import arm_situation
 
 
@@ -94,3 +100,32 @@ def test_a_delay_is_raced_from_both_signs_and_the_best_candidate_comes_first():
     assert ranked[0][1] == np.array([-0.004])
     assert ranked[0][2] == 40.0
     assert sorted(begun) == sorted([(), (friction.key, "0.1"), (delay.key, "0.004"), (delay.key, "-0.004")])
+
+
+@pytest.mark.parametrize("seed", [2, 5])
+def test_errors_of_a_law_at_rare_speeds_and_torques_are_no_pushes(seed):
+    """A motor errs by a random function of both, 10 %, which a few shapes do not describe."""
+    rng, t = np.random.default_rng(seed), np.arange(0, 2, 0.005)
+    model = mujoco.MjModel.from_xml_string(PENDULUM)
+    waves, phases, heights = rng.normal(0, 1 / 0.6, (8, 2)), rng.uniform(0, 2 * np.pi, 8), rng.normal(size=8)
+    heights *= 0.1 * np.sqrt(2 / np.sum(heights**2))
+    angles, torques = [], []
+    for _ in range(8):
+        tones = zip(rng.normal(0, 2.5, 3), (0.4, 0.9, 1.7), rng.uniform(0, 6, 3), strict=True)
+        torque = np.sum([a * np.sin(2 * np.pi * f * t + phase) for a, f, phase in tones], axis=0)
+
+        def error(time: float, qpos: np.ndarray, qvel: np.ndarray, torque: np.ndarray = torque) -> np.ndarray:
+            now = torque[min(int(time / 0.005 + 1e-9), len(torque) - 1)]
+            return now * heights @ np.cos(waves @ [qvel[0] / 4, now / 2.5] + phases)[:, None]
+
+        qpos, *_ = simulate(model, t, torque[:, None], [rng.normal(0, 0.3)], [0.0], law=error)
+        angles.append(qpos[:, 0] + rng.normal(0, 5e-4, len(t)))
+        torques.append(torque)
+    channels = {"angle": (joint("swing"), angles), "torque": (control_channel(actuator="drive"), torques)}
+    made = recording([t] * 8, channels)
+    rig = bind(mujoco.MjSpec.from_string(PENDULUM), made.channels)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    nominal = nominal_step(problem, (), np.random.default_rng(0))
+    assert nominal.scored.noise.set_aside is None
+    assert nominal.test.push_p_value > 0.05
+    assert nominal.scored.noise.law_error == pytest.approx(0.1, rel=0.3)

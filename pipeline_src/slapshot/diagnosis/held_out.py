@@ -108,7 +108,7 @@ def predict(
     masked = windows.y.copy()
     masked[:, half:] = np.nan
     before = replace(windows, y=masked)
-    own = noise.elsewhere(problem.rates(windows, trajectory))
+    own = noise.elsewhere(problem.rates(windows, trajectory), windows.order)
     fitter = Fitter(problem.fitter.simulator, before, problem.torque)
     if _has_hidden_state(hypothesis):
         trajectory = _shooting_fit(fitter, hypothesis, theta, trajectory, own)
@@ -193,7 +193,7 @@ def pushes_in(
         trajectory: (S, L, nx) initial guess.
     """
     segments = problem.in_steps(segments)
-    own = noise.elsewhere(problem.rates(segments, trajectory))
+    own = noise.elsewhere(problem.rates(segments, trajectory), segments.order)
     plain = Fitter(problem.simulator, segments, problem.torque)
     trajectory, _ = _smoothed(plain, hypothesis, fit.theta, trajectory, own)
     laws = problem.law_columns.on(problem.simulator, hypothesis, fit.theta, segments, trajectory)

@@ -26,6 +26,7 @@ _NEAR, _FAR = 0.3, 3.0
 _MAX_LOSS, _MAX_LOSS_NATS = 0.05, 100.0
 _MOST_SHORTENED = 5  # quarters of a step that are tried
 _DIGITS = 1e-6
+_PATIENCE = 3  # factor on the rounds of a fit that is close and not yet settled
 _CLOSE_SD = 1.0  # of a step, in posterior standard deviations, whose evidence counts
 _LEAST_DAMPING = 1 / 8  # of steps that turn back
 CONVERGED_SD = 0.01  # convergence: movement of parameters in posterior standard deviations
@@ -169,7 +170,7 @@ class Fitter:
             theta: first values.
             trajectory: first trajectory.
             noise: that of the data.
-            rounds: at most.
+            rounds: at most, or thrice as many where it is close, but not yet settled.
             known: a system about the first trajectory, or one near it, whose derivatives serve for the first
                 round.
         """
@@ -184,10 +185,10 @@ class Fitter:
         delta, share = np.zeros((*trajectory.shape[:2], self.simulator.tangent.dim)), 1.0
         system, since = known, np.inf if known is None else 0.0
         precision = np.diag(hypothesis.prior_sd**-2.0)
-        number, shortened = 0, 0
+        number, shortened, most = 0, 0, rounds
         while True:
             # Derivatives change slowly: they are recomputed only after the values have moved.
-            fresh = system is None or since > (_NEAR if converged or number == rounds else _FAR)
+            fresh = system is None or since > (_NEAR if converged or number == most else _FAR)
             reused = None if fresh else system
             system, prior = self.system(hypothesis, theta, trajectory, jacobian=reused)
             since = 0.0 if fresh else since
@@ -229,7 +230,9 @@ class Fitter:
             own, other = scaled[:p, :p], scaled[:p, p:]
             own = own - other @ np.linalg.solve(scaled[p:, p:], other.T)
             precision = own / np.outer(sd[:p], sd[:p])
-            if converged or number == rounds:
+            if number == rounds and SETTLED_SD < moved < _CLOSE_SD:
+                most = _PATIENCE * rounds
+            if converged or number == most:
                 break
             before, share, shortened, number = (evidence, theta, trajectory), 1.0, 0, number + 1
             full = full * sd

@@ -25,9 +25,10 @@ from slapshot.effects.joints.effect import (
     overrides,
 )
 
-# Smooth functions of speed and load are sums of radial basis functions in rms speeds and loads, plus a narrow
-# one.
-_CENTRES, _WIDTH, _NARROW = np.linspace(-6.0, 6.0, 21), 0.6, 0.2
+# Smooth functions of speed and load are sums of radial basis functions in rms speeds and loads: centres and
+# widths of two length scales, since errors of a law may vary slowly or fast; and a narrow one at rest.
+_GRIDS = ((np.linspace(-6.0, 6.0, 21), 0.6), (np.linspace(-6.0, 6.0, 11), 1.8))
+_NARROW = 0.2
 # Minimum share of variance of a component, and maximum number of components of a law. A coarse set shows
 # whether laws have errors; if so, a hundredth of their variance, when neglected, is mistaken for a missing
 # effect.
@@ -65,6 +66,9 @@ class Shapes:
         total = max(float(weight.sum()), 1e-300)
         self._mean = weight @ raw / total
         centred = raw - self._mean
+        each = weight @ centred**2 / total
+        self._reached = np.flatnonzero(each > _FLAT**2 * each.max(initial=0.0))
+        centred = centred[:, self._reached]
         variance, vectors = np.linalg.eigh((centred * weight[:, None]).T @ centred / total)
         whole = float(np.maximum(variance, 0).sum())
         least, most = kept
@@ -74,13 +78,17 @@ class Shapes:
 
     def __call__(self, speed: Array, load: Array) -> Array:
         """(n, k), of unit size where the law acts."""
-        return (_bumps(speed, load) - self._mean) @ self._vectors
+        return (_bumps(speed, load) - self._mean)[:, self._reached] @ self._vectors
 
 
 def _bumps(speed: Array, load: Array) -> Array:
-    along = [np.exp(-(((x[:, None] - _CENTRES) / _WIDTH) ** 2)) for x in (speed, load)]
-    both = (along[0][:, :, None] * along[1][:, None, :]).reshape(len(speed), -1)
-    return np.concatenate([both, np.exp(-((speed / _NARROW) ** 2))[:, None]], axis=1)
+    parts = [np.exp(-((speed / _NARROW) ** 2))[:, None]]
+    for centres, width in _GRIDS:
+        # The sum has unit variance everywhere.
+        size = (centres[1] - centres[0]) / (width * np.sqrt(np.pi / 2))
+        along = [np.exp(-(((x[:, None] - centres) / width) ** 2)) for x in (speed, load)]
+        parts.append(size * (along[0][:, :, None] * along[1][:, None, :]).reshape(len(speed), -1))
+    return np.concatenate(parts, axis=1)
 
 
 class Law:

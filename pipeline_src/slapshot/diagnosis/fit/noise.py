@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+from scipy.stats import chi2
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Covariances, Innovations, Linear, innovations, leave_one_out
@@ -25,6 +26,8 @@ TYPICAL_DRIFT, LARGEST_DRIFT = 0.1, 1.0
 TYPICAL_LAW_ERROR = 0.05  # of empirical laws, initial value
 CLIP = 4.0  # standard deviations beyond which an observation is an outlier
 _NO_JITTER, _USUAL_JITTER = 1e-4, 0.02  # of the interval
+# Errors count up to so many standard deviations, and growth of noise beyond so many of its own.
+_BOUNDED_SD, _SURE_SD = 2.0, 2.0
 _MIN_GAIN_NATS = 4.0  # minimum gain of coloured noise: twice its two parameters
 _SEARCH_SEGMENTS = 8
 _SEARCH_OBSERVATIONS = 6000  # which determine white noise to a per cent, other sizes to about ten
@@ -52,6 +55,8 @@ class Noise:
         law_error: size of the errors of the nominal model's laws, as a share.
         added_error: the same of laws that a hypothesis adds.
         weight: (S, L, ny) factor on the white variance; more than 1 for outliers.
+        growth: (ny,) logarithm of the factor by which white noise grows over the session; None for none.
+        order: (S,) places of the segments in the session, see `Segments`; None where noise does not grow.
         drift: standard deviation of a channel's slow drift over the session, over that of its noise.
         jitter_s: standard deviation of the actual sampling times.
         rate: (S, L, ny) time derivative of the observations, which converts jitter to noise; None for none.
@@ -75,6 +80,8 @@ class Noise:
     jitter_s: float = 0.0
     rate: Array | None = None
     clock: NDArray[np.intp] | None = None
+    growth: Array | None = None
+    order: Array | None = None
     set_aside: Array | None = None
     push_error: Array | None = None
 
@@ -86,8 +93,20 @@ class Noise:
     @property
     def variance(self) -> Array:
         """(S, L, ny) white variance: noise of the channel, and timing jitter."""
-        own = self.weight * self.white**2
+        own = self._own_variance
         return own if self._shared is None else own + np.sum(self._shared**2, axis=-1)
+
+    @property
+    def usual_variance(self) -> Array:
+        """(S or 1, 1, ny) white variance of a channel without outliers, which may grow over the session."""
+        if self.growth is None or self.order is None:
+            return self.white[None, None] ** 2
+        return np.asarray((self.white * np.exp(self.growth * self.order[:, None, None])) ** 2)
+
+    @property
+    def _own_variance(self) -> Array:
+        """(S, L, ny) white variance of the channels."""
+        return self.weight * self.usual_variance
 
     @property
     def _shared(self) -> Array | None:
@@ -103,11 +122,15 @@ class Noise:
         rate = None if self.rate is None else self.rate[segments]
         set_aside = None if self.set_aside is None else self.set_aside[segments]
         error = None if self.push_error is None else self.push_error[segments]
-        return replace(self, weight=self.weight[segments], rate=rate, set_aside=set_aside, push_error=error)
+        order = None if self.order is None else self.order[segments]
+        return replace(
+            self, weight=self.weight[segments], rate=rate, order=order, set_aside=set_aside, push_error=error
+        )
 
-    def elsewhere(self, rate: Array) -> "Noise":
+    def elsewhere(self, rate: Array, order: Array) -> "Noise":
         """The noise for other segments with known rates, without outliers or pushes."""
-        return replace(self, weight=np.ones_like(rate), rate=rate, set_aside=None, push_error=None)
+        weight = np.ones_like(rate)
+        return replace(self, weight=weight, rate=rate, order=order, set_aside=None, push_error=None)
 
     @property
     def without_set_aside(self) -> "Noise":
@@ -121,7 +144,7 @@ class Noise:
         return Covariances(
             self.initial,
             (self.force * self.torque) ** 2 * (FORCE_HOLD_S / interval),
-            self.weight * self.white**2,
+            self._own_variance,
             self.coloured**2,
             np.exp(-interval / self.correlation_s),
             self._shared,
@@ -486,7 +509,8 @@ def _reweighted(system: Linear, prior: Prior, noise: Noise, segments: Segments, 
     Outliers are judged by leave-one-out residuals, which use later observations too.
     """
     there = np.isfinite(system.r)
-    noise = replace(noise, weight=np.ones_like(noise.weight))
+    growth = np.zeros(there.shape[2])
+    noise = replace(noise, weight=np.ones_like(noise.weight), growth=growth, order=segments.order)
     for _ in range(2):
         covariances = noise.covariances(segments.interval)
         found = innovations(system, covariances)
@@ -499,10 +523,36 @@ def _reweighted(system: Linear, prior: Prior, noise: Noise, segments: Segments, 
         factor = np.clip(size, 0.5, 2.0)
         lacking = _lacking_variance(system.moved(values), covariances, size)
         white = np.maximum(noise.white * factor, least)
-        noise = replace(
-            noise, white=white, coloured=noise.coloured * factor, weight=noise.weight + lacking / white**2
-        )
+        growth = growth + _growth(np.where(there, e / size, np.nan), segments.order)
+        noise = replace(noise, white=white, coloured=noise.coloured * factor, growth=growth)
+        noise = replace(noise, weight=noise.weight + lacking / noise.usual_variance)
     return noise
+
+
+def _growth(e: Array, order: Array) -> Array:
+    """(ny,) logarithm of the factor by which noise grows over the session: a step of Fisher scoring.
+
+    It is none unless segment after segment tells it: errors of a model come in bursts, which mean no growth.
+
+    Args:
+        e: (S, L, ny) innovations of about unit variance; NaN where there are none.
+        order: (S,) places in the session, -0.5 to 0.5.
+    """
+    there = np.isfinite(e)
+    square = np.where(there, np.minimum(e**2, _BOUNDED_SD**2), 0.0)
+    usual = square.sum((0, 1)) / np.maximum(there.sum((0, 1)), 1)
+    along = np.sum((order[:, None] - order.mean()) * there.sum(1), axis=0) / np.maximum(there.sum((0, 1)), 1)
+    along = order[:, None] - order.mean() - along
+    # Of a standard deviation exp(g x), the square of a bounded Gaussian error grows by as much per g x.
+    slope = 2 * chi2.cdf(_BOUNDED_SD**2, 3)
+    expected = slope * along**2 * there.sum(1)
+    information = np.maximum(expected.sum(0), 1e-300)
+    seen = along * np.sum(np.where(there, square - usual, 0.0), axis=1)
+    growth = seen.sum(0) / information
+    free = len(order) / max(len(order) - 2, 1e-3)
+    sd = np.sqrt(free * np.sum((seen - growth * expected) ** 2, axis=0)) / information
+    share = 1 - (_SURE_SD * sd / np.maximum(np.abs(growth), 1e-300)) ** 2
+    return np.asarray(growth * np.maximum(share, 0.0))
 
 
 def with_outliers(system: Linear, noise: Noise, interval: float) -> Noise:
@@ -515,7 +565,7 @@ def with_outliers(system: Linear, noise: Noise, interval: float) -> Noise:
     """
     one = np.ones(system.r.shape[-1])
     lacking = _lacking_variance(system, noise.covariances(interval), one)
-    return replace(noise, weight=noise.weight + lacking / noise.white**2)
+    return replace(noise, weight=noise.weight + lacking / noise.usual_variance)
 
 
 def _lacking_variance(system: Linear, covariances: Covariances, size: Array) -> Array:

@@ -158,11 +158,13 @@ class Problem:
         )  # fmt: skip
 
     def drifts(self, segments: Segments) -> Array:
-        """(S, k) shapes of slow drift, with unit variance over the session and zero mean."""
-        own = _bumps(self.segments.order)
-        size = np.sqrt(np.sum(np.var(own, axis=0)))
-        shapes = _bumps(segments.order) - own.mean(axis=0)
-        return np.asarray(shapes / size if size > _NEGLIGIBLE else shapes[:, :0])
+        """(S, k) shapes of slow drift over the session, of unit mean square.
+
+        Their mean over a session is not zero: what drifts is off by about as much.
+        """
+        own, shapes = _bumps(self.segments.order), _bumps(segments.order)
+        several = np.sqrt(np.sum(np.var(own, axis=0))) > _NEGLIGIBLE
+        return np.asarray(shapes / np.sqrt(np.sum(np.mean(own**2, axis=0))) if several else shapes[:, :0])
 
     @cached_property
     def quantities(self) -> tuple[str, ...]:
@@ -191,7 +193,7 @@ class Problem:
         )
         clocks = [self.channels[observation.channel].clock for observation in self.rig.observations]
         first = replace(first, clock=np.unique(clocks, return_inverse=True)[1])
-        return first.elsewhere(self.rates(self.segments, self.trajectory))
+        return first.elsewhere(self.rates(self.segments, self.trajectory), self.segments.order)
 
     @property
     def _terminal_speed(self) -> Array:

@@ -141,10 +141,10 @@ def nominal_step(
     if scored.noise.law_error <= _LARGE_LAW_ERROR:
         return Step(problem, scored, test_of(scored, of, rng))
     fine = problem.along(scored.fit.trajectory, fine=True)
-    # With all shapes, errors of laws explain parts of pushes: windows that were set aside stay.
+    # With few shapes, errors of laws at speeds and loads that are rare look like pushes.
     scored, of = fit_and_score(
-        fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise,
-        may_set_aside=may_set_aside and scored.noise.set_aside is None,
+        fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise.without_set_aside,
+        may_set_aside=may_set_aside,
     )  # fmt: skip
     step = Step(fine, scored, test_of(scored, of, rng))
     if step.test.p_value >= P_VALUE:
