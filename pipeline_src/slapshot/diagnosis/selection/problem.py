@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit.filter import Linear, innovations
+from slapshot.diagnosis.fit.filter import Innovations, Linear, innovations
 from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.law_columns import LawColumns, law_columns
 from slapshot.diagnosis.fit.law_error import law_errors
@@ -485,25 +485,31 @@ def _with_set_aside(
 ) -> Noise:
     """Noise with further process force in the windows of a few enormous pushes, which no column explains.
 
-    They must be worth their windows, each of which could have been any.
+    They must be worth their windows, each of which could have been any. Those that were set aside before,
+    under other columns, stay if they still are.
     """
-    segments, found = problem.segments, noise.without_set_aside
+    segments, none = problem.segments, noise.without_set_aside
     used, own = _select_columns(system, explains), prior.select(explains)
-    levels: list[float] = []
-    for _ in range(SET_ASIDE_ROUNDS):
+
+    def level(found: Noise) -> tuple[float, Noise, Innovations]:
+        """Log likelihood under the process force that is left."""
         whole = fit_process_force(used, own, found, segments.interval)
         seen = innovations(used, whole.covariances(segments.interval))
-        levels.append(marginal_likelihood(seen, own.at(whole)))
+        return marginal_likelihood(seen, own.at(whole)), whole, seen
+
+    first, whole, seen = level(none)
+    if noise.set_aside is not None and level(noise)[0] - first > least_worth(noise.set_aside, segments):
+        return noise
+    last, found = first, none
+    for _ in range(SET_ASIDE_ROUNDS):
         values = posterior_means(seen, own.at(whole))
         windows = windows_set_aside(used, values, speed, whole, segments, problem.rig_motion)
         before = found.set_aside
         if windows is None or (before is not None and np.array_equal(windows > 0, before > 0)):
             break  # none, too many as each makes the others' spread smaller, or the same
         found = replace(found, set_aside=windows)
-    if found.set_aside is None:
-        return found
-    worth = least_worth(found.set_aside, segments)
-    return found if levels[-1] - levels[0] > worth else noise.without_set_aside
+        last, whole, seen = level(found)
+    return found if last - first > least_worth(found.set_aside, segments) else none
 
 
 def _fit_noise_with_columns(

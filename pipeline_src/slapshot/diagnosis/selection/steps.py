@@ -143,9 +143,8 @@ def nominal_step(
     fine = problem.along(scored.fit.trajectory, fine=True)
     # With few shapes, errors of laws at speeds and loads that are rare look like pushes.
     scored, of = fit_and_score(
-        fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise.without_set_aside,
-        may_set_aside=may_set_aside,
-    )  # fmt: skip
+        fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise, may_set_aside=may_set_aside
+    )
     step = Step(fine, scored, test_of(scored, of, rng))
     if step.test.p_value >= P_VALUE:
         return step
