@@ -9,10 +9,11 @@ from slapshot.calibration.stage_null_table import draw_nulls, null_aims, null_ta
 from slapshot.command import Run
 
 
-def p_values(make, rigs=("pendulum", "arm"), n=500):
+def p_values(make, rigs=("pendulum", "arm"), n=500, cluttered=False):
     """Evenly spread probabilities through a quantile function, for each rig."""
     even = (np.arange(n) + 0.5) / n
-    return pd.DataFrame({"rig": np.repeat(rigs, n), "p_value": np.tile(make(even), len(rigs))})
+    values = np.tile(make(even), len(rigs))
+    return pd.DataFrame({"rig": np.repeat(rigs, n), "cluttered": cluttered, "p_value": values})
 
 
 def test_uniform_p_values_reach_every_aim():
@@ -54,6 +55,19 @@ def test_one_rig_that_is_off_is_seen_beside_others():
     assert off == ["Kolmogorov-Smirnov, kuka"]
 
 
+@pytest.mark.parametrize(("make", "reached"), [(np.sqrt, True), (lambda u: u**3, False)])
+def test_cluttered_ones_are_apart_and_judged_by_how_many_would_be_a_mismatch(make, reached):
+    """Of cubes of uniform numbers 22 % lie below 0.01, and of square roots 0.01 %."""
+    both = pd.concat([p_values(lambda u: u), p_values(make, ["shaky"], cluttered=True)])
+    table = null_table(both)
+    pooled = table.iloc[-1]
+    assert (pooled["n"], pooled["below_05"], pooled["cluttered"]) == (1000, 0.05, False)
+    aims = {aim.of: aim.reached for aim in null_aims(table)}
+    assert aims.pop("share of p-values below 0.01, shaky") == reached
+    assert all(aims.values())
+    assert not any("Kolmogorov" in of and "shaky" in of for of in aims)
+
+
 def test_the_figure_shows_every_p_value():
     drawing = draw_nulls(p_values(lambda u: u, n=50))
     assert len(drawing.table) == 100
@@ -71,7 +85,7 @@ def test_a_null_for_real(tmp_path):
     stage_null_p_values.produce(Run(config, {}, tmp_path / "block", 1))
     written = pd.read_csv(tmp_path / "block/p_values.csv")
     assert written.iloc[0].to_dict() == {
-        "rig": "short", "noise": "white", "seed": 6,
+        "rig": "short", "noise": "white", "cluttered": False, "seed": 6,
         "p_value": pytest.approx(null_p_value("pendulum", "white", 6, 5, 0.5), rel=1e-8),
     }  # fmt: skip
     assert 0 < written["p_value"][0] <= 1

@@ -25,6 +25,7 @@ _OTHERS: dict[str, tuple[Any, ...]] = {
     "string": (7, 2.5, False, None, ["a"], {"a": "b"}),
     "array": (3, "abc", None, {"a": 1}, True),
     "object": (3, "abc", None, [1], True),
+    "boolean": (3, 0.5, "maybe", None, [True], {"a": True}),
 }
 _BAD_NAMES = ("-rf", "", "a b", "a/b", "../up", "x" * 65, "ä", "name\n", " a", "_a", ".", "a;b", "$(a)")
 _BAD_TITLES = ("-rf", "", "<b>", "x" * 65, "a\nb", "\x1b[31m", "a|b", " a")
@@ -99,7 +100,10 @@ def _inside(value: Any, schema: dict[str, Any], loc: Loc) -> Iterator[Bad]:
         # One of them for each key; all of them over all keys.
         yield Bad(loc, others[len(key_of(loc)) % len(others)])
         yield from () if "null" in cases else [Bad(loc, None)]
-    yield from {"object": _mapping, "array": _list, "string": _text}.get(kind, _number)(value, schema, loc)
+    if kind != "boolean":
+        yield from {"object": _mapping, "array": _list, "string": _text}.get(kind, _number)(
+            value, schema, loc
+        )
 
 
 def _case(schema: dict[str, Any], value: Any) -> tuple[dict[str, Any], set[str]]:

@@ -201,13 +201,13 @@ def alike(one: Any, other: Any) -> bool:
 def test_the_calibration_is_published_and_resumes(workspace, aside):
     done = workspace.snakemake("nulls", "joint_coverage")
     assert job_counts(done.stdout) == {
-        "null_p_values_version": 4, "null_table_version": 1, "nulls": 1,
+        "null_p_values_version": 6, "null_table_version": 1, "nulls": 1,
         "law_intervals_version": 1, "coverage_table_version": 1, "joint_coverage": 1,
     }  # fmt: skip
-    assert pd.read_csv(aside / "joint_nulls.csv")["n"].tolist() == [2, 2, 2, 2, 8]
+    assert pd.read_csv(aside / "joint_nulls.csv")["n"].tolist() == [2, 2, 2, 2, 2, 2, 8]
     assert pd.read_csv(aside / "coverage.csv")["effect"].tolist() == ["viscous_friction", "all"]
     assert {f"joint_nulls.{kind}" for kind in ("md", "png", "pdf")} < {p.name for p in aside.iterdir()}
-    assert len(json.loads((aside / "nulls/versions.json").read_text())) == 5
+    assert len(json.loads((aside / "nulls/versions.json").read_text())) == 7
     again = workspace.snakemake("--dry-run", "nulls", "joint_coverage")
     assert job_counts(again.stdout) == {"nulls": 1, "joint_coverage": 1}
 

@@ -25,7 +25,9 @@ def noise_colour(index: int, colours: Sequence[Colour]) -> Colour:
     return colours[index % len(colours)]
 
 
-def null_p_value(rig: str, noise: Colour, seed: int, episodes: int, seconds: float) -> float:
+def null_p_value(
+    rig: str, noise: Colour, seed: int, episodes: int, seconds: float, cluttered: bool = False
+) -> float:
     """P-value of the mismatch test of a nominal model that is the truth.
 
     Args:
@@ -34,8 +36,11 @@ def null_p_value(rig: str, noise: Colour, seed: int, episodes: int, seconds: flo
         seed: of everything that is drawn.
         episodes: of the recording, those that a diagnosis holds out included.
         seconds: length of an episode.
+        cluttered: whether the rig's laws err and readings are worse than noisy, see `make_case`.
     """
-    recording, _ = make_case(rig, (), seed, noise=noise, episodes=episodes, seconds=seconds)
+    recording, _ = make_case(
+        rig, (), seed, noise=noise, cluttered=cluttered, episodes=episodes, seconds=seconds
+    )
     nominal = bind(mujoco.MjSpec.from_string(nominal_model(rig)), recording.channels)
     used, _ = split(segment_recording(recording, nominal))
     problem = Problem.of(nominal, recording.channels, used)
@@ -43,7 +48,7 @@ def null_p_value(rig: str, noise: Colour, seed: int, episodes: int, seconds: flo
 
 
 def produce(run: Run) -> None:
-    """Write p_values.csv: rig, noise, seed and p-value of each recording of the block."""
+    """Write p_values.csv: rig, noise, whether cluttered, seed and p-value of each recording of the block."""
     # Fits try unstable models; MuJoCo's warnings about them are suppressed.
     mujoco.set_mju_user_warning(lambda text: None)
     own = run.settings(NullBlockSettings)
@@ -51,8 +56,10 @@ def produce(run: Run) -> None:
     for index in progress(range(own.first, own.first + own.count), own.count, "nulls"):
         noise, seed = noise_colour(index, own.noise), own.seed + index
         with threadpool_limits(1):  # as in a diagnosis
-            p_value = null_p_value(own.rig, noise, seed, own.episodes, own.seconds)
-        rows.append({"rig": own.name, "noise": noise, "seed": seed, "p_value": p_value})
+            p_value = null_p_value(own.rig, noise, seed, own.episodes, own.seconds, own.cluttered)
+        rows.append(
+            {"rig": own.name, "noise": noise, "cluttered": own.cluttered, "seed": seed, "p_value": p_value}
+        )
     pd.DataFrame(rows).to_csv(run.out / "p_values.csv", index=False, float_format="%.9g")
 
 

@@ -1,6 +1,8 @@
 """Stage `null_table`: are p-values of nulls uniform?"""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -16,6 +18,7 @@ NAME = "joint_nulls"
 POOLED = "all"
 BELOW = {"below_05": (0.05, 0.035, 0.065), "below_01": (0.01, 0.004, 0.018)}  # level, and aim of the pooled
 MIN_KS_P_VALUE = 1e-3
+MOST_CLUTTERED = 0.05  # share of cluttered nulls that may be called a mismatch
 
 INTRODUCTION = """# P-values of rigs that conceal nothing
 
@@ -24,7 +27,10 @@ p-value of the first test of a diagnosis. Such p-values are uniform if they are 
 made of one from draws, a multiple of 1/500, and one of a formula: its distribution has steps of at most .004,
 which are small beside what the Kolmogorov-Smirnov test can see of {n} recordings (a distance of {seen:.3f}
 at its level of .05), so that they count as continuous. Intervals are Wilson's of 95 %.
-Aims are of all rigs pooled, but for Kolmogorov-Smirnov's p-value, which is of each rig.
+Aims are of all rigs pooled, but for Kolmogorov-Smirnov's p-value, which is of each rig, and for cluttered
+recordings, which are apart: there the rig's own laws err by 10 %, sample times jitter, noise has outliers and
+grows or shrinks over the session, and readings drift. Their p-values are uniform only as far as the diagnosis
+knows such errors; what counts is how many would be called a mismatch.
 """
 
 
@@ -32,12 +38,14 @@ def null_table(p_values: pd.DataFrame) -> pd.DataFrame:
     """Shares below levels and the Kolmogorov-Smirnov test, rig by rig and pooled.
 
     Args:
-        p_values: columns rig and p_value.
+        p_values: columns rig, cluttered and p_value.
     """
-    parts = [(str(rig), own["p_value"]) for rig, own in p_values.groupby("rig", sort=False)]
+    clean = p_values[~p_values["cluttered"]]
+    groups = [(str(rig), own) for rig, own in p_values.groupby("rig", sort=False)]
     rows = []
-    for rig, values in [*parts, (POOLED, p_values["p_value"])]:
-        row: dict[str, object] = {"rig": rig, "n": len(values)}
+    for rig, own in [*groups, *([(POOLED, clean)] if len(clean) else [])]:
+        values = own["p_value"]
+        row: dict[str, object] = {"rig": rig, "cluttered": bool(own["cluttered"].any()), "n": len(values)}
         for column, (level, *_) in BELOW.items():
             row[column], row[f"{column}_low"], row[f"{column}_high"] = wilson_share(values < level)
         test = kstest(values, "uniform")
@@ -47,22 +55,26 @@ def null_table(p_values: pd.DataFrame) -> pd.DataFrame:
 
 def null_aims(table: pd.DataFrame) -> list[Aim]:
     """What the pooled shares and each rig's test should be."""
-    pooled = table[table["rig"] == POOLED].iloc[0]
     aims = []
-    for column, (level, low, high) in BELOW.items():
-        value = float(pooled[column])
-        measured = (
-            f"{percent(value)} ({percent(pooled[f'{column}_low'])} to {percent(pooled[f'{column}_high'])})"
-        )
-        wanted = f"{percent(low)} to {percent(high)}"
-        aims.append(Aim(f"share of p-values below {level}", wanted, measured, low <= value <= high))
+    for pooled in table[table["rig"] == POOLED].to_dict("records"):
+        for column, (level, low, high) in BELOW.items():
+            wanted = f"{percent(low)} to {percent(high)}"
+            reached = low <= float(pooled[column]) <= high
+            aims.append(Aim(f"share of p-values below {level}", wanted, _share(pooled, column), reached))
     for row in table[table["rig"] != POOLED].to_dict("records"):
-        p_value = float(row["ks_p"])
-        wanted = f"above {MIN_KS_P_VALUE:g}"
-        aims.append(
-            Aim(f"Kolmogorov-Smirnov, {row['rig']}", wanted, f"{p_value:.2g}", p_value > MIN_KS_P_VALUE)
-        )
+        if row["cluttered"]:
+            name, wanted = f"share of p-values below 0.01, {row['rig']}", f"at most {percent(MOST_CLUTTERED)}"
+            reached = float(row["below_01"]) <= MOST_CLUTTERED
+            aims.append(Aim(name, wanted, _share(row, "below_01"), reached))
+        else:
+            p_value, wanted = float(row["ks_p"]), f"above {MIN_KS_P_VALUE:g}"
+            name = f"Kolmogorov-Smirnov, {row['rig']}"
+            aims.append(Aim(name, wanted, f"{p_value:.2g}", p_value > MIN_KS_P_VALUE))
     return aims
+
+
+def _share(row: Mapping[Any, Any], column: str) -> str:
+    return f"{percent(row[column])} ({percent(row[f'{column}_low'])} to {percent(row[f'{column}_high'])})"
 
 
 def draw_nulls(p_values: pd.DataFrame) -> Drawing:

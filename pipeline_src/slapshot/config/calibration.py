@@ -40,6 +40,10 @@ class NullRig(Model):
         description="colours of the encoders' noise; recordings take them in turn"
     )
     seed: Seed = Field(description="of the first recording; it increases by 1 per recording")
+    cluttered: bool = Field(
+        default=False,
+        description="whether laws err by 10 %, times jitter, noise has outliers and grows, readings drift",
+    )
 
 
 class Nulls(Blocks):
