@@ -36,6 +36,7 @@ def random_noise(seed: int, *, coloured: bool = True, inflated: bool = False) ->
         coloured=np.array([0.8, 0.0, 1.7]) if coloured else np.zeros(NY),
         decay=np.array([0.9, 0.5, 0.3]),
         inflation=rng.uniform(1, 50, (S, L)) if inflated else None,
+        level=rng.uniform(0.5, 2, (S, NY)) if coloured else None,
     )
 
 
@@ -68,9 +69,10 @@ def dense(system: Linear, noise: Covariances, k: int) -> Dense:
     """
     forces, drives = L * NV, L * NY
     inflation = np.ones(L) if noise.inflation is None else noise.inflation[k]
+    coloured = noise.coloured * (1.0 if noise.level is None else noise.level[k] ** 2)
     variance = np.concatenate([
-        noise.initial, np.outer(inflation, noise.force).ravel(), noise.coloured,
-        np.tile(noise.coloured * (1 - noise.decay**2), L), noise.white[k].ravel(),
+        noise.initial, np.outer(inflation, noise.force).ravel(), coloured,
+        np.tile(coloured * (1 - noise.decay**2), L), noise.white[k].ravel(),
     ])  # fmt: skip
 
     def run(z: np.ndarray, theta: np.ndarray, known: float) -> tuple[np.ndarray, ...]:
@@ -176,7 +178,8 @@ def test_segments_know_nothing_of_each_other(case):
     for k in range(S):
         alone = np.array([k])
         inflation = None if noise.inflation is None else noise.inflation[alone]
-        own = replace(noise, white=noise.white[alone], inflation=inflation)
+        level = None if noise.level is None else noise.level[alone]
+        own = replace(noise, white=noise.white[alone], inflation=inflation, level=level)
         part = innovations(system.select(alone), own)
         # The same operations in the same order; the compiler may fuse them in another way.
         np.testing.assert_allclose(part.e[0], whole.e[k], atol=1e-12)

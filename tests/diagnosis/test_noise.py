@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 from slapshot.diagnosis.fit.filter import Linear, innovations
 from slapshot.diagnosis.fit.noise import (
@@ -359,13 +360,53 @@ def test_noise_that_grows_over_the_session_is_weighted(growth):
     np.testing.assert_allclose(elsewhere.variance[:, 1], found.variance[[0, -1], 1], rtol=1e-9)
 
 
-def test_errors_in_a_burst_are_no_growth_of_the_noise():
-    """The last segment errs five times as much: by all errors, noise would grow."""
+def test_coloured_noise_grows_as_a_whole():
+    """White of 1, coloured of 2: both grow by a factor of 1.6; test_filter tells one from the other."""
+    of, sd, growth, S, L = made(35, S=40, L=80, white=(1e-5, 2e-2)), 1e-3, np.log(1.6), 40, 80
+    rng, decay = np.random.default_rng(36), np.exp(-INTERVAL / 0.05)
+    own = 2 * sd * lfilter([np.sqrt(1 - decay**2)], [1, -decay], rng.normal(size=(S, L + 200)))[:, 200:]
+    own = (own + sd * rng.normal(size=(S, L))) * np.exp(growth * of.segments.order)[:, None]
+    y = of.segments.y.copy()
+    y[..., 0] += own
+    found = fitted(Made(replace(of.system, r=y), replace(of.segments, y=y), of.noise))
+    # Of a process that is alike for ten samples, 320 values are independent, of which each tells 2 x² of it.
+    assert found.growth[0] == pytest.approx(growth, abs=3 / np.sqrt(2 * 320 / 12))
+    assert found.coloured[0] == pytest.approx(2 * sd, rel=0.15)
+    assert found.white[0] == pytest.approx(sd, rel=0.15)
+
+
+@pytest.mark.parametrize("each", [1, 6])
+def test_errors_in_a_burst_are_no_growth_of_the_noise(each):
+    """The last episode, of one segment or six, errs three times as much: by all errors, noise would grow."""
     of = made(33, S=24, L=60)
     y = of.segments.y.copy()
-    y[-1] += 5 * of.noise.white * np.random.default_rng(34).normal(size=y[-1].shape)
-    found = fitted(Made(replace(of.system, r=y), replace(of.segments, y=y), of.noise))
+    y[-each:] += 3 * of.noise.white * np.random.default_rng(34).normal(size=y[-each:].shape)
+    order = np.repeat(np.linspace(-0.5, 0.5, 24 // each), each)
+    segments = replace(of.segments, y=y, order=order)
+    found = fitted(Made(replace(of.system, r=y), segments, of.noise))
     np.testing.assert_array_equal(found.growth, 0)
+
+
+def test_a_sensor_that_is_read_in_two_episodes_tells_no_growth():
+    """Noise of 2 there, and the wrong one of 60 elsewhere would be told by it."""
+    of = made(37, S=20, L=60)
+    y = of.segments.y.copy()
+    y[1, :, 0] += 2 * of.noise.white[0] * np.random.default_rng(38).normal(size=60)
+    y[2:, :, 0] = np.nan
+    found = fitted(Made(replace(of.system, r=y), replace(of.segments, y=y), of.noise))
+    assert found.growth[0] == 0
+    # One of 1 and one of 1 + 4, outliers apart.
+    assert 1.0 < found.white[0] / of.noise.white[0] < np.sqrt(3.0) * 1.2
+
+
+def test_noise_that_grows_is_nowhere_less_than_the_quantisation():
+    of = made(39, S=40, L=60)
+    size = np.exp(np.log(3.0) * of.segments.order)[:, None, None]
+    y = of.segments.y + 2 * size * of.noise.white * np.random.default_rng(40).normal(size=of.segments.y.shape)
+    step = 2.0 * np.sqrt(12) * of.noise.white
+    segments = replace(of.segments, y=y, quantisation=step)
+    found = fitted(Made(replace(of.system, r=y), segments, of.noise))
+    assert np.all(np.sqrt(found.usual_variance) >= step / np.sqrt(12) * (1 - 1e-9))
 
 
 def test_missing_observations_have_no_say():

@@ -296,7 +296,7 @@ def _smoothed(
         taken = share[:, None, None] * step
         trajectory = fitter.simulator.tangent.add(best, taken)
         moved = np.sqrt(
-            np.mean((np.einsum("stcn,stn->stc", system.C, taken) / noise.white) ** 2, axis=(1, 2))
+            np.mean(np.einsum("stcn,stn->stc", system.C, taken) ** 2 / noise.usual_variance, axis=(1, 2))
         )
         if np.sqrt(np.mean(moved**2)) < _CONVERGED:
             break

@@ -107,8 +107,9 @@ class ChannelNoise(Model):
         coloured: standard deviation.
         correlation_s: of the coloured part.
         unit: of the channel.
-        drift: standard deviation of the slow drift over the session.
+        drift: root mean square of the slow drift over the session.
         jitter_s: standard deviation of the times at which it is really sampled.
+        growth: factor by which the noise grows over the session; white and coloured are those of its middle.
     """
 
     white: float
@@ -117,6 +118,7 @@ class ChannelNoise(Model):
     unit: str
     drift: float = 0.0
     jitter_s: float = 0.0
+    growth: float = 1.0
 
 
 class Limit(Model):

@@ -345,6 +345,7 @@ def _noise(recording: SignalRecording, rig: Rig, step: Step) -> dict[str, Channe
             unit=recording.channels[observation.channel].unit,
             drift=float(drift[c]),
             jitter_s=jitter,
+            growth=1.0 if noise.growth is None else float(np.exp(noise.growth[c])),
         )
         for c, observation in enumerate(rig.observations)
     }

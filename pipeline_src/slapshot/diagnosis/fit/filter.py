@@ -88,6 +88,7 @@ class Covariances:
         decay: (ny,) φ, its correlation over one interval.
         shared: (S, L, ny, k) T, of noise of unit size that channels share; None for none.
         inflation: (S, L) factor on the variances of the process force; None for 1.
+        level: (S, ny) factor on the coloured noise of a segment; None for 1.
     """
 
     initial: Array
@@ -97,6 +98,7 @@ class Covariances:
     decay: Array
     shared: Array | None = None
     inflation: Array | None = None
+    level: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,8 @@ def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array, Array]:
     coloured = np.zeros(system.r.shape)
     channels = np.flatnonzero(noise.coloured > 0)
     coloured[..., channels] = delta[..., n : n + len(channels)]
+    if noise.level is not None:
+        coloured *= noise.level[:, None]
     return delta[..., :n], force, coloured
 
 
@@ -174,7 +178,7 @@ def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
     q = np.concatenate([noise.force, own, np.ones(k)])
     C = np.zeros((segments, nodes, system.C.shape[2], n + m + k))
     C[..., :n] = system.C
-    C[..., channels, range(n, n + m)] = 1
+    C[..., channels, range(n, n + m)] = 1.0 if noise.level is None else noise.level[:, None, channels]
     C[..., n + m :] = shared
     d = np.zeros((segments, nodes, n + m + k))
     d[..., :n] = system.d

@@ -188,7 +188,10 @@ class Fitter:
         number, shortened, most = 0, 0, rounds
         while True:
             # Derivatives change slowly: they are recomputed only after the values have moved.
-            fresh = system is None or since > (_NEAR if converged or number == most else _FAR)
+            # Where rounds are used up, joints stop and start at other nodes with every step.
+            fresh = (
+                system is None or number > rounds or since > (_NEAR if converged or number == most else _FAR)
+            )
             reused = None if fresh else system
             system, prior = self.system(hypothesis, theta, trajectory, jacobian=reused)
             since = 0.0 if fresh else since
@@ -232,23 +235,24 @@ class Fitter:
             precision = own / np.outer(sd[:p], sd[:p])
             if number == rounds and SETTLED_SD < moved < _CLOSE_SD:
                 most = _PATIENCE * rounds
-            if converged or number == most:
+            if converged or number == most or (number > rounds and moved < SETTLED_SD):
                 break
             before, share, shortened, number = (evidence, theta, trajectory), 1.0, 0, number + 1
             full = full * sd
             delta, *_ = smooth(system.moved(full).without_columns(), covariances)
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
-            moved = float(np.max(np.abs(full[:p]) / spread, initial=0.0))
+            newton = float(np.max(np.abs(full[:p]) / spread, initial=0.0))
             # Far from its optimum a linearisation says nothing about the evidence.
-            if moved < _CLOSE_SD and (best is None or evidence > best[0]):
-                best = evidence, theta, trajectory, precision, moved
-            if moved < _CLOSE_SD and last @ precision @ full[:p] < 0:
+            if newton < _CLOSE_SD and (best is None or evidence > best[0]):
+                best = evidence, theta, trajectory, precision, newton
+            if newton < _CLOSE_SD and last @ precision @ full[:p] < 0:
                 damping = max(damping / 2, _LEAST_DAMPING)  # to and fro across a kink, as of dry friction
             last, step, delta = full[:p], damping * full[:p], damping * delta
             theta = hypothesis.clipped(theta + step)
             trajectory = self.simulator.tangent.add(trajectory, delta)
-            since += damping * moved
-            converged = moved < CONVERGED_SD and number > 1
+            moved = damping * newton
+            since += moved
+            converged = newton < CONVERGED_SD and number > 1
         if best is not None and moved > SETTLED_SD and (moved > _CLOSE_SD or evidence < best[0]):
             evidence, theta, trajectory, precision, moved = best
         return Fit(hypothesis, theta, trajectory, evidence, precision, converged, moved)

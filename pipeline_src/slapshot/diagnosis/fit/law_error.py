@@ -78,7 +78,8 @@ class Shapes:
 
     def __call__(self, speed: Array, load: Array) -> Array:
         """(n, k), of unit size where the law acts."""
-        return (_bumps(speed, load) - self._mean)[:, self._reached] @ self._vectors
+        reached = _bumps(speed, load)[:, self._reached]
+        return np.asarray((reached - self._mean[self._reached]) @ self._vectors)
 
 
 def _bumps(speed: Array, load: Array) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import chi2
+from scipy.stats import t as student_t
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Covariances, Innovations, Linear, innovations, leave_one_out
@@ -26,8 +27,9 @@ TYPICAL_DRIFT, LARGEST_DRIFT = 0.1, 1.0
 TYPICAL_LAW_ERROR = 0.05  # of empirical laws, initial value
 CLIP = 4.0  # standard deviations beyond which an observation is an outlier
 _NO_JITTER, _USUAL_JITTER = 1e-4, 0.02  # of the interval
-# Errors count up to so many standard deviations, and growth of noise beyond so many of its own.
-_BOUNDED_SD, _SURE_SD = 2.0, 2.0
+# Growth of noise over a session: errors count up to so many standard deviations; its level of significance,
+# fewest episodes, and largest factor.
+_BOUNDED_SD, _CHANCE, _FEWEST_EPISODES, _MOST_GROWTH = 2.0, 0.05, 4, 4.0
 _MIN_GAIN_NATS = 4.0  # minimum gain of coloured noise: twice its two parameters
 _SEARCH_SEGMENTS = 8
 _SEARCH_OBSERVATIONS = 6000  # which determine white noise to a per cent, other sizes to about ten
@@ -55,9 +57,9 @@ class Noise:
         law_error: size of the errors of the nominal model's laws, as a share.
         added_error: the same of laws that a hypothesis adds.
         weight: (S, L, ny) factor on the white variance; more than 1 for outliers.
-        growth: (ny,) logarithm of the factor by which white noise grows over the session; None for none.
+        growth: (ny,) logarithm of the factor by which noise grows over the session; None for none.
         order: (S,) places of the segments in the session, see `Segments`; None where noise does not grow.
-        drift: standard deviation of a channel's slow drift over the session, over that of its noise.
+        drift: root mean square of a channel's slow drift over the session, over that of its noise.
         jitter_s: standard deviation of the actual sampling times.
         rate: (S, L, ny) time derivative of the observations, which converts jitter to noise; None for none.
         clock: (ny,) index of the clock of each channel; those of one share their jitter.
@@ -98,10 +100,18 @@ class Noise:
 
     @property
     def usual_variance(self) -> Array:
-        """(S or 1, 1, ny) white variance of a channel without outliers, which may grow over the session."""
+        """(S or 1, 1, ny) white variance of a channel without outliers."""
+        level = self.level
+        return np.asarray((self.white * (1.0 if level is None else level))[..., None, :] ** 2).reshape(
+            -1, 1, len(self.white)
+        )
+
+    @property
+    def level(self) -> Array | None:
+        """(S, ny) noise of each segment over that in the middle of the session; None for 1."""
         if self.growth is None or self.order is None:
-            return self.white[None, None] ** 2
-        return np.asarray((self.white * np.exp(self.growth * self.order[:, None, None])) ** 2)
+            return None
+        return np.asarray(np.exp(self.growth * self.order[:, None]))
 
     @property
     def _own_variance(self) -> Array:
@@ -149,6 +159,7 @@ class Noise:
             np.exp(-interval / self.correlation_s),
             self._shared,
             inflation,
+            self.level,
         )
 
 
@@ -509,9 +520,10 @@ def _reweighted(system: Linear, prior: Prior, noise: Noise, segments: Segments, 
     Outliers are judged by leave-one-out residuals, which use later observations too.
     """
     there = np.isfinite(system.r)
-    growth = np.zeros(there.shape[2])
+    largest = np.full(there.shape[2], np.log(_MOST_GROWTH))
+    growth = np.zeros_like(largest)
     noise = replace(noise, weight=np.ones_like(noise.weight), growth=growth, order=segments.order)
-    for _ in range(2):
+    for first in (True, False):
         covariances = noise.covariances(segments.interval)
         found = innovations(system, covariances)
         values = posterior_means(found, prior.at(noise))
@@ -522,37 +534,56 @@ def _reweighted(system: Linear, prior: Prior, noise: Noise, segments: Segments, 
         )  # fmt: skip
         factor = np.clip(size, 0.5, 2.0)
         lacking = _lacking_variance(system.moved(values), covariances, size)
-        white = np.maximum(noise.white * factor, least)
-        growth = growth + _growth(np.where(there, e / size, np.nan), segments.order)
-        noise = replace(noise, white=white, coloured=noise.coloured * factor, growth=growth)
+        noise = replace(noise, white=noise.white * factor, coloured=noise.coloured * factor)
+        before = noise.usual_variance
+        step, sure, middle = _growth(np.where(there, e / np.maximum(size, 1e-12), np.nan), segments.order)
+        # Noise is never less than the quantisation, at neither end of the session.
+        with np.errstate(divide="ignore"):
+            most = np.clip(2 * np.log(noise.white / least), 0, largest)
+        now = np.clip(np.where(sure if first else growth != 0, growth + step, 0.0), -most, most)
+        # At the readings the noise stays as large as it is.
+        white = np.maximum(noise.white * np.exp((growth - now) * middle), least)
+        coloured = noise.coloured * np.exp((growth - now) * middle)
+        growth = now
+        noise = replace(noise, white=white, coloured=coloured, growth=growth)
+        # What has grown lacks no more.
+        lacking = np.maximum(lacking - np.maximum(noise.usual_variance - before, 0.0), 0.0)
         noise = replace(noise, weight=noise.weight + lacking / noise.usual_variance)
     return noise
 
 
-def _growth(e: Array, order: Array) -> Array:
-    """(ny,) logarithm of the factor by which noise grows over the session: a step of Fisher scoring.
+def _growth(e: Array, order: Array) -> tuple[Array, NDArray[np.bool_], Array]:
+    """The logarithm of the factor by which noise grows over the session: a step of Fisher scoring.
 
-    It is none unless segment after segment tells it: errors of a model come in bursts, which mean no growth.
+    Errors of a model come in bursts and fill episodes: how sure the growth is follows from the spread of the
+    episodes about it.
 
     Args:
         e: (S, L, ny) innovations of about unit variance; NaN where there are none.
-        order: (S,) places in the session, -0.5 to 0.5.
+        order: (S,) places in the session, -0.5 to 0.5; segments of an episode have one.
+
+    Returns:
+        (ny,) logarithms, whether they are significant, and the mean places of the readings.
     """
+    places, of = np.unique(order, return_inverse=True)
     there = np.isfinite(e)
-    square = np.where(there, np.minimum(e**2, _BOUNDED_SD**2), 0.0)
-    usual = square.sum((0, 1)) / np.maximum(there.sum((0, 1)), 1)
-    along = np.sum((order[:, None] - order.mean()) * there.sum(1), axis=0) / np.maximum(there.sum((0, 1)), 1)
-    along = order[:, None] - order.mean() - along
+    square = np.where(there, np.minimum(e**2, _BOUNDED_SD**2), 0.0).sum(1)
+    count, total = np.zeros((2, len(places), e.shape[2]))
+    np.add.at(count, of, there.sum(1))
+    np.add.at(total, of, square)
+    every = np.maximum(count.sum(0), 1)
+    middle = (places[:, None] * count).sum(0) / every
+    along = places[:, None] - middle
     # Of a standard deviation exp(g x), the square of a bounded Gaussian error grows by as much per g x.
-    slope = 2 * chi2.cdf(_BOUNDED_SD**2, 3)
-    expected = slope * along**2 * there.sum(1)
+    expected = 2 * chi2.cdf(_BOUNDED_SD**2, 3) * along**2 * count
     information = np.maximum(expected.sum(0), 1e-300)
-    seen = along * np.sum(np.where(there, square - usual, 0.0), axis=1)
+    seen = along * (total - count * total.sum(0) / every)
     growth = seen.sum(0) / information
-    free = len(order) / max(len(order) - 2, 1e-3)
-    sd = np.sqrt(free * np.sum((seen - growth * expected) ** 2, axis=0)) / information
-    share = 1 - (_SURE_SD * sd / np.maximum(np.abs(growth), 1e-300)) ** 2
-    return np.asarray(growth * np.maximum(share, 0.0))
+    known = (count > 0).sum(0)
+    free = np.maximum(known - 2, 1)
+    sd = np.sqrt(known / free * np.sum((seen - growth * expected) ** 2, axis=0)) / information
+    sure = (known >= _FEWEST_EPISODES) & (np.abs(growth) > student_t.isf(_CHANCE / 2, free) * sd)
+    return growth, sure, middle
 
 
 def with_outliers(system: Linear, noise: Noise, interval: float) -> Noise:

@@ -170,11 +170,12 @@ def _whitening(segments: Segments, noise: Noise) -> tuple[Callable[[Array], Arra
     for c in range(ny):
         correlation = np.exp(-lags * segments.interval / noise.correlation_s[c])
         coloured = noise.coloured[c] ** 2 * correlation
+        level = np.ones(S) if noise.level is None else noise.level[:, c]
         there = np.isfinite(segments.y[..., c])
         white = variance[..., c]
         for s in range(S):
             gap = np.flatnonzero(~there[s])
-            covariance = coloured + np.diag(white[s])
+            covariance = level[s] ** 2 * coloured + np.diag(white[s])
             covariance[gap, :] = 0
             covariance[:, gap] = 0
             covariance[gap, gap] = 1.0

@@ -166,6 +166,8 @@ def noise_text(noise: ChannelNoise) -> str:
     parts = [f"{quantity(noise.white, unit)} white"]
     if noise.coloured:
         parts.append(f"{quantity(noise.coloured, unit)} correlated over {quantity(noise.correlation_s, 's')}")
+    if noise.growth != 1:
+        parts.append(f"{noise.growth:.2g} times as much at the session's end as at its beginning")
     if noise.drift:
         parts.append(f"{quantity(noise.drift, unit)} drift over the session")
     if noise.jitter_s:
