@@ -162,6 +162,7 @@ class Fitter:
         noise: Noise,
         rounds: int = 8,
         known: Linear | None = None,
+        patient: bool = False,
     ) -> Fit:
         """Fit from a start.
 
@@ -173,6 +174,8 @@ class Fitter:
             rounds: at most, or thrice as many where it is close, but not yet settled.
             known: a system about the first trajectory, or one near it, whose derivatives serve for the first
                 round.
+            patient: whether derivatives are computed anew in each further round, and the fit has settled when
+                its damped steps are small, as across kinks of dry friction.
         """
         p = len(hypothesis.parameters)
         theta, start = hypothesis.clipped(theta), hypothesis.start
@@ -187,11 +190,10 @@ class Fitter:
         precision = np.diag(hypothesis.prior_sd**-2.0)
         number, shortened, most = 0, 0, rounds
         while True:
-            # Derivatives change slowly: they are recomputed only after the values have moved.
-            # Where rounds are used up, joints stop and start at other nodes with every step.
-            fresh = (
-                system is None or number > rounds or since > (_NEAR if converged or number == most else _FAR)
-            )
+            # Derivatives change slowly: they are recomputed only after the values have moved; a patient fit
+            # that uses up its rounds does so anew each time, since joints stop and start at other nodes.
+            near = _NEAR if converged or number == most else _FAR
+            fresh = system is None or since > near or (patient and number > rounds)
             reused = None if fresh else system
             system, prior = self.system(hypothesis, theta, trajectory, jacobian=reused)
             since = 0.0 if fresh else since
@@ -235,7 +237,7 @@ class Fitter:
             precision = own / np.outer(sd[:p], sd[:p])
             if number == rounds and SETTLED_SD < moved < _CLOSE_SD:
                 most = _PATIENCE * rounds
-            if converged or number == most or (number > rounds and moved < SETTLED_SD):
+            if converged or number == most or (patient and number > rounds and moved < SETTLED_SD):
                 break
             before, share, shortened, number = (evidence, theta, trajectory), 1.0, 0, number + 1
             full = full * sd
@@ -250,8 +252,8 @@ class Fitter:
             last, step, delta = full[:p], damping * full[:p], damping * delta
             theta = hypothesis.clipped(theta + step)
             trajectory = self.simulator.tangent.add(trajectory, delta)
-            moved = damping * newton
-            since += moved
+            since += damping * newton
+            moved = damping * newton if patient and number > rounds else newton
             converged = newton < CONVERGED_SD and number > 1
         if best is not None and moved > SETTLED_SD and (moved > _CLOSE_SD or evidence < best[0]):
             evidence, theta, trajectory, precision, moved = best

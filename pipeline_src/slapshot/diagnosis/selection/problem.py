@@ -378,10 +378,10 @@ def fit_with_noise(
     if may_set_aside:
         before = noise
         noise = _with_set_aside(problem, system, prior, explains, problem.speed(trajectory), before)
-        if noise is not before and (noise.set_aside is not None or before.set_aside is not None):
+        if noise.set_aside is not None or before.set_aside is not None:
             noise, _ = _fit_noise_with_columns(problem, system, prior, explains, noise, near=True)
     left = fit_process_force(_select_columns(system, ~candidate), prior.select(~candidate), noise, interval)
-    fit = fitter.fit(hypothesis, theta, trajectory, left, rounds=8, known=system)
+    fit = fitter.fit(hypothesis, theta, trajectory, left, rounds=8, known=system, patient=True)
     fit = _with_mean_forces(problem, fit, left)
     return FitWithNoise(fit, noise, left, system, prior, candidate, tuple(perturbations))
 

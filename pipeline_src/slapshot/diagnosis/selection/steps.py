@@ -160,7 +160,7 @@ def _refitted_to(step: Step, problem: Problem) -> Step:
     fit, left, interval = step.scored.fit, step.scored.residual_noise, problem.segments.interval
     system, prior = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
     left = fit_process_force(system, prior, left, interval)
-    fit = problem.fitter.fit(fit.hypothesis, fit.theta, fit.trajectory, left, known=system)
+    fit = problem.fitter.fit(fit.hypothesis, fit.theta, fit.trajectory, left, known=system, patient=True)
     return replace(step, problem=problem, scored=replace(step.scored, fit=fit, residual_noise=left))
 
 
