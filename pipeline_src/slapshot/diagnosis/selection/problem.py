@@ -160,7 +160,7 @@ class Problem:
     def drifts(self, segments: Segments) -> Array:
         """(S, k) shapes of slow drift over the session, of unit mean square.
 
-        Their mean over a session is not zero: what drifts is off by about as much.
+        Their mean over a session is not zero: what drifts is off by about two thirds of its variation.
         """
         own, shapes = _bumps(self.segments.order), _bumps(segments.order)
         several = np.sqrt(np.sum(np.var(own, axis=0))) > _NEGLIGIBLE
