@@ -78,6 +78,22 @@ def test_colours_take_turns():
     assert [noise_colour(k, ["ou20", "ou100"]) for k in range(4)] == ["ou20", "ou100"] * 2
 
 
+@pytest.mark.parametrize("cluttered", [False, True])
+def test_nulls_are_recorded_with_clutter_where_it_is_asked_for(monkeypatch, tmp_path, cluttered):
+    asked = []
+
+    def make_case(rig, kinds, seed, **condition):
+        asked.append(condition["cluttered"])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(stage_null_p_values, "make_case", make_case)
+    config = {"name": "short", "rig": "pendulum", "noise": ["white"], "seed": 5, "first": 0, "count": 1,
+              "episodes": 5, "seconds": 0.5, "cluttered": cluttered}  # fmt: skip
+    with pytest.raises(KeyboardInterrupt):
+        stage_null_p_values.produce(Run(config, {}, tmp_path, 1))
+    assert asked == [cluttered]
+
+
 def test_a_null_for_real(tmp_path):
     (tmp_path / "block").mkdir()
     config = {"name": "short", "rig": "pendulum", "noise": ["white"], "seed": 5, "first": 1, "count": 1,

@@ -90,8 +90,8 @@ def test_the_covariance_of_law_errors_is_that_of_two_length_scales():
     expected /= weight @ np.diag(expected)
     usual = np.hypot(speed, load) < 2
     difference = (columns @ columns.T - expected)[np.ix_(usual, usual)]
-    # A grid of Gaussians as far apart as they are wide ripples by 2 exp(-pi²/2), or 1.4 %, and components
-    # with a thousandth of the variance are left out.
+    # A grid of Gaussians as far apart as they are wide ripples by 2 exp(-pi²/2), or 1.4 %, in either of two
+    # directions, and half of the variance is of such a grid: 1.4 % of the whole. The other grid is finer.
     assert np.abs(difference).max() < 0.02 * np.diag(expected).max()
 
 

@@ -388,7 +388,7 @@ def test_errors_in_a_burst_are_no_growth_of_the_noise(each):
 
 
 def test_a_sensor_that_is_read_in_two_episodes_tells_no_growth():
-    """Noise of 2 there, and the wrong one of 60 elsewhere would be told by it."""
+    """Any two episodes lie on a line, which would tell growth over 18 others without readings."""
     of = made(37, S=20, L=60)
     y = of.segments.y.copy()
     y[1, :, 0] += 2 * of.noise.white[0] * np.random.default_rng(38).normal(size=60)

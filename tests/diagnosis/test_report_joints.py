@@ -573,6 +573,11 @@ def test_numbers_have_readable_units(value, unit, text):
     assert text == f"{factor * value:.3g} {readable}".rstrip()
 
 
+def test_noise_that_grows_is_told():
+    noise = ChannelNoise(white=2e-3, coloured=0.0, correlation_s=0.05, unit="rad", growth=1.46)
+    assert noise_text(noise) == "2 mrad white, 1.46 times as much at the session's end as at its beginning"
+
+
 def test_parts_of_quaternions_are_no_shares():
     noise = ChannelNoise(white=0.001, coloured=0.0, correlation_s=0.05, unit="1")
     assert noise_text(noise) == "0.001 white"

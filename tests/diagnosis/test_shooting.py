@@ -109,8 +109,9 @@ def test_on_a_linear_system_it_is_the_filter(coloured: float, kinds: tuple[type[
     of.segments.y[0, 5:9] = np.nan  # what is missing counts in neither
     noise = replace(
         of.initial_noise, white=np.array([WHITE]), coloured=np.array([coloured]), force=1e-6,
-        initial=np.array([0.5**2, 20.0**2]),
+        initial=np.array([0.5**2, 20.0**2]), growth=np.array([0.8]), order=of.segments.order,
     )  # fmt: skip
+    assert np.ptp(of.segments.order) > 0  # noise differs between segments
     hypothesis = Hypothesis(of.rig, tuple(next(iter(kind.instances(of.rig_motion))) for kind in kinds))
     fitter = replace(of.fitter, nuisance=(), rig=None, law_errors=None)
     one = fitter.fit(hypothesis, hypothesis.start, of.trajectory, noise)

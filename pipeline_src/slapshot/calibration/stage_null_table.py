@@ -63,7 +63,8 @@ def null_aims(table: pd.DataFrame) -> list[Aim]:
             aims.append(Aim(f"share of p-values below {level}", wanted, _share(pooled, column), reached))
     for row in table[table["rig"] != POOLED].to_dict("records"):
         if row["cluttered"]:
-            name, wanted = f"share of p-values below 0.01, {row['rig']}", f"at most {percent(MOST_CLUTTERED)}"
+            level, wanted = BELOW["below_01"][0], f"at most {percent(MOST_CLUTTERED)}"
+            name = f"share of p-values below {level}, {row['rig']}"
             reached = float(row["below_01"]) <= MOST_CLUTTERED
             aims.append(Aim(name, wanted, _share(row, "below_01"), reached))
         else:

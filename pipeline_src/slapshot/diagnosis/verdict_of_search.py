@@ -330,12 +330,14 @@ def _unknown(step: Step, p_value: float, dropped: Sequence[JointEffect] = ()) ->
 
 def _noise(recording: SignalRecording, rig: Rig, step: Step) -> dict[str, ChannelNoise]:
     noise = step.scored.noise
-    # Jitter and drift below a tenth of the noise are reported as zero.
+    # Jitter, drift and growth below a tenth of the noise are not reported.
     shown = noise.rate is not None and bool(
         np.any(noise.jitter_s * np.sqrt(np.mean(noise.rate**2, axis=(0, 1))) > 0.1 * noise.white)
     )
     jitter = noise.jitter_s if shown else 0.0
     drifts = noise.drift > TYPICAL_DRIFT * (1 + 1e-6)  # which stays where there is but one episode
+    growth = np.zeros_like(noise.white) if noise.growth is None else noise.growth
+    growth = np.where(np.abs(growth) > 0.1, np.exp(growth), 1.0)
     drift = noise.drift * noise.single if drifts else np.zeros_like(noise.white)
     return {
         observation.channel: ChannelNoise(
@@ -345,7 +347,7 @@ def _noise(recording: SignalRecording, rig: Rig, step: Step) -> dict[str, Channe
             unit=recording.channels[observation.channel].unit,
             drift=float(drift[c]),
             jitter_s=jitter,
-            growth=1.0 if noise.growth is None else float(np.exp(noise.growth[c])),
+            growth=float(growth[c]),
         )
         for c, observation in enumerate(rig.observations)
     }

@@ -95,16 +95,14 @@ class Noise:
     @property
     def variance(self) -> Array:
         """(S, L, ny) white variance: noise of the channel, and timing jitter."""
-        own = self._own_variance
+        own = self.weight * self.usual_variance
         return own if self._shared is None else own + np.sum(self._shared**2, axis=-1)
 
     @property
     def usual_variance(self) -> Array:
         """(S or 1, 1, ny) white variance of a channel without outliers."""
-        level = self.level
-        return np.asarray((self.white * (1.0 if level is None else level))[..., None, :] ** 2).reshape(
-            -1, 1, len(self.white)
-        )
+        level = np.ones((1, len(self.white))) if self.level is None else self.level
+        return np.asarray((self.white * level)[:, None] ** 2)
 
     @property
     def level(self) -> Array | None:
@@ -112,11 +110,6 @@ class Noise:
         if self.growth is None or self.order is None:
             return None
         return np.asarray(np.exp(self.growth * self.order[:, None]))
-
-    @property
-    def _own_variance(self) -> Array:
-        """(S, L, ny) white variance of the channels."""
-        return self.weight * self.usual_variance
 
     @property
     def _shared(self) -> Array | None:
@@ -154,7 +147,7 @@ class Noise:
         return Covariances(
             self.initial,
             (self.force * self.torque) ** 2 * (FORCE_HOLD_S / interval),
-            self._own_variance,
+            self.weight * self.usual_variance,
             self.coloured**2,
             np.exp(-interval / self.correlation_s),
             self._shared,

@@ -167,7 +167,7 @@ def noise_text(noise: ChannelNoise) -> str:
     if noise.coloured:
         parts.append(f"{quantity(noise.coloured, unit)} correlated over {quantity(noise.correlation_s, 's')}")
     if noise.growth != 1:
-        parts.append(f"{noise.growth:.2g} times as much at the session's end as at its beginning")
+        parts.append(f"{noise.growth:.2f} times as much at the session's end as at its beginning")
     if noise.drift:
         parts.append(f"{quantity(noise.drift, unit)} drift over the session")
     if noise.jitter_s:
