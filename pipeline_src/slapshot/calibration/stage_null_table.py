@@ -22,8 +22,9 @@ MOST_CLUTTERED = 0.05  # share of cluttered nulls that may be called a mismatch
 
 INTRODUCTION = """# P-values of rigs that conceal nothing
 
-Recordings by the joint lab (simulated; no real robot) of rigs that are as their nominal models say, and the
-p-value of the first test of a diagnosis. Such p-values are uniform if they are what they say. A p-value is
+Recordings by the joint lab (simulated; no real robot) of rigs that conceal nothing, and the p-value of the
+first test of a diagnosis. Where a rig is as its nominal model says, p-values are uniform if they are what they
+say; the row "{pooled}" is of these. A p-value is
 made of one from draws, a multiple of 1/500, and one of a formula: its distribution has steps of at most .004,
 which are small beside what the Kolmogorov-Smirnov test can see of {n} recordings (a distance of {seen:.3f}
 at its level of .05), so that they count as continuous. Intervals are Wilson's of 95 %.
@@ -113,7 +114,7 @@ def write_nulls(p_values: pd.DataFrame, folder: Path) -> None:
     table.to_csv(folder / f"{NAME}.csv", index=False, float_format="%.6g")
     p_values.to_csv(folder / "p_values.csv", index=False, float_format="%.6g")
     fewest = int(table["n"].min())
-    text = INTRODUCTION.format(n=fewest, seen=kstwo.ppf(0.95, fewest))
+    text = INTRODUCTION.format(pooled=POOLED, n=fewest, seen=kstwo.ppf(0.95, fewest))
     write_page(folder / f"{NAME}.md", text, null_aims(table), table)
 
 
