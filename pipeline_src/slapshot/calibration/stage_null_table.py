@@ -23,9 +23,9 @@ MOST_CLUTTERED = 0.05  # share of cluttered nulls that may be called a mismatch
 INTRODUCTION = """# P-values of rigs that conceal nothing
 
 Recordings by the joint lab (simulated; no real robot) of rigs that conceal nothing, and the p-value of the
-first test of a diagnosis. Where a rig is as its nominal model says, p-values are uniform if they are what they
-say; the row "{pooled}" is of these. A p-value is
-made of one from draws, a multiple of 1/500, and one of a formula: its distribution has steps of at most .004,
+first test of a diagnosis. Where a rig is as its nominal model says, p-values are uniform if they are what
+they say; the row "{pooled}" is of these. A p-value is made of one from draws, a multiple of 1/500, and one of
+a formula: its distribution has steps of at most .004,
 which are small beside what the Kolmogorov-Smirnov test can see of {n} recordings (a distance of {seen:.3f}
 at its level of .05), so that they count as continuous. Intervals are Wilson's of 95 %.
 Aims are of all rigs pooled, but for Kolmogorov-Smirnov's p-value, which is of each rig, and for cluttered
@@ -101,7 +101,7 @@ def draw_nulls(p_values: pd.DataFrame) -> Drawing:
         tables.append(pd.DataFrame({"rig": rig, "p_value": values, "share": below}))
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="p-value", ylabel="share of nulls at most so large")
     axes.set_aspect("equal")
-    axes.legend(loc="upper left")
+    axes.legend(loc="lower right", fontsize="small")  # cluttered nulls lie above the diagonal
     axes.set_title(f"Nulls; {STAND_IN}", loc="left")
     return Drawing(NAME, figure, pd.concat(tables))
 
