@@ -9,8 +9,9 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis import held_out
 from slapshot.diagnosis.diagnose import diagnose, split
+from slapshot.diagnosis.fit.filter import Innovations
 from slapshot.diagnosis.fit.noise import Noise
-from slapshot.diagnosis.held_out import Predictions, initial_trajectory, predict
+from slapshot.diagnosis.held_out import Predictions, _gains_without_a_reading, initial_trajectory, predict
 from slapshot.diagnosis.model.rig import Rig, bind
 from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.diagnosis.selection.problem import Problem
@@ -25,7 +26,9 @@ PUSH = (1.13, 1.32, 6.0)  # begin and end in s, N m
 BOTH = np.array([0])
 
 
-def taken(seed: int, episodes: int = 6, seconds: float = 2.0, pushed: int | None = None) -> SignalRecording:
+def taken(
+    seed: int, episodes: int = 6, seconds: float = 2.0, pushed: int | None = None, white: float = WHITE
+) -> SignalRecording:
     """A driven rod, simulated as the model itself does; in one episode, PUSH that nobody recorded."""
     rng, t = np.random.default_rng(seed), np.arange(round(100 * seconds)) * 0.01
     u = [1.5 * np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t)[:, None] for _ in range(episodes)]
@@ -34,7 +37,7 @@ def taken(seed: int, episodes: int = 6, seconds: float = 2.0, pushed: int | None
         simulate(PENDULUM, t, p, [rng.uniform(-1, 1)], [0.0], finer=1, law=law)[0][:, 0]
         for p, law in zip(u, laws, strict=True)
     ]
-    noisy = [angle + WHITE * rng.standard_normal(len(t)) for angle in angles]
+    noisy = [angle + white * rng.standard_normal(len(t)) for angle in angles]
     channels = {
         "angle": (joint("swing"), noisy),
         "drive": (control_channel(actuator="drive"), [p[:, 0] for p in u]),
@@ -221,3 +224,32 @@ def test_a_wrong_reading_in_held_out_data_is_no_push():
     verdict = diagnose(of, rig, seed=1).verdict
     assert verdict.held_out_episodes == [2]
     assert verdict.headline == "nothing_found"
+
+
+@pytest.mark.parametrize(("node", "size"), [(49, 5.0), (149, 7.0), (199, 6.0)])
+def test_a_wrong_last_reading_of_a_segment_is_no_push(node: int, size: float):
+    """A push of the last moment would move it alone."""
+    white = 1e-4
+    of = taken(7, white=white)
+    rig = bind(MjSpec.from_string(PENDULUM), of.channels)
+    (table,) = of.signals.values()
+    table.loc[table.index[table.episode == 2][node], "angle"] += size * white
+    verdict = diagnose(of, rig, seed=1).verdict
+    assert verdict.held_out_episodes == [2]
+    assert verdict.headline == "nothing_found"
+
+
+def test_a_push_is_told_by_more_than_one_reading():
+    """Against a recalculation without each reading in turn."""
+    rng = np.random.default_rng(3)
+    e, Z = rng.normal(size=(2, 5, 2)), rng.normal(size=(2, 5, 2, 3))
+    Z[..., 2] = 0
+    Z[1, 4, 1, 2] = 7.0  # a column that one reading tells
+    e[1, 4, 1] = 5.0
+    found = _gains_without_a_reading(Innovations(e, Z, np.zeros(2), 20, np.ones_like(e)))
+    z, flat = Z.reshape(20, 3), e.reshape(20)
+    others = [np.delete(np.arange(20), i) for i in range(20)]
+    with np.errstate(invalid="ignore"):
+        slow = [[(z[o, k] @ flat[o]) ** 2 / (2 * z[o, k] @ z[o, k]) for o in others] for k in (0, 1)]
+    np.testing.assert_allclose(found[:2], np.min(slow, axis=1), rtol=1e-12)
+    assert found[2] == 0

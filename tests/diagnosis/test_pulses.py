@@ -11,6 +11,7 @@ from slapshot.diagnosis.fit.noise import FORCE_HOLD_S, Noise
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.pulses import (
     Scan,
+    log_pushes,
     push_error,
     pushes,
     pushes_set_aside,
@@ -274,6 +275,11 @@ def test_without_an_enormous_push_nothing_is_set_aside():
     for seed in range(20):
         system = masses(of, np.random.default_rng(100 + seed))
         assert windows_set_aside(system, NONE, MOVING, noise(of), of, rig(0.01)) is None
+
+
+def test_pushes_that_could_be_are_windows_joints_and_edges():
+    """60 windows of 5 nodes, two joints, either edge at any of 10 nodes."""
+    assert log_pushes(segments(), rig(0.01)) == pytest.approx(np.log(60 * 2 * 10**2))
 
 
 def test_many_pushed_windows_are_not_set_aside():

@@ -5,16 +5,19 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection import search
-from slapshot.diagnosis.selection.problem import Problem
+from slapshot.diagnosis.selection.problem import Problem, is_incredible
 from slapshot.diagnosis.selection.search import _forward_search, _preselect
 from slapshot.diagnosis.selection.steps import Rival, Search, Step, nominal_step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.encoder_delay import EncoderDelay
+from slapshot.effects.joints.encoder_scale import EncoderScale
+from slapshot.effects.joints.joint_offset import JointOffset
 from slapshot.effects.joints.payload import Payload
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 
@@ -100,6 +103,34 @@ def test_a_delay_is_raced_from_both_signs_and_the_best_candidate_comes_first():
     assert ranked[0][1] == np.array([-0.004])
     assert ranked[0][2] == 40.0
     assert sorted(begun) == sorted([(), (friction.key, "0.1"), (delay.key, "0.004"), (delay.key, "-0.004")])
+
+
+def test_a_link_that_stands_a_radian_from_where_its_encoder_says_is_told():
+    """As where a joint was zeroed in another pose: ten standard deviations of what is usual."""
+    rng, t, offset = np.random.default_rng(4), np.arange(0, 2, 0.01), 1.0
+    angles, torques = [], []
+    for _ in range(6):
+        torque = 1.5 * np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t)[:, None]
+        qpos, *_ = simulate(PENDULUM, t, torque, [rng.uniform(-1, 1)], [0.0], finer=1)
+        angles.append(qpos[:, 0] + offset + rng.normal(0, 2e-3, len(t)))
+        torques.append(torque[:, 0])
+    channels = {"angle": (joint("swing"), angles), "torque": (control_channel(actuator="drive"), torques)}
+    made = recording([t] * 6, channels)
+    found = diagnose(made, bind(mujoco.MjSpec.from_string(PENDULUM), made.channels), seed=1).verdict
+    (zero,) = found.effects
+    assert zero.name == "joint_offset"
+    (value,) = zero.parameters
+    assert value.value == pytest.approx(offset, abs=3e-3)
+    assert not found.unknown.flagged
+
+
+def test_an_encoder_that_is_off_by_ten_standard_deviations_is_incredible():
+    """A shift or a multiple of the readings explains any motion that a model does not make."""
+    of = arm_situation(20)[2]
+    offsets = {effect.variant: effect for effect in JointOffset.instances(of) if effect.part == "shoulder"}
+    assert is_incredible(offsets["of the encoder that is recorded alone"], np.array([10.0]))
+    assert not is_incredible(offsets["of the geometry"], np.array([10.0]))
+    assert all(is_incredible(effect, np.array([-10.0])) for effect in EncoderScale.instances(of))
 
 
 @pytest.mark.parametrize("seed", [2, 5])

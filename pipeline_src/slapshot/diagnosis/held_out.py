@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit.filter import Linear, innovations, smooth
+from slapshot.diagnosis.fit.filter import Innovations, Linear, innovations, smooth
 from slapshot.diagnosis.fit.fit import Fit, Fitter, prior_of
 from slapshot.diagnosis.fit.linear import Perturbation, residuals
 from slapshot.diagnosis.fit.noise import CLIP, Noise, fit_noise, posterior_means, with_outliers
@@ -22,8 +22,8 @@ from slapshot.diagnosis.model.structure import transferred_trajectory
 from slapshot.diagnosis.selection.problem import NUISANCE, Problem
 from slapshot.diagnosis.selection.pulses import (
     SET_ASIDE_ROUNDS,
+    log_pushes,
     pushes_set_aside,
-    window_nodes,
     windows_set_aside,
 )
 from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS
@@ -226,16 +226,27 @@ def pushes_in(
         alone = system.with_columns(W, np.zeros((*system.psi.shape[:3], len(push.pulses))))
         seen = innovations(alone, covariances)
         sizes = posterior_means(seen, np.full(len(push.pulses), joint.torque))
-        # Each may have come in any window.
-        z = seen.Z.reshape(seen.e.size, -1)
-        gains = (z.T @ seen.e.reshape(-1)) ** 2 / np.maximum(2 * (z**2).sum(0), 1e-300)
-        least = np.log(segments.time.size / window_nodes(segments)) + EQUIVALENCE_NATS
+        # Each may have begun in any window on any joint, and its edges were fitted (see `pushes_set_aside`).
+        gains = _gains_without_a_reading(seen)
+        least = log_pushes(segments, motion) + EQUIVALENCE_NATS
         found += [
             HeldOutPush(push.part, pulse, float(force), joint.unit)
             for pulse, force, gain in zip(push.pulses, sizes, gains, strict=True)
             if gain > least and _during(pulse, segments)[held].any()
         ]
     return found
+
+
+def _gains_without_a_reading(seen: Innovations) -> Array:
+    """(p,) nats that each column gains without the reading that speaks for it most.
+
+    The last reading of a segment may be wrong, or pushed: it takes two to tell.
+    """
+    z = seen.Z.reshape(seen.e.size, -1)
+    own, information = z * seen.e.reshape(-1, 1), z**2
+    left = np.maximum(information.sum(0) - information, 0.0)
+    gains = np.divide((own.sum(0) - own) ** 2, 2 * left, out=np.zeros_like(own), where=left > 1e-12)
+    return np.asarray(gains.min(0, where=information > 0, initial=np.inf))
 
 
 def _during(pulse: Pulse, segments: Segments) -> NDArray[np.bool_]:

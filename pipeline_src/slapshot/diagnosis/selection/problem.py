@@ -51,7 +51,7 @@ from slapshot.diagnosis.selection.pulses import (
     windows_set_aside,
 )
 from slapshot.effects.joints.catalogue import instances
-from slapshot.effects.joints.effect import JointEffect, RigMotion, State, overrides
+from slapshot.effects.joints.effect import JointEffect, RigMotion, State
 from slapshot.effects.joints.external_pulse import ExternalPulse
 from slapshot.effects.joints.split import FASTEST
 from slapshot.recordings.channels import Channel
@@ -295,7 +295,7 @@ class ScoredFit:
 
 def is_incredible(effect: JointEffect, values: Array) -> bool:
     """Whether an error of the readings has values, in standard deviations, that contradict its prior."""
-    return overrides(effect, "observe") and bool(np.any(np.abs(values) > CREDIBLE_SD))
+    return effect.misreads and bool(np.any(np.abs(values) > CREDIBLE_SD))
 
 
 def initial_fit(problem: Problem, hypothesis: Hypothesis) -> tuple[Problem, Fit, Noise]:

@@ -36,6 +36,7 @@ _TURNING = 0.1  # share of that torque by which friction errs there
 # Rms share by which a push differs from a constant one, for windows at a time: that of a trapezium of which
 # half is flat, or of half a sine wave.
 _SHAPE_ERROR = 0.4
+_EDGES = 2  # windows within which each edge of a push is fitted
 _SIDE_LOBE = 0.25  # share of a push below which another that touches it is an error of its shape
 
 
@@ -202,6 +203,12 @@ def _overlapping(pulses: Sequence[Pulse], windows: _Windows, segments: Segments)
 def window_nodes(segments: Segments) -> int:
     """Nodes of a window."""
     return max(2, round(WINDOW_S / segments.interval))
+
+
+def log_pushes(segments: Segments, rig: RigMotion) -> float:
+    """Logarithm of the number of pushes that data can tell apart: any window of a joint, and edges nearby."""
+    nodes = window_nodes(segments)
+    return float(np.log(segments.time.size / nodes * len(rig.joints) * (_EDGES * nodes) ** 2))
 
 
 def _nodes_of(window: int, count: int, nodes: int, segment: int) -> slice:

@@ -217,6 +217,11 @@ class JointEffect:
                 perturbations.append(tuple(values))
         return tuple(perturbations)
 
+    @property
+    def misreads(self) -> bool:
+        """Whether it is an error of readings, which is a multiple of them or shifts them."""
+        return overrides(self, "observe")
+
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Change parameters of a compiled model in place."""
 

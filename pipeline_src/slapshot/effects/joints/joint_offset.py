@@ -32,6 +32,11 @@ class JointOffset(JointEffect):
         super().__init__(joint.name, (parameter,), variant)
         self._joint, self._columns, self._geometry = joint, columns, "geometry" in variant
 
+    @property
+    def misreads(self) -> bool:
+        """Not where links stand otherwise, however far: the forces on them tell it."""
+        return not self._geometry
+
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Turn the link back by the offset: at a reading of q it stands where the model has it at q - offset.
 
