@@ -41,7 +41,6 @@ from slapshot.effects.joints.effect import JointEffect, overrides
 # Pairs refitted in a step; last movement of one that is believed; largest law errors in fits of its noise.
 _MAX_PAIRS, _MAX_MOVED_SD = 4, 3.0
 _PAIR_LAW_ERRORS = (0.003, 0.01, 0.03, 0.1, *(LARGEST_LAW_ERROR,) * 2)
-_INTERIOR = 0.9  # of a bound on law errors, below which they are not at it
 _LEAST_TRIED, _BEHIND_NATS = 2, 100.0  # of these, and the distance behind a leader at which a pair is left
 
 
@@ -226,8 +225,6 @@ def _refit_pair(before: Step, pair: _Pair, leader: Sequence[float]) -> tuple[Fit
             best = fit, noise
         elif largest == LARGEST_LAW_ERROR:
             break
-        if noise.law_error < _INTERIOR * largest:
-            break  # as large as it is: a larger bound changes nothing
         if number < len(leader) and number >= _LEAST_TRIED and found[-1] < leader[number] - _BEHIND_NATS:
             break
     return *best, found

@@ -18,9 +18,9 @@ from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.problem import Problem, fit_and_score
 from slapshot.diagnosis.selection.pulses import (
     WINDOW_S,
-    log_pushes,
     pushes,
     pushes_set_aside,
+    window_nodes,
     windows_set_aside,
 )
 from slapshot.diagnosis.selection.steps import (
@@ -180,8 +180,9 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
         if refitted is None:
             continue
         push, fit = refitted
-        chance = log_pushes(problem.segments, problem.rig_motion)
-        gain = fit.log_evidence - level - len(push.pulses) * chance
+        # Each may have come in any window.
+        windows = problem.segments.time.size / window_nodes(problem.segments)
+        gain = fit.log_evidence - level - len(push.pulses) * float(np.log(windows))
         rivals.append(Rival(push, gain, fit))
         report(f"refitted {push.name}@{push.part}: {gain:+.1f} nats")
     return rivals
