@@ -15,7 +15,7 @@ from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection.free_forms import FreeForce
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.steps import Search, Step
-from slapshot.diagnosis.verdict_of_search import _recurring_pushes, _size, _unknown, channel_groups
+from slapshot.diagnosis.verdict_of_search import _size, _unknown, channel_groups
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.joint_elasticity import JointElasticity
@@ -307,16 +307,3 @@ def predictions(monkeypatch, likelihoods: list[float], clumsy: int | None = None
         return SimpleNamespace(log_likelihood=value, error=error, floor=ones, predicted=apart * count * ones)
 
     monkeypatch.setattr(held_out, "predict", predict)
-
-
-@pytest.mark.parametrize(
-    ("episodes", "pushed", "recurring"),
-    [(8, [0, 1, 2, 3, 4], True), (8, [0, 1, 2, 3], False), (8, [0] * 5, False), (3, [0, 1, 2], False)],
-)
-def test_pushes_in_most_episodes_are_no_events(episodes, pushed, recurring):
-    of = arm_situation()[2]
-    order = np.linspace(-0.5, 0.5, episodes)
-    push = ExternalPulse(of.joints[0], [Pulse(e, float(order[e]), 0.1, 0.2) for e in pushed])
-    step = SimpleNamespace(problem=SimpleNamespace(segments=SimpleNamespace(episode=np.arange(episodes))))
-    told = _recurring_pushes(step, [push, *Spring.instances(of)])
-    assert (told is not None) == recurring

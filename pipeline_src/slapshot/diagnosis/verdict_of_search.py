@@ -14,6 +14,7 @@ from slapshot.diagnosis.model.hypothesis import actuator_torque
 from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.free_forms import is_free
+from slapshot.diagnosis.selection.recurrence import recurring_pushes
 from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS, P_VALUE, Search, Step
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
@@ -37,8 +38,6 @@ MAX_REDUCED_CHI2 = (
 )
 _Z90, _ONE_SIDED_95 = 1.645, 1.645
 _RESAMPLES = 1000
-# Pushes in a larger share of at least this many episodes are not events but systematic.
-_MAX_PUSHED_SHARE, _MIN_EPISODES = 0.5, 4
 
 
 def verdict_of(
@@ -92,7 +91,7 @@ def verdict_of(
     kept = {effect.key for effect in named}
     dropped = [effect for effect in found.dropped if effect.key not in kept]
     notes = [*notes, *(_dropped_note(effect) for effect in dropped)]
-    recurring = _recurring_pushes(last, named)
+    recurring = recurring_pushes(last, named, np.random.default_rng([seed, 3]))
     flagged = missing and (left < P_VALUE or worse[1] or not named or recurring is not None)
     headline = "nothing_found"
     if missing:
@@ -290,18 +289,6 @@ def _size(step: Step, effect: JointEffect, values: Array) -> Interval | None:
         return None
     rms = float(np.sqrt(np.mean(np.sum(change**2, axis=1))))
     return Interval(value=rms, low=rms, high=rms, unit=unit)
-
-
-def _recurring_pushes(step: Step, named: Sequence[JointEffect]) -> str | None:
-    """A message if pushes occur in most episodes; None otherwise."""
-    segments = step.problem.segments
-    episodes = len(np.unique(segments.episode))
-    pushed = len(
-        {pulse.order for effect in named if isinstance(effect, ExternalPulse) for pulse in effect.pulses}
-    )
-    if episodes < _MIN_EPISODES or pushed <= _MAX_PUSHED_SHARE * episodes:
-        return None
-    return f"pushes come in {pushed} of {episodes} episodes, with a cause that no named effect explains"
 
 
 def _dropped_note(effect: JointEffect) -> str:
