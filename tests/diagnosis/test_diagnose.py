@@ -171,6 +171,24 @@ def test_laws_stand_in_for_a_hidden_state_that_does_not_predict_better(monkeypat
     assert by_model[2].hypothesis.effects == cut.named
 
 
+@pytest.mark.parametrize(("likelihood", "holds"), [(50.0, True), (-20.0, False)])
+def test_a_hidden_state_stands_in_for_laws_that_do_not_hold(monkeypatch, likelihood, holds):
+    """It explained as much as they did; where it does not predict better either, nothing is named."""
+    rig, _, of, _ = arm_situation(20)
+    (hidden, *_), (law, *_), (other, *_) = (
+        list(kind.instances(of)) for kind in (JointElasticity, ViscousFriction, Payload)
+    )
+    found = replace(searched(rig, [law]), by_structure=searched(rig, [other, hidden]).steps)
+    predictions(monkeypatch, [0.0, -5.0, likelihood])
+    cut, by_model = predict_models(found, None, None, 0, lambda text: None)
+    assert list(cut.named) == ([other, hidden] if holds else [])
+    assert cut.dropped[-1] == law
+    assert by_model[2].hypothesis.effects == cut.named
+    # A law that holds is not given up for it.
+    predictions(monkeypatch, [0.0, 5.0, 50.0])
+    assert list(predict_models(found, None, None, 0, lambda text: None)[0].named) == [law]
+
+
 def test_a_push_stays_where_the_only_law_does_not_hold(monkeypatch):
     """Whichever of the two was found first: pushes are looked for again without the law."""
     rig, _, of, _ = arm_situation(20)

@@ -69,10 +69,31 @@ def test_what_was_found_stays_where_a_refit_with_pushes_diverges(monkeypatch):
     monkeypatch.setattr(search, "push_step", diverges)
     steps = [Step(None, None, SimpleNamespace(p_value=0.5))]
     said: list[str] = []
-    found, by_laws = _forward_search(steps, np.random.default_rng(1), said.append)
+    found, by_laws, by_structure = _forward_search(steps, np.random.default_rng(1), said.append)
     assert found == steps
     assert not by_laws
+    assert not by_structure
     assert said == ["a refit with pushes diverges: the search ends"]
+
+
+@pytest.mark.parametrize(("more", "taken"), [(-2.9, False), (2.9, False), (3.1, True)])
+def test_a_hidden_state_is_taken_where_it_explains_more_than_laws_and_kept_in_mind_where_as_much(
+    monkeypatch, more, taken
+):
+    def step(name: str, p_value: float, gain: float) -> Step:
+        fit = SimpleNamespace(hypothesis=SimpleNamespace(effects=()))
+        scored = SimpleNamespace(noise=SimpleNamespace(set_aside=None), fit=fit)
+        return Step(name, scored, SimpleNamespace(p_value=p_value), None, gain)
+
+    nominal, law, structure = step("nominal", 0.001, 0.0), step("law", 0.5, 21.0), step("s", 0.5, 21 + more)
+    monkeypatch.setattr(search, "_forward_step", lambda *_: law)
+    monkeypatch.setattr(search, "_much_is_left", lambda _: True)
+    monkeypatch.setattr(search, "structural_step", lambda *_: structure)
+    found = _forward_search([nominal], np.random.default_rng(1), lambda text: None)
+    if taken:
+        assert found == ([nominal, structure], [nominal, law], [])
+    else:
+        assert found == ([nominal, law], [], [nominal, structure])
 
 
 def test_a_delay_is_raced_from_both_signs_and_the_best_candidate_comes_first():

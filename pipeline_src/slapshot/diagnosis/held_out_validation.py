@@ -63,6 +63,10 @@ def predict_models(
         report("the hidden state does not predict held-out windows better: laws instead")
         found = replace(found, steps=found.by_laws, by_laws=())
         found, last = _confirmed(found, refitted, predicted(found.final), predicted, report)
+    if found.by_structure and not found.named:
+        report("no law predicts held-out windows better: the hidden state that explained as much instead")
+        found = replace(found, steps=found.by_structure, by_structure=())
+        found, last = _confirmed(found, refitted, predicted(found.final), predicted, report)
     if any(isinstance(effect, ExternalPulse) for effect in found.dropped):
         again = with_pushes(found, seed, report)
         if again is not found:

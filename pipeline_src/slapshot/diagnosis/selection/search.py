@@ -26,6 +26,7 @@ from slapshot.diagnosis.selection.push_search import (
 )
 from slapshot.diagnosis.selection.simplest import simplest
 from slapshot.diagnosis.selection.steps import (
+    EQUIVALENCE_NATS,
     P_VALUE,
     REFIT_MARGIN,
     Report,
@@ -66,15 +67,15 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     nominal = nominal_step(problem, free, rng)
     if not nominal.scored.fit.settled:
         return Search((nominal,), tuple(free))
-    steps, by_laws = _forward_search([nominal], rng, report)
+    steps, by_laws, by_structure = _forward_search([nominal], rng, report)
     if has_windows_set_aside(steps[-1]) and not any(isinstance(step.added, ExternalPulse) for step in steps):
         report("what was set aside is no push: on with it")
         if len(steps) == 1:
             steps = [nominal_step(problem, free, rng, may_set_aside=False)]
         else:
             steps[-1] = with_windows(steps[-1], None, rng)
-        steps, later = _forward_search(steps, rng, report)
-        by_laws = later or by_laws
+        steps, *later = _forward_search(steps, rng, report)
+        by_laws, by_structure = later[0] or by_laws, later[1] or by_structure
     try:
         final = _backward_elimination(steps[-1], free, rng, report)
     except np.linalg.LinAlgError:
@@ -82,18 +83,18 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
         final = steps[-1]
     if final is not steps[-1]:
         steps.append(final)
-    return Search(tuple(steps), tuple(free), tuple(by_laws))
+    return Search(tuple(steps), tuple(free), tuple(by_laws), tuple(by_structure))
 
 
 def _forward_search(
     steps: Sequence[Step], rng: np.random.Generator, report: Report
-) -> tuple[list[Step], list[Step]]:
-    """These steps and more until nothing is significant, and `Search.by_laws`.
+) -> tuple[list[Step], list[Step], list[Step]]:
+    """These steps and more until nothing is significant, `Search.by_laws` and `Search.by_structure`.
 
     Where windows are set aside, since enormous forces act in them, laws are found without them first; then
     the pushes are added.
     """
-    steps, by_laws = list(steps), list[Step]()
+    steps, by_laws, by_structure = list(steps), list[Step](), list[Step]()
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MAX_EFFECTS:
         try:
             single = _forward_step(steps[-1], rng, report)
@@ -104,8 +105,11 @@ def _forward_search(
             split = any(effect.hidden_state for effect in before.hypothesis.effects)
             if len(steps) <= _STRUCTURE_STEPS and not split and _much_is_left(more[-1] if more else before):
                 structure = structural_step(before, more, rng, report)
-                if structure is not None:
+                gained = sum(step.gain for step in more) + EQUIVALENCE_NATS
+                if structure is not None and structure.gain >= gained:
                     by_laws, more = [*steps, *more] if more else [], [structure]
+                elif structure is not None and more:
+                    by_structure = [*steps, structure]
             if not more:
                 break
             steps += more
@@ -118,7 +122,7 @@ def _forward_search(
             steps.append(pushed)
     except np.linalg.LinAlgError:
         report("a refit with pushes diverges: the search ends")
-    return steps, by_laws
+    return steps, by_laws, by_structure
 
 
 def _much_is_left(step: Step) -> bool:

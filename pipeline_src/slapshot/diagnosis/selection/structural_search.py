@@ -27,7 +27,7 @@ _MARGIN = 20.0  # nats behind the best law, beyond which a structure is dropped
 def structural_step(
     before: Step, laws: Sequence[Step], rng: np.random.Generator, report: Report
 ) -> Step | None:
-    """A model with hidden states in place of the best laws; None if none is better.
+    """A model with hidden states in place of the best laws; None where these explain clearly more.
 
     Args:
         before: without either.
@@ -71,7 +71,7 @@ def structural_step(
         report(f"refitted {candidate.effect.key}: {evidence - level:+.1f} nats against the best law")
         if best is None or evidence > best[0]:
             best = evidence, whole
-    if best is None or best[0] < level + EQUIVALENCE_NATS:
+    if best is None or best[0] < level - EQUIVALENCE_NATS:
         return None
     evidence, whole = best
     fit = whole.fit
