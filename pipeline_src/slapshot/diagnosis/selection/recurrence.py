@@ -68,7 +68,8 @@ def _one_place(step: Step, pulses: Sequence[Pulse], rng: np.random.Generator) ->
     smaller = np.sum((chance[:, moves] / usual[moves]).min(1) <= ratio.min())
     if (1 + smaller) / (1 + _DRAWS) >= P_VALUE:
         return None
-    return str(model.body(np.array(bodies)[moves][ratio.argmin()]).name)
+    body = int(np.array(bodies)[moves][ratio.argmin()])
+    return str(model.body(body).name) or f"number {body}"
 
 
 def _events(pulses: Sequence[Pulse]) -> list[Pulse]:
