@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from slapshot.arrays import Array
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.steps import P_VALUE, Step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
@@ -54,7 +54,7 @@ def _one_place(step: Step, pulses: Sequence[Pulse], rng: np.random.Generator) ->
     state = step.scored.fit.trajectory[..., : model.nq]
     nodes = np.argwhere(segments.inside)
     nodes = nodes[np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), _MOST_NODES)).astype(int))]
-    at = np.array([_node_of(event, segments.ids[segments.episode], segments.time) for event in events])
+    at = np.array([_node_of(event, segments) for event in events])
     bodies = moving_bodies(model)
     there = _spread(_places(model, state[tuple(at.T)], bodies))
     drawn = _places(model, state[tuple(nodes.T)], bodies)
@@ -84,10 +84,10 @@ def _events(pulses: Sequence[Pulse]) -> list[Pulse]:
     return found
 
 
-def _node_of(pulse: Pulse, episode: NDArray[np.intp], time: Array) -> tuple[int, int]:
+def _node_of(pulse: Pulse, segments: Segments) -> tuple[int, int]:
     """Segment and node at the middle of a push."""
-    away = np.abs(time - (pulse.begin + pulse.end) / 2)
-    away[episode != pulse.episode] = np.inf
+    away = np.abs(segments.time - (pulse.begin + pulse.end) / 2)
+    away[(segments.ids[segments.episode] != pulse.episode)[:, None] | ~segments.inside] = np.inf
     segment, node = np.unravel_index(away.argmin(), away.shape)
     return int(segment), int(node)
 
