@@ -82,7 +82,7 @@ def _share(row: Mapping[Any, Any], column: str) -> str:
 def draw_nulls(p_values: pd.DataFrame) -> Drawing:
     """Empirical distributions against the diagonal with the band that holds 95 % of uniform ones."""
     use_style()
-    figure, axes = plt.subplots(figsize=(4.6, 4.2))
+    figure, axes = plt.subplots(figsize=(6.6, 4.2))
     colours = (*list(METHOD_COLOURS.values())[:2], *OTHER_COLOURS)
     groups = list(p_values.groupby("rig", sort=False))
     fewest = min(len(own) for _, own in groups)
@@ -100,8 +100,8 @@ def draw_nulls(p_values: pd.DataFrame) -> Drawing:
         axes.step([0, *values, 1], [0, *below, 1], where="post", lw=1.4, color=colour, label=text)
         tables.append(pd.DataFrame({"rig": rig, "p_value": values, "share": below}))
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="p-value", ylabel="share of nulls at most so large")
-    axes.set_aspect("equal")
-    axes.legend(loc="lower right", fontsize="small")  # cluttered nulls lie above the diagonal
+    axes.set_aspect("equal", anchor="W")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.03, 1.0), fontsize="small")
     axes.set_title(f"Nulls; {STAND_IN}", loc="left")
     return Drawing(NAME, figure, pd.concat(tables))
 
