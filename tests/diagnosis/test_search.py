@@ -90,6 +90,13 @@ def test_a_hidden_state_is_taken_where_it_explains_more_than_laws_and_kept_in_mi
     monkeypatch.setattr(search, "_much_is_left", lambda _: True)
     monkeypatch.setattr(search, "structural_step", lambda *_: structure)
     found = _forward_search([nominal], np.random.default_rng(1), lambda text: None)
+
+    def diverges(*_: object) -> None:
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(search, "structural_step", diverges)
+    kept, *_ = _forward_search([nominal], np.random.default_rng(1), lambda text: None)
+    assert kept == [nominal, law]
     if taken:
         assert found == ([nominal, structure], [nominal, law], [])
     else:

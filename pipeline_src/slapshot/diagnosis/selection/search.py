@@ -96,9 +96,10 @@ def _forward_search(
     """
     steps, by_laws, by_structure = list(steps), list[Step](), list[Step]()
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MAX_EFFECTS:
+        more = list[Step]()
         try:
             single = _forward_step(steps[-1], rng, report)
-            before, more = steps[-1], list[Step]()
+            before = steps[-1]
             if single is None or single.test.p_value < P_VALUE or has_windows_set_aside(before):
                 before, more = pair_step(before, single, rng, report)
             steps[-1], more = before, more or ([] if single is None else [single])
@@ -110,13 +111,14 @@ def _forward_search(
                     by_laws, more = [*steps, *more] if more else [], [structure]
                 elif structure is not None and more:
                     by_structure = [*steps, structure]
-            if not more:
-                break
-            steps += more
         except np.linalg.LinAlgError:
-            # The effects found so far are kept, and their test remains significant.
+            # The effects found so far are kept, laws of this step that a structure was to replace among them.
             report("a refit diverges: the search ends")
+            steps += more
             break
+        if not more:
+            break
+        steps += more
     try:
         while has_windows_set_aside(steps[-1]) and (pushed := push_step(steps[-1], rng, report)) is not None:
             steps.append(pushed)
