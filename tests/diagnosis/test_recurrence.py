@@ -80,5 +80,5 @@ def test_pushes_to_and_fro_are_one_event():
     """A push in several pieces is at one place in each, of course; two events are too few to say so."""
     step = swinging(12)
     at = [(e, crossing(step, e, 0.8)) for e in (1, 4)]
-    pieces = pushes([*at, *((e, t + 0.07) for e, t in at), *((e, t + 0.14) for e, t in at)])
+    pieces = pushes([*at, *((e, t + 0.02) for e, t in at), *((e, t + 0.04) for e, t in at)])
     assert recurring_pushes(step, [pieces], np.random.default_rng(2)) is None
