@@ -12,7 +12,7 @@ from scipy import optimize, stats
 from slapshot.diagnosis.fit.filter import innovations
 from slapshot.diagnosis.fit.fit import Fit, Fitter, prior_of, project_to_bounds
 from slapshot.diagnosis.fit.linear import STEP_ERROR, Perturbation
-from slapshot.diagnosis.fit.noise import Noise, marginal_likelihood
+from slapshot.diagnosis.fit.noise import TYPICAL_LAW_ERROR, Noise, marginal_likelihood
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.model.rig import Rig, bind
@@ -286,7 +286,17 @@ def test_the_evidence_is_the_integral_of_likelihood_times_prior(scale):
         height.append(-0.5 * (np.sum(seen.e**2) + seen.logdet.sum()) + prior)
     height = np.array(height)
     integral = np.log(np.trapezoid(np.exp(height - height.max()), grid)) + height.max()
-    assert right.log_evidence == pytest.approx(integral, abs=0.05)
+    assert right.log_evidence == pytest.approx(integral + of.noise.log_prior, abs=0.05)
+
+
+def test_noise_with_large_law_errors_is_less_credible():
+    """Laws that err by three times what is typical, where no law errs: only their prior differs."""
+    of = swinging(9)
+    usual, large = (
+        of.fitter.fit(Hypothesis(of.rig), np.zeros(0), of.fit().trajectory, replace(of.noise, law_error=size))
+        for size in (TYPICAL_LAW_ERROR, 3 * TYPICAL_LAW_ERROR)
+    )
+    assert usual.log_evidence - large.log_evidence == pytest.approx((3**2 - 1) / 2)
 
 
 def test_a_hypothesis_without_parameters_is_a_smoother():
@@ -318,7 +328,8 @@ def test_nuisance_takes_the_error_of_the_step():
     assert mended.sd[0] > 1.02 / np.sqrt((Z.T @ Z)[0, 0])
     # The evidence is that of a linear model of both, told from where the value is 0.
     at_zero = replace(seen, e=seen.e + seen.Z[..., 0] * mended.theta[0])
-    assert mended.log_evidence == pytest.approx(marginal_likelihood(at_zero, prior), abs=0.05)
+    expected = marginal_likelihood(at_zero, prior) + with_it.noise.log_prior
+    assert mended.log_evidence == pytest.approx(expected, abs=0.05)
     assert prior_of(Hypothesis(with_it.rig, (friction,)), (STEP_ERROR,)).sd[1] == STEP_ERROR.scale
 
 

@@ -12,8 +12,10 @@ from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection import search
 from slapshot.diagnosis.selection.problem import Problem, is_incredible
-from slapshot.diagnosis.selection.search import _forward_search, _preselect
+from slapshot.diagnosis.selection.search import _forward_search, _forward_step, _preselect
 from slapshot.diagnosis.selection.steps import Rival, Search, Step, nominal_step
+from slapshot.effects.joints.coulomb_friction import CoulombFriction
+from slapshot.effects.joints.direction_friction import DirectionFriction
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.encoder_delay import EncoderDelay
 from slapshot.effects.joints.encoder_scale import EncoderScale
@@ -101,6 +103,45 @@ def test_a_hidden_state_is_taken_where_it_explains_more_than_laws_and_kept_in_mi
         assert found == ([nominal, structure], [nominal, law], [])
     else:
         assert found == ([nominal, law], [], [nominal, structure])
+
+
+@pytest.mark.parametrize(("behind", "refitted"), [(0.04, True), (0.12, False)])
+def test_a_simpler_friction_is_refitted_though_it_lies_behind(monkeypatch, behind, refitted):
+    """Than the best one of its joint by more than other candidates may, since it may act alike."""
+    _, _, of, _ = arm_situation(20)
+    (best, *_), (coulomb, elsewhere, *_), (other, *_) = (
+        list(kind.instances(of)) for kind in (DirectionFriction, CoulombFriction, Payload)
+    )
+    assert best.part == coulomb.part != elsewhere.part
+    effects = (best, coulomb, elsewhere, other)
+    shares = {best.key: 1.0, coulomb.key: 1 - behind, elsewhere.key: 1 - behind, other.key: 1 - behind}
+    begun: list[JointEffect] = []
+
+    def refit(step: Step, effect: JointEffect, start: np.ndarray) -> SimpleNamespace:
+        begun.append(effect)
+        hypothesis, theta = SimpleNamespace(effects=(effect,)), np.ones(len(effect.parameters))
+        return SimpleNamespace(hypothesis=hypothesis, theta=theta, log_evidence=2000 * shares[effect.key])
+
+    gains = [SimpleNamespace(log_evidence=2000.0, values=np.ones(len(e.parameters))) for e in effects]
+    scored = SimpleNamespace(
+        gains=gains,
+        effects=effects,
+        fit=SimpleNamespace(log_evidence=0.0),
+        noise=SimpleNamespace(set_aside=None),
+    )
+    monkeypatch.setattr(search, "one_step_values", lambda scored, i, values: values)
+    monkeypatch.setattr(search, "fine_ripples", lambda step: [])
+    monkeypatch.setattr(search, "refitted_pushes", lambda *_: [])
+    monkeypatch.setattr(search, "gain_elsewhere", lambda step, rival: rival.gain)
+    monkeypatch.setattr(search, "refit", refit)
+    monkeypatch.setattr(search, "simplest", lambda step, rivals: rivals[0])
+    monkeypatch.setattr(search, "rival_overdispersion", lambda *_: 1.0)
+    monkeypatch.setattr(search, "step_to", lambda step, fit, effect, *_: effect)
+    monkeypatch.setattr(
+        search, "_preselect", lambda step, ones: [(e, s, 2000 * shares[e.key]) for e, s in ones]
+    )
+    assert _forward_step(Step(None, scored, None), np.random.default_rng(1), lambda text: None) is best
+    assert begun == ([best, coulomb] if refitted else [best])
 
 
 def test_a_delay_is_raced_from_both_signs_and_the_best_candidate_comes_first():

@@ -53,9 +53,9 @@ class RigSimulator:
         self.effect = list(kind.instances(self.scales))[variant]
         self.rig = restructured(self.nominal, self.effect, self.channels)
 
-    def model(self, first: float, damping: float) -> mujoco.MjModel:
-        """The restructured model at values of the effect's two parameters."""
-        return Hypothesis(self.rig, (self.effect,)).compiled(np.array([first, damping]), 0.001)
+    def model(self, *values: float) -> mujoco.MjModel:
+        """The restructured model at values of the effect's parameters."""
+        return Hypothesis(self.rig, (self.effect,)).compiled(np.array(values), 0.001)
 
 
 def rest(model: mujoco.MjModel, torque: float) -> mujoco.MjData:
@@ -118,7 +118,7 @@ def test_on_a_stiff_base_a_robot_moves_as_on_the_world():
     t = np.arange(100) * 0.01
     u = 1.5 * np.sin(6 * t)[:, None]
     one, *_ = simulate(by_runge_and_kutta(of.nominal.model), t, u, [0.2], [0.5])
-    model = of.model(compliance, 0.0)
+    model = of.model(compliance, compliance, 0.0)
     x, y, swing = (int(model.joint(name).qposadr[0]) for name in (base_joint("x"), base_joint("y"), "swing"))
     first, rate = np.zeros(3), np.zeros(3)
     first[swing], rate[int(model.joint("swing").dofadr[0])] = 0.2, 0.5
@@ -157,8 +157,8 @@ def test_play_is_taken_up_by_the_load():
 
 def test_a_base_tilts_by_load_over_stiffness():
     of = RigSimulator(BaseCompliance, text=DIRECT)
-    compliance = of.effect.parameters[0].start
-    damped = of.model(compliance, 5.0)
+    compliance = of.effect.parameters[1].start
+    damped = of.model(3 * compliance, compliance, 5.0)  # that about the axis of the rod counts
     damped.dof_damping[int(damped.joint("swing").dofadr[0])] = 2.0
     data = rest(damped, 2.0)
     tilt = data.joint(base_joint("y")).qpos[0]

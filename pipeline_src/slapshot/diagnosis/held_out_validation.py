@@ -15,7 +15,7 @@ from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.push_search import with_pushes
-from slapshot.diagnosis.selection.steps import Search, Step
+from slapshot.diagnosis.selection.steps import P_VALUE, Search, Step
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse
 
@@ -63,10 +63,13 @@ def predict_models(
         report("the hidden state does not predict held-out windows better: laws instead")
         found = replace(found, steps=found.by_laws, by_laws=())
         found, last = _confirmed(found, refitted, predicted(found.final), predicted, report)
-    if found.by_structure and not found.named:
-        report("no law predicts held-out windows better: the hidden state that explained as much instead")
-        found = replace(found, steps=found.by_structure, by_structure=())
-        found, last = _confirmed(found, refitted, predicted(found.final), predicted, report)
+    if found.by_structure:
+        other = replace(found, steps=found.by_structure, by_structure=())
+        other, structural = _confirmed(other, refitted, predicted(other.final), predicted, report)
+        stands = bool(found.named) and found.final.test.p_value >= P_VALUE
+        if _hidden(other.named) and not stands and (not found.named or clearly_improves(last, structural)):
+            report("the hidden state that explained as much predicts held-out windows better than laws")
+            found, last = other, structural
     if any(isinstance(effect, ExternalPulse) for effect in found.dropped):
         again = with_pushes(found, seed, report)
         if again is not found:
@@ -170,6 +173,11 @@ def distinguishable(old: Predictions, new: Predictions) -> bool:
     """
     shift = (new.predicted - old.predicted) / np.maximum(old.floor, 1e-12)
     return bool(np.sum(shift[np.isfinite(old.error)] ** 2) / 2 > _DISTINGUISHABLE_NATS)
+
+
+def clearly_improves(before: Prediction, after: Prediction) -> bool:
+    """Whether held-out likelihood and errors improve, and the windows can distinguish the two."""
+    return distinguishable(before.predictions, after.predictions) and improves(before, after)
 
 
 def improves(before: Prediction, after: Prediction) -> bool:

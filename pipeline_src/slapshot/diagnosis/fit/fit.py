@@ -212,7 +212,7 @@ class Fitter:
                 if gradient @ full < (1 + _DIGITS) * (np.sum(seen.e**2) + offset @ offset):
                     full = project_to_bounds(hypothesis, theta, full, sd, scaled)
                     evidence = float(
-                        log_likelihood(seen) - 0.5 * offset @ offset + gradient @ full
+                        log_likelihood(seen) + noise.log_prior - 0.5 * offset @ offset + gradient @ full
                         - 0.5 * full @ scaled @ full - 0.5 * np.linalg.slogdet(scaled)[1]
                     )  # fmt: skip
             if before is not None and evidence < before[0] - min(_MAX_LOSS * abs(before[0]), _MAX_LOSS_NATS):

@@ -140,6 +140,11 @@ class Noise:
         """The noise with one process force in all windows."""
         return replace(self, set_aside=None)
 
+    @property
+    def log_prior(self) -> float:
+        """Of the sizes of law errors: where forces explain the data equally well, they stay typical."""
+        return -0.5 * (self.law_error**2 + self.added_error**2) / TYPICAL_LAW_ERROR**2
+
     def covariances(self, interval: float) -> Covariances:
         """What the filter takes."""
         further = [of for of in (self.set_aside, self.push_error) if of is not None]
@@ -413,13 +418,12 @@ def fit_process_force(
         likelihood = _Likelihood(part, prior, lambda values: of(values, own), interval)
 
         def evaluate(values: Array) -> Evaluation:
-            # Prior on law errors: where forces explain the data equally well, law errors stay typical.
             found = likelihood(values)
             share = np.exp(2 * values[:2]) / TYPICAL_LAW_ERROR**2
             with_prior = {index: found.information.get(index, 0.0) + 2 * share[index] for index in (0, 1)}
             return replace(
                 found,
-                value=found.value - float(share.sum()) / 2,
+                value=found.value + of(values, noise).log_prior,
                 information={**found.information, **with_prior},
             )
 

@@ -126,7 +126,7 @@ def shoot(
         precision = information - np.einsum("sik,sil->kl", cross, solved[..., :p])
         volume = np.linalg.slogdet(own)[1].sum() + np.linalg.slogdet(precision)[1]
         volume -= np.log(prior).sum() if p else 0.0
-        evidence = -now - 0.5 * logdet - 0.5 * volume
+        evidence = noise.log_prior - now - 0.5 * logdet - 0.5 * volume
         if converged or number == rounds:
             break
         for _ in range(_DAMPINGS):

@@ -50,6 +50,8 @@ MAX_EFFECTS = 5
 MAX_REFITS = 6  # candidates refitted in a step
 _PRESELECTION_NODES, _PRESELECTION_ROUNDS = 2000, 4  # of a preliminary refit
 _REFIT_MARGIN_NATS = 30.0  # behind the best candidate, beyond which none is refitted to all data
+_SIMPLER_MARGIN = 0.1  # the same of one that may act as a candidate with more parameters does, as a share
+_MAX_STRUCTURES = 2
 _STRUCTURE_STEPS = 2  # steps in which structures are fitted: alone, and besides the best law
 
 
@@ -103,8 +105,12 @@ def _forward_search(
             if single is None or single.test.p_value < P_VALUE or has_windows_set_aside(before):
                 before, more = pair_step(before, single, rng, report)
             steps[-1], more = before, more or ([] if single is None else [single])
-            split = any(effect.hidden_state for effect in before.hypothesis.effects)
-            if len(steps) <= _STRUCTURE_STEPS and not split and _much_is_left(more[-1] if more else before):
+            split = sum(effect.hidden_state for effect in before.hypothesis.effects)
+            if (
+                len(steps) <= _STRUCTURE_STEPS
+                and split < _MAX_STRUCTURES
+                and _much_is_left(more[-1] if more else before)
+            ):
                 structure = structural_step(before, more, rng, report)
                 gained = sum(step.gain for step in more) + EQUIVALENCE_NATS
                 if structure is not None and structure.gain >= gained:
@@ -156,8 +162,10 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
         candidates[ripple.effect.key] = ripple.effect, ripple.start
     leader = -np.inf
     for effect, start, gain in _preselect(step, list(candidates.values())):
-        if gain < leader - max(_REFIT_MARGIN_NATS, REFIT_MARGIN * leader):
-            break
+        if gain < leader - max(_REFIT_MARGIN_NATS, REFIT_MARGIN * leader) and not any(
+            _may_simplify(effect, rival.effect) and gain > (1 - _SIMPLER_MARGIN) * leader for rival in rivals
+        ):
+            continue
         fit = refit(step, effect, start)
         # Of those that were detected, each may have had any order.
         gained = fit.log_evidence - scored.fit.log_evidence - trials.get(effect.key, 0.0)
@@ -183,6 +191,12 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
         report(f"not added: {best.effect.key}, on which segments disagree too much")
         return None
     return step_to(step, best.fit, best.effect, best.gain, rivals, rng)
+
+
+def _may_simplify(effect: JointEffect, of: JointEffect) -> bool:
+    """Whether a friction has fewer parameters than another one of the same joint."""
+    both = effect.friction and of.friction and effect.part == of.part
+    return both and len(effect.parameters) < len(of.parameters)
 
 
 def _preselect(

@@ -94,8 +94,8 @@ class Search:
         free: effects of the nominal rig itself.
         by_laws: steps that would have been taken but for a model with hidden states, which explains more of
             what was fitted; none where no such model was taken.
-        by_structure: steps that end with a model with hidden states which explains about as much as the laws
-            that were taken; none where it explains less, or was taken itself.
+        by_structure: steps that end with a model with hidden states which explains nearly as much as the laws
+            that were taken; none where it explains far less, or was taken itself.
         dropped: effects that were added, but do not predict held-out windows better.
     """
 

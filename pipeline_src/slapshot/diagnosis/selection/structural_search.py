@@ -8,20 +8,21 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.fit import Fit
-from slapshot.diagnosis.fit.noise import Noise, fit_noise
+from slapshot.diagnosis.fit.noise import Noise, fit_noise, fit_process_force
 from slapshot.diagnosis.fit.shooting import shoot, simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score
-from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS, Report, Rival, Step, test_of
+from slapshot.diagnosis.selection.steps import Report, Rival, Step, test_of
 from slapshot.effects.joints.effect import JointEffect
 
 _JOINTS = 3  # with the largest scores
 _ROUNDS, _SEGMENTS = 6, 12  # of a preliminary fit
+_MOST_ROUNDS, _MOST_WHOLE = 20, 2  # of fits of the best ones, and how many are fitted to all segments
 _SPREAD, _LEAST_SPREAD = (
     3.0,
     1e-8,
 )  # prior sd of a hidden initial state, in rms of its motion; minimum share of its variance
-_MARGIN = 20.0  # nats behind the best law, beyond which a structure is dropped
+_MARGIN = 20.0  # nats behind the best law, beyond which a structure is dropped; nearer, held-out data decide
 
 
 def structural_step(
@@ -57,21 +58,24 @@ def structural_step(
             continue
         report(f"trying {effect.key}")
         candidate = _fit_structure(before, effect)
-        if candidate is not None and candidate.fit.log_evidence > law.log_evidence - _MARGIN:
+        if candidate is not None:
             candidates.append(candidate)
     candidates.sort(key=lambda candidate: -candidate.fit.log_evidence)
-    if not candidates:
+    candidates = [_converged(candidate, _segment_subset(problem)) for candidate in candidates[:_MOST_WHOLE]]
+    candidates.sort(key=lambda candidate: -candidate.fit.log_evidence)
+    if not candidates or candidates[0].fit.log_evidence < law.log_evidence - _MARGIN:
         return None
-    level = _refitted_evidence(rival.problem, own, rival.scored.noise)[0]
+    # From the noise that candidates leave, a fit may end at a lower one of several optima.
+    level = max(own.log_evidence, _refitted_evidence(rival.problem, own, rival.scored.noise)[0])
     best: tuple[float, StructuralFit] | None = None
-    for candidate in candidates[:2]:
+    for candidate in candidates:
         if candidate.fit.log_evidence < candidates[0].fit.log_evidence - _MARGIN:
             continue
         evidence, whole = _refit_all_segments(candidate)
         report(f"refitted {candidate.effect.key}: {evidence - level:+.1f} nats against the best law")
         if best is None or evidence > best[0]:
             best = evidence, whole
-    if best is None or best[0] < level - EQUIVALENCE_NATS:
+    if best is None or best[0] < level - _MARGIN:
         return None
     evidence, whole = best
     fit = whole.fit
@@ -83,12 +87,23 @@ def structural_step(
 
 @dataclass(frozen=True)
 class StructuralFit:
-    """A restructured problem, fitted."""
+    """A restructured problem, fitted.
+
+    Attributes:
+        effect: by which it is restructured.
+        problem: the restructured one.
+        start: first values.
+        fit: of all effects.
+        noise: white, by which it is fitted.
+        own_noise: the same with its correlation in time.
+    """
 
     effect: JointEffect
     problem: Problem
+    start: Array
     fit: Fit
     noise: Noise
+    own_noise: Noise
 
 
 def structural_fit(before: Step, effect: JointEffect) -> ScoredFit | None:
@@ -112,14 +127,32 @@ def _fit_structure(before: Step, effect: JointEffect) -> StructuralFit | None:
     except (ValueError, KeyError):
         return None
     hypothesis = Hypothesis(moved.rig, present)
-    noise = replace(_white_equivalent(scored.noise), torque=moved.torque, initial=moved.initial_noise.initial)
+    own = replace(scored.noise, torque=moved.torque, initial=moved.initial_noise.initial)
+    noise = _white_equivalent(own)
     theta = np.concatenate([scored.fit.theta, [p.start for p in effect.parameters]])
     return StructuralFit(
         effect,
         moved,
+        theta,
         _shooting_fit(moved, hypothesis, theta, moved.trajectory, noise, _segment_subset(problem)),
         noise,
+        own,
     )
+
+
+def _converged(candidate: StructuralFit, some: NDArray[np.intp]) -> StructuralFit:
+    """The same, fitted until it converges.
+
+    From its first values: from where it was, with undeflected initial states, it may end elsewhere.
+    """
+    problem, fit = candidate.problem, candidate.fit
+    if fit.converged:
+        return candidate
+    hypothesis, trajectory = fit.hypothesis, problem.trajectory
+    again = _shooting_fit(
+        problem, hypothesis, candidate.start, trajectory, candidate.noise, some, _MOST_ROUNDS
+    )
+    return replace(candidate, fit=again) if again.log_evidence > fit.log_evidence else candidate
 
 
 def _refit_all_segments(candidate: StructuralFit) -> tuple[float, StructuralFit]:
@@ -127,11 +160,14 @@ def _refit_all_segments(candidate: StructuralFit) -> tuple[float, StructuralFit]
     problem, part = candidate.problem.with_steps_for(candidate.effect), candidate.fit
     every = np.arange(problem.segments.shape[0])
     fit = _shooting_fit(
-        problem, part.hypothesis, part.theta, problem.trajectory, candidate.noise, every, rounds=4
+        problem, part.hypothesis, part.theta, problem.trajectory, candidate.noise, every, _MOST_ROUNDS
     )
     trajectory, initial = _undeflected(problem, fit, candidate.noise)
     evidence, fit, noise = _refitted_evidence(
-        problem, replace(fit, trajectory=trajectory), replace(candidate.noise, initial=initial)
+        problem,
+        replace(fit, trajectory=trajectory),
+        replace(candidate.noise, initial=initial),
+        replace(candidate.own_noise, initial=initial),
     )
     return evidence, replace(candidate, problem=problem, fit=fit, noise=noise)
 
@@ -186,12 +222,20 @@ def _shooting_fit(
     return shoot(simulator, hypothesis, theta, segments, trajectory[some], subset, rounds)
 
 
-def _refitted_evidence(problem: Problem, fit: Fit, noise: Noise) -> tuple[float, Fit, Noise]:
-    """Evidence of a fit under refitted noise."""
+def _refitted_evidence(problem: Problem, fit: Fit, *noises: Noise) -> tuple[float, Fit, Noise]:
+    """Evidence of a fit under refitted noise, the best from several initial ones."""
     hypothesis, fitter = fit.hypothesis, problem.fitter
     system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
-    noise = fit_noise(system, prior, noise, problem.segments, problem.quantities, near=True)
-    still = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system)
-    moved = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=4, known=system)
-    fit = moved if moved.log_evidence > still.log_evidence else still
-    return fit.log_evidence, fit, noise
+    # One by all noise, and one by forces and law errors at given noise of the readings: where a model leaves
+    # forces, either may end at a lower one of several optima.
+    found = [
+        fit_noise(system, prior, noise, problem.segments, problem.quantities, near=True) for noise in noises
+    ]
+    found += [fit_process_force(system, prior, noise, problem.segments.interval) for noise in noises]
+    still = [
+        fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system) for noise in found
+    ]
+    best = max(range(len(found)), key=lambda k: still[k].log_evidence)
+    moved = fitter.fit(hypothesis, fit.theta, fit.trajectory, found[best], rounds=4, known=system)
+    fit = moved if moved.log_evidence > still[best].log_evidence else still[best]
+    return fit.log_evidence, fit, found[best]

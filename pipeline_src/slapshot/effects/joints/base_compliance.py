@@ -21,7 +21,7 @@ class BaseCompliance(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["BaseCompliance"]:
-        """One, of robots that stand on the world; prior: a mode at 10 Hz, tilting about either level axis."""
+        """One, of robots that stand on the world; prior: a mode at 10 Hz, tilting about each level axis."""
         if not rig.joints or rig.free_bodies:
             return
         inertia = inertia_about_base(rig.model)
@@ -30,7 +30,8 @@ class BaseCompliance(JointEffect):
         least, most = 1 / (inertia * _FAST**2), 1 / (inertia * _SLOW**2)
         yield cls(
             inertia,
-            Parameter("compliance", "rad/(N m)", compliance, compliance, least, most),
+            Parameter("about_x", "rad/(N m)", compliance, compliance, least, most),
+            Parameter("about_y", "rad/(N m)", compliance, compliance, least, most),
             Parameter("damping", "N m s/rad", damping, damping, 0.0),
         )
 
@@ -53,11 +54,11 @@ class BaseCompliance(JointEffect):
         return put_on_base(spec, 0.05 * self._inertia)
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
-        """Spring and damper of both axes."""
-        for axis in "xy":
+        """Spring of each axis, and the damper of both."""
+        for axis, compliance in zip("xy", values, strict=False):
             joint = model.joint(base_joint(axis))
-            model.jnt_stiffness[joint.id] = 1 / values[0]
-            model.dof_damping[joint.dofadr[0]] = values[1]
+            model.jnt_stiffness[joint.id] = 1 / compliance
+            model.dof_damping[joint.dofadr[0]] = values[2]
 
 
 def inertia_about_base(model: mujoco.MjModel) -> float:
