@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis import diagnose, held_out, held_out_validation
-from slapshot.diagnosis.held_out_validation import improves, predict_models
+from slapshot.diagnosis.fit.noise import Noise
+from slapshot.diagnosis.held_out_validation import distinguishable, improves, predict_models
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
@@ -30,9 +31,13 @@ from .test_linear import arm_situation
 @pytest.mark.parametrize(
     ("likelihoods", "kept"),
     [
-        ([0.0, 50.0, 60.0, 61.0], 3),
-        ([0.0, 50.0, 60.0, 59.0], 2),
-        ([0.0, 50.0, 40.0, 39.0], 1),
+        ([0.0, 50.0, 60.0, 63.0], 3),
+        ([0.0, 50.0, 60.0, 57.0], 2),
+        ([0.0, 50.0, 40.0, 37.0], 1),
+        # Less than two nats tell nothing: an effect stays or goes with the one before it.
+        ([0.0, 50.0, 60.0, 59.0], 3),
+        ([0.0, 50.0, 40.0, 41.0], 1),
+        ([0.0, -50.0, -49.0, -48.0], 0),
         ([0.0, -5.0, -6.0, -7.0], 0),
         # Better than the one before it, and still worse than none.
         ([0.0, -9.0, -8.0, -5.0], 0),
@@ -84,6 +89,7 @@ def test_where_errors_shrink_in_window_after_window_the_likelihood_has_no_veto(s
             floor=ones,
             predicted=place * ones,
             log_likelihood=np.full(count, likelihood),
+            correlation=np.ones((1, 1, 1)),
         )
         return SimpleNamespace(predictions=found)
 
@@ -92,12 +98,40 @@ def test_where_errors_shrink_in_window_after_window_the_likelihood_has_no_veto(s
     assert improves(before, prediction(shrunk, 50.0)) == (min(shrunk) < 1)
 
 
+@pytest.mark.parametrize("correlation_s", [1e-6, 0.1])
+def test_lasting_noise_tells_as_much_as_the_likelihood_has_it(correlation_s):
+    """Of a shift that stays, in 20 readings of two channels with gaps: told by the covariance as a whole."""
+    noise = Noise(
+        white=np.array([0.3, 1.0]), coloured=np.array([0.4, 0.0]), correlation_s=np.full(2, correlation_s),
+        force=1.0, torque=np.ones(1), initial=np.ones(2), weight=np.ones((1, 20, 2)),
+    )  # fmt: skip
+    error = np.zeros((1, 20, 2))
+    error[0, 5:8, 0] = np.nan
+    own = np.isfinite(error[0, :, 0])
+    time = 0.005 * np.arange(20)[own]
+    covariance = 0.4**2 * np.exp(-np.abs(np.subtract.outer(time, time)) / correlation_s) + 0.3**2 * np.eye(17)
+    nats = 0.5 * (np.linalg.inv(covariance).sum() + 20)  # a shift of 1 in both channels
+    for scale, told in ((0.99, False), (1.01, True)):
+        shift = scale * np.sqrt(2.0 / nats)  # two nats are asked for
+        before, after = (
+            SimpleNamespace(
+                error=error,
+                floor=np.broadcast_to(noise.single, error.shape),
+                predicted=np.full(error.shape, place),
+                correlation=noise.correlation(20, 0.005),
+                log_likelihood=np.array([likelihood]),
+            )
+            for place, likelihood in ((0.0, 0.0), (shift, -2.1))
+        )
+        assert distinguishable(before, after) is told
+
+
 @pytest.mark.parametrize(("apart", "kept"), [(1.99, 2), (2.01, 1)])
 def test_an_effect_that_no_held_out_window_shows_stays(monkeypatch, apart, kept):
     """Of one reading, two standard deviations apart: two nats are expected to tell."""
     rig, _, of, _ = arm_situation(20)
     effects = [next(iter(kind.instances(of))) for kind in (ViscousFriction, Payload)]
-    predictions(monkeypatch, [0.0, 50.0, 49.0], apart=apart)
+    predictions(monkeypatch, [0.0, 50.0, 47.0], apart=apart)
     cut, _ = predict_models(searched(rig, effects), None, None, 0, lambda text: None)
     assert list(cut.named) == effects[:kept]
 
@@ -340,6 +374,8 @@ def predictions(monkeypatch, likelihoods: list[float], clumsy: int | None = None
         count = len(hypothesis.effects)
         error = np.full((1, 1, 1), 2.0 if count == clumsy else 1 / (1 + count))
         ones = np.ones((1, 1, 1))
-        return SimpleNamespace(log_likelihood=value, error=error, floor=ones, predicted=apart * count * ones)
+        return SimpleNamespace(
+            log_likelihood=value, error=error, floor=ones, predicted=apart * count * ones, correlation=ones
+        )
 
     monkeypatch.setattr(held_out, "predict", predict)

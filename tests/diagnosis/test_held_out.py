@@ -157,7 +157,7 @@ def test_errors_as_large_as_expected_are_no_excess():
     rng = np.random.default_rng(4)
     sd = rng.uniform(1, 3, size=(30, 50, 2))
     error = sd * rng.normal(size=sd.shape)
-    some = Predictions(error, error, sd, sd, np.zeros(30))
+    some = Predictions(error, error, sd, sd, np.zeros(30), np.ones((1, 1, 1)))
     low, high = some.excess(rng)
     assert low < 1 < high
     assert replace(some, error=1.5 * error).excess(rng)[0] > 1.8

@@ -51,6 +51,7 @@ class Predictions:
         floor: (W, nodes, ny) standard deviation of the error from noise alone.
         expected: (W, nodes, ny) the same including errors of the time step, of laws and of fitted values.
         log_likelihood: (W,) of what was recorded in the windows, given the data before.
+        correlation: (ny, nodes, nodes) of the noise of a channel's readings.
     """
 
     error: Array
@@ -58,6 +59,7 @@ class Predictions:
     floor: Array
     expected: Array
     log_likelihood: Array
+    correlation: Array
 
     def rms(self, columns: NDArray[np.intp]) -> float:
         """Root mean square error of some channels."""
@@ -145,7 +147,8 @@ def predict(
         own_part = response[..., :p]
         spread = spread + np.einsum("wtck,kl,wtcl->wtc", own_part, np.linalg.inv(precision), own_part)
     expected = np.sqrt(floor[:, half:] ** 2 + spread)
-    return Predictions(error, predicted[:, half:], floor[:, half:], expected, log_likelihoods)
+    correlation = noise.correlation(half, windows.interval)
+    return Predictions(error, predicted[:, half:], floor[:, half:], expected, log_likelihoods, correlation)
 
 
 @dataclass(frozen=True)

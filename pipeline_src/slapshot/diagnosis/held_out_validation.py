@@ -97,6 +97,7 @@ def _confirmed(
         report: receives progress messages.
     """
     first = found.nominal
+    kept, of_kept = found, last
     while laws := {effect.key for effect in found.named if not isinstance(effect, ExternalPulse)}:
         step = [step for step in found.steps if step.added is not None and step.added.key in laws][-1]
         less = found.before(step.added)
@@ -104,17 +105,22 @@ def _confirmed(
             break
         before = refitted if less.final is first else predicted(less.final)
         after = last if step is found.final else predicted(step)
+        if less.final is not first and not distinguishable(before.predictions, after.predictions):
+            # It stays or goes with the one before it.
+            found, last = less, before
+            continue
         if improves(before, after):
-            if improves(refitted, last) or (found.by_laws and _hidden(found.named)):
+            if improves(refitted, of_kept) or (found.by_laws and _hidden(found.named)):
                 break
             # Better than the one before it, and still worse than none.
             less, before = replace(found, steps=found.steps[:1]), refitted
-        named = {effect.key for effect in found.named}
-        since = [step.added for step in found.steps[len(less.steps) :] if step.added is not None]
+        named = {effect.key for effect in kept.named}
+        since = [step.added for step in kept.steps[len(less.steps) :] if step.added is not None]
         dropped = list({effect.key: effect for effect in since if effect.key in named}.values())
         report(f"dropped {', '.join(e.key for e in dropped)}: it does not predict held-out windows better")
-        found, last = replace(less, dropped=(*dropped, *found.dropped)), before
-    return found, last
+        found, last = replace(less, dropped=(*dropped, *kept.dropped)), before
+        kept, of_kept = found, last
+    return kept, of_kept
 
 
 def _hidden(effects: Sequence[JointEffect]) -> bool:
@@ -166,13 +172,22 @@ def held_out_pushes(
 
 
 def distinguishable(old: Predictions, new: Predictions) -> bool:
-    """Whether held-out windows can distinguish two predictions, assuming white noise.
+    """Whether held-out windows can distinguish two predictions under noise alone.
 
-    Half the squared difference over the noise is the expected gain of the better one, in nats. A limit that
-    is rarely reached may not have been reached in any window.
+    Half the squared difference, in units of the noise and with its correlation in time, is the expected gain
+    of the better one, in nats. A limit that is rarely reached may not have been reached in any window; and
+    what forces of unknown cause blur, likelihoods do not tell apart.
     """
+    if abs(new.log_likelihood.sum() - old.log_likelihood.sum()) < _DISTINGUISHABLE_NATS:
+        return False
     shift = (new.predicted - old.predicted) / np.maximum(old.floor, 1e-12)
-    return bool(np.sum(shift[np.isfinite(old.error)] ** 2) / 2 > _DISTINGUISHABLE_NATS)
+    there, gain = np.isfinite(old.error), 0.0
+    for w, _, c in np.argwhere(there.any(axis=1, keepdims=True)):
+        own = there[w, :, c]
+        gain += float(
+            shift[w, own, c] @ np.linalg.solve(old.correlation[c][np.ix_(own, own)], shift[w, own, c])
+        )
+    return gain / 2 > _DISTINGUISHABLE_NATS
 
 
 def clearly_improves(before: Prediction, after: Prediction) -> bool:

@@ -92,6 +92,18 @@ class Noise:
         """(ny,) standard deviation of a single reading."""
         return np.hypot(self.white, self.coloured)
 
+    def correlation(self, readings: int, interval: float) -> Array:
+        """(ny, readings, readings) of successive readings of each channel.
+
+        Args:
+            readings: how many.
+            interval: s between two.
+        """
+        lags = np.abs(np.subtract.outer(np.arange(readings), np.arange(readings)))
+        share = (self.coloured / self.single)[:, None, None] ** 2
+        lasting = np.exp(-lags * interval / self.correlation_s[:, None, None])
+        return np.asarray(share * lasting + (1 - share) * np.eye(readings))
+
     @property
     def variance(self) -> Array:
         """(S, L, ny) white variance: noise of the channel, and timing jitter."""
