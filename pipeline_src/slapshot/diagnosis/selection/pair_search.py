@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.fit import Fit
@@ -26,6 +27,7 @@ from slapshot.diagnosis.selection.push_search import (
 from slapshot.diagnosis.selection.simplest import simplest
 from slapshot.diagnosis.selection.steps import (
     REFIT_MARGIN,
+    REFIT_MARGIN_NATS,
     Report,
     Rival,
     Step,
@@ -41,6 +43,7 @@ from slapshot.effects.joints.effect import JointEffect, overrides
 # Pairs refitted in a step; last movement of one that is believed; largest law errors in fits of its noise.
 _MAX_PAIRS, _MAX_MOVED_SD = 4, 3.0
 _PAIR_LAW_ERRORS = (0.003, 0.01, 0.03, 0.1, *(LARGEST_LAW_ERROR,) * 2)
+_PRESELECTION_SEGMENTS = 12  # in which pairs are compared first
 _LEAST_TRIED, _BEHIND_NATS = 2, 100.0  # of these, and the distance behind a leader at which a pair is left
 
 
@@ -56,7 +59,8 @@ def pair_step(
     level = before.scored.fit.log_evidence - least_worth(before.scored.noise.set_aside, problem.segments)
     found: list[tuple[_Pair, Rival, Noise]] = []
     most, leader = -np.inf, list[float]()
-    for pair in _promising_pairs(before.scored):
+    least = alone + least_gain(before.scored)
+    for pair in _preselected(before, _promising_pairs(before.scored), least):
         fit, noise, by_law_error = _refit_pair(before, pair, leader)
         gain = fit.log_evidence - least_worth(noise.set_aside, problem.segments) - level
         if gain > most:
@@ -66,7 +70,7 @@ def pair_step(
         if fit.moved < _MAX_MOVED_SD:
             found.append((pair, rival, noise))
     found.sort(key=lambda one: -one[1].gain)
-    if not found or found[0][1].gain < alone + least_gain(before.scored):
+    if not found or found[0][1].gain < least:
         return before, []
     given, windows = before, found[0][2].set_aside
     if windows is not None:
@@ -197,18 +201,57 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
     return found
 
 
-def _refit_pair(before: Step, pair: _Pair, leader: Sequence[float]) -> tuple[Fit, Noise, list[float]]:
+def _preselected(before: Step, pairs: Sequence[_Pair], least: float) -> list[_Pair]:
+    """Those that come near a least gain, and near the best, in fits to a subset of segments.
+
+    Where there are few segments, all are left.
+    """
+    problem, scored = before.problem, before.scored
+    S = problem.segments.shape[0]
+    some = np.unique(np.linspace(0, S - 1, min(S, _PRESELECTION_SEGMENTS)).astype(int))
+    if 2 * len(some) > S:
+        return list(pairs)
+    fitter, noise, base = problem.fitter.select(some), scored.residual_noise.select(some), scored.fit
+    system, trajectory = scored.system.select(some), base.trajectory[some]
+    none = fitter.fit(base.hypothesis, base.theta, trajectory, noise, rounds=0, known=system).log_evidence
+    none -= least_worth(noise.set_aside, fitter.segments)
+    gained: list[float] = []
+    leader = list[float]()
+    for pair in pairs:
+        *_, found = _refit_pair(before, pair, leader, some)
+        most = max(found, default=-np.inf) - none
+        if most > max(gained, default=-np.inf):
+            leader = found
+        gained.append(most * S / len(some))
+    best = max(gained, default=-np.inf)
+    nearest = max(best, least) - max(REFIT_MARGIN_NATS, REFIT_MARGIN * best)
+    return [pair for pair, gain in zip(pairs, gained, strict=True) if gain >= nearest]
+
+
+def _refit_pair(
+    before: Step, pair: _Pair, leader: Sequence[float], some: NDArray[np.intp] | None = None
+) -> tuple[Fit, Noise, list[float]]:
     """The step's hypothesis with a pair, its noise, and the evidence by how much laws may err.
 
     At first laws hardly err, then more and more: with large errors wrong values explain as much as right
     ones, and stay. It ends early where the evidence falls far behind a leader's. Where windows are set aside,
     laws that explain most of what was left tell better which ones are pushed.
+
+    Args:
+        before: without the pair.
+        pair: to add.
+        leader: evidence of another pair, by how much laws may err.
+        some: indices of segments that it is fitted to; None for all.
     """
     problem, scored = before.problem, before.scored
     fitter, interval, noise = problem.fitter, problem.segments.interval, scored.residual_noise
+    trajectory, known = scored.fit.trajectory, scored.system
+    if some is not None:
+        fitter, noise, trajectory = fitter.select(some), noise.select(some), trajectory[some]
+        known = known.select(some)
     hypothesis = scored.fit.hypothesis.with_effect(pair.first).with_effect(pair.second)
     theta = np.concatenate([scored.fit.theta, pair.first_values, pair.second_values])
-    fit = fitter.fit(hypothesis, theta, scored.fit.trajectory, noise, known=scored.system)
+    fit = fitter.fit(hypothesis, theta, trajectory, noise, known=known)
     best, found = (fit, noise), list[float]()
     for number, largest in enumerate(_PAIR_LAW_ERRORS):
         if not np.isfinite(fit.log_evidence) or has_no_effect(pair.second, fit):
@@ -216,11 +259,11 @@ def _refit_pair(before: Step, pair: _Pair, leader: Sequence[float]) -> tuple[Fit
         system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
         noise = fit_process_force(system, prior, noise, interval, largest)
         if has_windows_set_aside(before):
-            windows = pushed_windows(problem, fit, noise)
+            windows = pushed_windows(fitter, fit, noise)
             noise = replace(noise, set_aside=noise.set_aside if windows is None else windows)
         fit = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, known=system)
         most = max(found, default=-np.inf)
-        found.append(fit.log_evidence - least_worth(noise.set_aside, problem.segments))
+        found.append(fit.log_evidence - least_worth(noise.set_aside, fitter.segments))
         if found[-1] > most:
             best = fit, noise
         elif largest == LARGEST_LAW_ERROR:

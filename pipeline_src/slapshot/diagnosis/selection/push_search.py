@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Linear, innovations
-from slapshot.diagnosis.fit.fit import Fit
+from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.noise import Noise, fit_process_force, posterior_means
 from slapshot.diagnosis.model.segments import Segments
-from slapshot.diagnosis.selection.problem import Problem, fit_and_score
+from slapshot.diagnosis.selection.problem import fit_and_score
 from slapshot.diagnosis.selection.pulses import (
     WINDOW_S,
     pushes,
@@ -62,12 +62,14 @@ def with_pushes(found: Search, seed: int, report: Report) -> Search:
     return replace(found, steps=(*found.steps, *steps), dropped=dropped)
 
 
-def pushed_windows(problem: Problem, fit: Fit, noise: Noise) -> Array | None:
+def pushed_windows(fitter: Fitter, fit: Fit, noise: Noise) -> Array | None:
     """(S, L) further process force in the windows that stand out from a fit; None without any."""
-    system, prior = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    seen = innovations(system, noise.covariances(problem.segments.interval))
-    values, speed = posterior_means(seen, prior.at(noise)), problem.speed(fit.trajectory)
-    return windows_set_aside(system, values, speed, noise, problem.segments, problem.rig_motion)
+    assert fitter.rig is not None, "scales of the rig tell how large pushes are"
+    system, prior = fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
+    seen, tangent = innovations(system, noise.covariances(fitter.segments.interval)), fitter.simulator.tangent
+    values = posterior_means(seen, prior.at(noise))
+    speed = fit.trajectory[..., tangent.nq : tangent.nq + tangent.nv]
+    return windows_set_aside(system, values, speed, noise, fitter.segments, fitter.rig)
 
 
 def with_windows(step: Step, set_aside: Array | None, rng: np.random.Generator) -> Step:
@@ -125,7 +127,7 @@ def push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | No
         return None
     # From here only what a constant push leaves is set aside.
     fit, noise = best.fit, step.scored.residual_noise
-    windows = pushed_windows(problem, fit, noise)
+    windows = pushed_windows(problem.fitter, fit, noise)
     if windows is not None and noise.set_aside is not None:
         windows = np.where(noise.set_aside > 0, windows, 0.0)
     step = replace(step, scored=replace(step.scored, noise=replace(step.scored.noise, set_aside=windows)))

@@ -29,6 +29,7 @@ from slapshot.diagnosis.selection.steps import (
     EQUIVALENCE_NATS,
     P_VALUE,
     REFIT_MARGIN,
+    REFIT_MARGIN_NATS,
     Report,
     Rival,
     Search,
@@ -49,7 +50,6 @@ from slapshot.effects.joints.external_pulse import ExternalPulse
 MAX_EFFECTS = 5
 MAX_REFITS = 6  # candidates refitted in a step
 _PRESELECTION_NODES, _PRESELECTION_ROUNDS = 2000, 4  # of a preliminary refit
-_REFIT_MARGIN_NATS = 30.0  # behind the best candidate, beyond which none is refitted to all data
 _SIMPLER_MARGIN = 0.1  # the same of one that may act as a candidate with more parameters does, as a share
 _MAX_STRUCTURES = 2
 _STRUCTURE_STEPS = 2  # steps in which structures are fitted: alone, and besides the best law
@@ -162,7 +162,7 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
         candidates[ripple.effect.key] = ripple.effect, ripple.start
     leader = -np.inf
     for effect, start, gain in _preselect(step, list(candidates.values())):
-        if gain < leader - max(_REFIT_MARGIN_NATS, REFIT_MARGIN * leader) and not any(
+        if gain < leader - max(REFIT_MARGIN_NATS, REFIT_MARGIN * leader) and not any(
             _may_simplify(effect, rival.effect) and gain > (1 - _SIMPLER_MARGIN) * leader for rival in rivals
         ):
             continue

@@ -28,7 +28,8 @@ from slapshot.diagnosis.selection.problem import (
 from slapshot.effects.joints.effect import JointEffect
 
 P_VALUE = 0.01
-REFIT_MARGIN = 0.02  # share of the best candidate's gain, behind which none is refitted to all data
+# Behind the best candidate, beyond which none is refitted to all data: share of its gain, or nats.
+REFIT_MARGIN, REFIT_MARGIN_NATS = 0.02, 30.0
 EQUIVALENCE_NATS = float(np.log(20.0))  # rivals within a factor of twenty are equivalent
 _LARGE_LAW_ERROR = 0.01  # law errors above which all shapes are used
 _MARGIN = 2.0  # factor on the fitted law error when columns are chosen

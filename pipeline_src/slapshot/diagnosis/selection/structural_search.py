@@ -223,19 +223,24 @@ def _shooting_fit(
 
 
 def _refitted_evidence(problem: Problem, fit: Fit, *noises: Noise) -> tuple[float, Fit, Noise]:
-    """Evidence of a fit under refitted noise, the best from several initial ones."""
+    """Evidence of a fit under refitted noise, from the best of several initial ones.
+
+    Where a model leaves forces, a fit of all noise may end at a lower one of several optima than one of
+    forces and law errors at given noise of the readings.
+    """
     hypothesis, fitter = fit.hypothesis, problem.fitter
     system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
-    # One by all noise, and one by forces and law errors at given noise of the readings: where a model leaves
-    # forces, either may end at a lower one of several optima.
-    found = [
-        fit_noise(system, prior, noise, problem.segments, problem.quantities, near=True) for noise in noises
-    ]
-    found += [fit_process_force(system, prior, noise, problem.segments.interval) for noise in noises]
-    still = [
-        fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system) for noise in found
-    ]
-    best = max(range(len(found)), key=lambda k: still[k].log_evidence)
-    moved = fitter.fit(hypothesis, fit.theta, fit.trajectory, found[best], rounds=4, known=system)
-    fit = moved if moved.log_evidence > still[best].log_evidence else still[best]
-    return fit.log_evidence, fit, found[best]
+
+    def still(noise: Noise) -> Fit:
+        return fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system)
+
+    found = [fit_process_force(system, prior, noise, problem.segments.interval) for noise in noises]
+    evidence = [still(noise).log_evidence for noise in found]
+    best = max(range(len(found)), key=lambda k: evidence[k])
+    noise = fit_noise(system, prior, found[best], problem.segments, problem.quantities, near=True)
+    rest = still(noise)
+    if rest.log_evidence < evidence[best]:
+        noise, rest = found[best], still(found[best])
+    moved = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=4, known=system)
+    fit = moved if moved.log_evidence > rest.log_evidence else rest
+    return fit.log_evidence, fit, noise
