@@ -1,16 +1,18 @@
 """Where a diagnosis begins: the first trajectory, and noise about it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
 from mujoco import MjSpec
 from scipy.signal import lfilter
+from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
-from slapshot.diagnosis.selection.problem import Problem, fit_and_score, initial_fit
+from slapshot.diagnosis.selection.problem import Problem, fit_and_score, initial_fit, largest_law_error
 from slapshot.effects.joints.catalogue import instances
 
 from .mechanisms import ARM, PENDULUM, control_channel, joint, recording, simulate
@@ -123,3 +125,11 @@ def test_what_drifts_over_a_session_is_off_in_the_mean_too():
     # mean of its covariance is s √(2π) less what lacks beyond both ends, 2 s²; bumps end there, too.
     s = 0.1 * np.sqrt(2)
     assert np.mean(covariance) == pytest.approx(s * np.sqrt(2 * np.pi) - 2 * s**2, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("beside_candidates", "largest"), [(1e-4, 0.01), (0.02, 0.04), (0.1, LARGEST_LAW_ERROR)]
+)
+def test_laws_err_in_fits_little_more_than_beside_candidates(beside_candidates, largest):
+    """A gain that is off by 30 % is no error of a servo's law, where with that gain the law hardly errs."""
+    assert largest_law_error(SimpleNamespace(law_error=beside_candidates)) == pytest.approx(largest)

@@ -16,7 +16,7 @@ from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, Noise, fit_process_force
 from slapshot.diagnosis.inference.mismatch_test import gains
 from slapshot.diagnosis.selection.free_forms import is_free
-from slapshot.diagnosis.selection.problem import ScoredFit, is_incredible
+from slapshot.diagnosis.selection.problem import ScoredFit, is_incredible, largest_law_error
 from slapshot.diagnosis.selection.pulses import least_worth
 from slapshot.diagnosis.selection.push_search import (
     gain_elsewhere,
@@ -249,6 +249,7 @@ def _refit_pair(
     if some is not None:
         fitter, noise, trajectory = fitter.select(some), noise.select(some), trajectory[some]
         known = known.select(some)
+    most_law_error = largest_law_error(scored.noise)
     hypothesis = scored.fit.hypothesis.with_effect(pair.first).with_effect(pair.second)
     theta = np.concatenate([scored.fit.theta, pair.first_values, pair.second_values])
     fit = fitter.fit(hypothesis, theta, trajectory, noise, known=known)
@@ -257,7 +258,7 @@ def _refit_pair(
         if not np.isfinite(fit.log_evidence) or has_no_effect(pair.second, fit):
             break
         system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
-        noise = fit_process_force(system, prior, noise, interval, largest)
+        noise = fit_process_force(system, prior, noise, interval, min(largest, most_law_error))
         if has_windows_set_aside(before):
             windows = pushed_windows(fitter, fit, noise)
             noise = replace(noise, set_aside=noise.set_aside if windows is None else windows)

@@ -14,6 +14,7 @@ from slapshot.diagnosis.fit.law_columns import LawColumns, law_columns
 from slapshot.diagnosis.fit.law_error import law_errors
 from slapshot.diagnosis.fit.linear import STEP_ERROR, Perturbation, perturbations_of
 from slapshot.diagnosis.fit.noise import (
+    LARGEST_LAW_ERROR,
     Noise,
     Prior,
     fit_noise,
@@ -61,6 +62,7 @@ POSITION_SPREAD = 0.05  # rad or m, prior sd of an initial state about the traje
 _SPEED_SPREAD = 3  # rms speeds
 CREDIBLE_SD = 5.0  # of a prior, beyond which a value contradicts it
 _DRIFT_WIDTH = 0.1  # length scale of drift, as a share of the session
+_LAW_ERROR_MARGIN, _LEAST_LAW_ERROR = 2.0, 0.01  # of the largest law error in fits: factor on the fitted one
 _NEGLIGIBLE = 1e-9  # rms of shapes of drift where there is but one episode
 
 
@@ -380,7 +382,8 @@ def fit_with_noise(
         noise = _with_set_aside(problem, system, prior, explains, problem.speed(trajectory), before)
         if noise.set_aside is not None or before.set_aside is not None:
             noise, _ = _fit_noise_with_columns(problem, system, prior, explains, noise, near=True)
-    left = fit_process_force(_select_columns(system, ~candidate), prior.select(~candidate), noise, interval)
+    own, of_own = _select_columns(system, ~candidate), prior.select(~candidate)
+    left = fit_process_force(own, of_own, noise, interval, largest_law_error(noise))
     fit = fitter.fit(hypothesis, theta, trajectory, left, rounds=8, known=system, patient=True)
     fit = _with_mean_forces(problem, fit, left)
     return FitWithNoise(fit, noise, left, system, prior, candidate, tuple(perturbations))
@@ -443,6 +446,14 @@ def candidates_for(problem: Problem, hypothesis: Hypothesis) -> tuple[JointEffec
     """Effects of the catalogue that a hypothesis does not have."""
     present = {effect.key for effect in hypothesis.effects}
     return tuple(e for e in problem.catalogue if e.probe_values and e.key not in present)
+
+
+def largest_law_error(noise: Noise) -> float:
+    """How much laws may err in fits under a noise that was fitted with candidates integrated out.
+
+    Not much more than beside these: otherwise errors of laws would stand in for a missing effect.
+    """
+    return min(LARGEST_LAW_ERROR, max(_LAW_ERROR_MARGIN * noise.law_error, _LEAST_LAW_ERROR))
 
 
 def _has_many(effect: JointEffect) -> bool:

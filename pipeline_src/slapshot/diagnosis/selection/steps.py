@@ -24,6 +24,7 @@ from slapshot.diagnosis.selection.problem import (
     fit_and_score,
     fit_with_noise,
     initial_fit,
+    largest_law_error,
 )
 from slapshot.effects.joints.effect import JointEffect
 
@@ -163,7 +164,7 @@ def _refitted_to(step: Step, problem: Problem) -> Step:
     """The step refitted to a problem with other columns of law errors."""
     fit, left, interval = step.scored.fit, step.scored.residual_noise, problem.segments.interval
     system, prior = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    left = fit_process_force(system, prior, left, interval)
+    left = fit_process_force(system, prior, left, interval, largest_law_error(step.scored.noise))
     fit = problem.fitter.fit(fit.hypothesis, fit.theta, fit.trajectory, left, known=system, patient=True)
     return replace(step, problem=problem, scored=replace(step.scored, fit=fit, residual_noise=left))
 
@@ -200,7 +201,8 @@ def refit(step: Step, effect: JointEffect, start: Array, rounds: int = 8) -> Fit
     if not np.isfinite(fit.log_evidence) or has_no_effect(effect, fit):
         return fit
     system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
-    own = fit_process_force(system, prior, scored.residual_noise, step.problem.segments.interval)
+    largest = largest_law_error(scored.noise)
+    own = fit_process_force(system, prior, scored.residual_noise, step.problem.segments.interval, largest)
     again = fitter.fit(hypothesis, fit.theta, fit.trajectory, own, _SECOND_ROUNDS, known=system)
     return again if again.log_evidence > fit.log_evidence else fit
 
