@@ -12,7 +12,7 @@ from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection import search
 from slapshot.diagnosis.selection.problem import Problem, is_incredible
-from slapshot.diagnosis.selection.search import _forward_search, _forward_step, _preselect
+from slapshot.diagnosis.selection.search import _forward_search, _forward_step, _much_is_left, _preselect
 from slapshot.diagnosis.selection.steps import Rival, Search, Step, nominal_step
 from slapshot.effects.joints.coulomb_friction import CoulombFriction
 from slapshot.effects.joints.direction_friction import DirectionFriction
@@ -229,3 +229,12 @@ def test_errors_of_a_law_at_rare_speeds_and_torques_are_no_pushes(seed):
     assert nominal.scored.noise.set_aside is None
     assert nominal.test.push_p_value > 0.05
     assert nominal.scored.noise.law_error == pytest.approx(0.1, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("p_value", "gain", "left"),
+    [(0.005, 9.0, True), (0.005, 1.0, False), (0.05, 1.0, True), (0.2, 9.0, False)],
+)
+def test_hidden_states_are_fitted_where_laws_leave_something_or_it_is_open(p_value, gain, left):
+    scored = SimpleNamespace(gains=[SimpleNamespace(log_evidence=gain)], effects=[None])
+    assert _much_is_left(Step(None, scored, SimpleNamespace(p_value=p_value))) is left

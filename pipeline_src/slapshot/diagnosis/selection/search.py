@@ -52,6 +52,7 @@ MAX_REFITS = 6  # candidates refitted in a step
 _PRESELECTION_NODES, _PRESELECTION_ROUNDS = 2000, 4  # of a preliminary refit
 _SIMPLER_MARGIN = 0.1  # the same of one that may act as a candidate with more parameters does, as a share
 _MAX_STRUCTURES = 2
+_OPEN_P_VALUE = 0.1  # of what laws leave, below which structures are fitted besides
 _STRUCTURE_STEPS = 2  # steps in which structures are fitted: alone, and besides the best law
 
 
@@ -134,9 +135,13 @@ def _forward_search(
 
 
 def _much_is_left(step: Step) -> bool:
-    """Whether a candidate, such as a free form, would still explain something."""
+    """Whether a candidate, such as a free form, would still explain something, or a test leaves it open.
+
+    Laws that stand in for a hidden state may explain so much that what is left is hardly significant.
+    """
     largest = max((gain.log_evidence for gain in step.scored.gains), default=0.0)
-    return step.test.p_value < P_VALUE and largest > least_gain(step.scored)
+    significant, p_value = largest > least_gain(step.scored), step.test.p_value
+    return (significant and p_value < P_VALUE) or P_VALUE <= p_value < _OPEN_P_VALUE
 
 
 def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
