@@ -239,6 +239,27 @@ def test_a_law_that_leaves_a_mismatch_gives_way_to_a_hidden_state(
     cut, by_model = predict_models(found, None, None, 0, lambda text: None)
     assert list(cut.named) == ([law] if law_stays else [other, hidden])
     assert by_model[2].hypothesis.effects == cut.named
+    assert list(cut.dropped) == ([] if law_stays else [law])
+
+
+def test_a_law_stays_where_a_hidden_state_in_its_place_diverges(monkeypatch):
+    rig, _, of, _ = arm_situation(20)
+    (hidden, *_), (law, *_) = (list(kind.instances(of)) for kind in (JointElasticity, ViscousFriction))
+    steps = searched(rig, [law]).steps
+    last = replace(steps[-1], test=SimpleNamespace(p_value=1e-3))
+    structural = searched(rig, [hidden]).steps
+    found = replace(searched(rig, [law]), steps=(*steps[:-1], last), by_structure=structural)
+    predictions(monkeypatch, [0.0, 5.0])
+    plain = held_out.predict
+
+    def predict(problem: Problem, hypothesis: Hypothesis, *rest: object) -> SimpleNamespace:
+        if hidden in hypothesis.effects:
+            raise np.linalg.LinAlgError
+        return plain(problem, hypothesis, *rest)
+
+    monkeypatch.setattr(held_out, "predict", predict)
+    cut, _ = predict_models(found, None, None, 0, lambda text: None)
+    assert list(cut.named) == [law]
 
 
 def test_a_push_stays_where_the_only_law_does_not_hold(monkeypatch):

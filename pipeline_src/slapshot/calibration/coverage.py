@@ -26,7 +26,7 @@ from slapshot.json_types import Row
 
 RIGS = ("pendulum", "arm", "ball")  # the simplest first
 # A pendulum swings in a plane: a sideways tilt changes next to nothing, and its sign is not identifiable.
-_REQUIRED_RIG = {"gravity_tilt": "arm"}
+_REQUIRED_RIG = {"gravity_tilt": "arm", "base_compliance": "arm"}
 _PULSE = (2, 0.4, 0.5)  # episode, and begin and end of the push as shares of its length
 _CHOSEN_FRACTION = 0.25  # which of many forms of an effect is simulated, as a share
 

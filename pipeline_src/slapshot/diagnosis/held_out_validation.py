@@ -63,18 +63,33 @@ def predict_models(
         report("the hidden state does not predict held-out windows better: laws instead")
         found = replace(found, steps=found.by_laws, by_laws=())
         found, last = _confirmed(found, refitted, predicted(found.final), predicted, report)
-    if found.by_structure:
-        other = replace(found, steps=found.by_structure, by_structure=())
-        other, structural = _confirmed(other, refitted, predicted(other.final), predicted, report)
-        stands = bool(found.named) and found.final.test.p_value >= P_VALUE
-        if _hidden(other.named) and not stands and (not found.named or clearly_improves(last, structural)):
-            report("the hidden state that explained as much predicts held-out windows better than laws")
-            found, last = other, structural
+    if found.by_structure and not (found.named and found.final.test.p_value >= P_VALUE):
+        found, last = _structure_or_laws(found, refitted, last, predicted, report)
     if any(isinstance(effect, ExternalPulse) for effect in found.dropped):
         again = with_pushes(found, seed, report)
         if again is not found:
             found, last = again, predicted(again.final)
     return found, (nominal, refitted, last)
+
+
+def _structure_or_laws(
+    found: Search,
+    refitted: Prediction,
+    last: Prediction,
+    predicted: Callable[[Step], Prediction],
+    report: Callable[[str], None],
+) -> tuple[Search, Prediction]:
+    """The hidden state that explained nearly as much, where it predicts better than laws, or none holds."""
+    other = replace(found, steps=found.by_structure, by_structure=())
+    try:
+        other, structural = _confirmed(other, refitted, predicted(other.final), predicted, report)
+    except np.linalg.LinAlgError:
+        return found, last
+    if not _hidden(other.named) or (found.named and not clearly_improves(last, structural)):
+        return found, last
+    report("the hidden state that explained nearly as much predicts held-out windows better")
+    instead = tuple(effect for effect in found.named if effect.key not in {e.key for e in other.named})
+    return replace(other, dropped=(*instead, *other.dropped)), structural
 
 
 def _confirmed(

@@ -397,7 +397,12 @@ def fit_noise(
 
 
 def fit_process_force(
-    system: Linear, prior: Prior, noise: Noise, interval: float, largest_law_error: float = LARGEST_LAW_ERROR
+    system: Linear,
+    prior: Prior,
+    noise: Noise,
+    interval: float,
+    largest_law_error: float = LARGEST_LAW_ERROR,
+    largest_added_error: float = LARGEST_LAW_ERROR,
 ) -> Noise:
     """Fit the process force and law errors that a hypothesis leaves, at fixed noise of the readings.
 
@@ -408,17 +413,21 @@ def fit_process_force(
         prior: of its columns.
         noise: of the readings; where the search begins.
         interval: s between nodes.
-        largest_law_error: of both kinds.
+        largest_law_error: of the nominal model's laws.
+        largest_added_error: of laws that a hypothesis adds.
     """
 
     def of(values: Array, noise: Noise) -> Noise:
         law, added, force = (float(size) for size in np.exp(values[[0, 1, 3]]))
         return replace(noise, law_error=law, added_error=added, force=force)
 
-    least, most = np.log(1e-4), np.log(largest_law_error)
+    least = np.log(1e-4)
     limits = [
-        (least, most) if np.any(prior.kind == kind) else (np.log(size),) * 2
-        for kind, size in ((NOMINAL, noise.law_error), (ADDED, noise.added_error))
+        (least, np.log(most)) if np.any(prior.kind == kind) else (np.log(size),) * 2
+        for kind, size, most in (
+            (NOMINAL, noise.law_error, largest_law_error),
+            (ADDED, noise.added_error, largest_added_error),
+        )
     ]
     limits += [(np.log(noise.drift),) * 2, _FORCES]
     now = np.log([noise.law_error, noise.added_error, noise.drift, noise.force])

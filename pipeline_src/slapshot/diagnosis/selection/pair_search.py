@@ -43,7 +43,9 @@ from slapshot.effects.joints.effect import JointEffect, overrides
 # Pairs refitted in a step; last movement of one that is believed; largest law errors in fits of its noise.
 _MAX_PAIRS, _MAX_MOVED_SD = 4, 3.0
 _PAIR_LAW_ERRORS = (0.003, 0.01, 0.03, 0.1, *(LARGEST_LAW_ERROR,) * 2)
-_PRESELECTION_SEGMENTS = 12  # in which pairs are compared first
+# Segments in which pairs are compared first, and the share of a least gain that the best must reach there:
+# gains differ between segments.
+_PRESELECTION_SEGMENTS, _HOPELESS = 12, 0.5
 _LEAST_TRIED, _BEHIND_NATS = 2, 100.0  # of these, and the distance behind a leader at which a pair is left
 
 
@@ -202,7 +204,7 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
 
 
 def _preselected(before: Step, pairs: Sequence[_Pair], least: float) -> list[_Pair]:
-    """Those that come near a least gain, and near the best, in fits to a subset of segments.
+    """Those near the best in fits to a subset of segments; none where all are far from a least gain.
 
     Where there are few segments, all are left.
     """
@@ -224,7 +226,9 @@ def _preselected(before: Step, pairs: Sequence[_Pair], least: float) -> list[_Pa
             leader = found
         gained.append(most * S / len(some))
     best = max(gained, default=-np.inf)
-    nearest = max(best, least) - max(REFIT_MARGIN_NATS, REFIT_MARGIN * best)
+    if best < _HOPELESS * least:
+        return []
+    nearest = best - max(REFIT_MARGIN_NATS, REFIT_MARGIN * best)
     return [pair for pair, gain in zip(pairs, gained, strict=True) if gain >= nearest]
 
 
@@ -258,7 +262,7 @@ def _refit_pair(
         if not np.isfinite(fit.log_evidence) or has_no_effect(pair.second, fit):
             break
         system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
-        noise = fit_process_force(system, prior, noise, interval, min(largest, most_law_error))
+        noise = fit_process_force(system, prior, noise, interval, min(largest, most_law_error), largest)
         if has_windows_set_aside(before):
             windows = pushed_windows(fitter, fit, noise)
             noise = replace(noise, set_aside=noise.set_aside if windows is None else windows)

@@ -15,7 +15,7 @@ from slapshot.diagnosis.fit.filter import Linear, innovations
 from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.noise import Noise, fit_process_force, posterior_means
 from slapshot.diagnosis.model.segments import Segments
-from slapshot.diagnosis.selection.problem import fit_and_score
+from slapshot.diagnosis.selection.problem import fit_and_score, largest_law_error
 from slapshot.diagnosis.selection.pulses import (
     WINDOW_S,
     pushes,
@@ -274,7 +274,8 @@ def _evidence_without_set_aside(step: Step) -> float:
     if noise.set_aside is None:
         return fit.log_evidence
     system, prior = step.problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    noise = fit_process_force(system, prior, noise.without_set_aside, interval)
+    largest = largest_law_error(step.scored.noise)
+    noise = fit_process_force(system, prior, noise.without_set_aside, interval, largest)
     return step.problem.fitter.fit(
         fit.hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system
     ).log_evidence

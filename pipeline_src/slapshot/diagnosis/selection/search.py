@@ -51,7 +51,6 @@ MAX_EFFECTS = 5
 MAX_REFITS = 6  # candidates refitted in a step
 _PRESELECTION_NODES, _PRESELECTION_ROUNDS = 2000, 4  # of a preliminary refit
 _SIMPLER_MARGIN = 0.1  # the same of one that may act as a candidate with more parameters does, as a share
-_MAX_STRUCTURES = 2
 _OPEN_P_VALUE = 0.1  # of what laws leave, below which structures are fitted besides
 _STRUCTURE_STEPS = 2  # steps in which structures are fitted: alone, and besides the best law
 
@@ -106,12 +105,8 @@ def _forward_search(
             if single is None or single.test.p_value < P_VALUE or has_windows_set_aside(before):
                 before, more = pair_step(before, single, rng, report)
             steps[-1], more = before, more or ([] if single is None else [single])
-            split = sum(effect.hidden_state for effect in before.hypothesis.effects)
-            if (
-                len(steps) <= _STRUCTURE_STEPS
-                and split < _MAX_STRUCTURES
-                and _much_is_left(more[-1] if more else before)
-            ):
+            split = any(effect.hidden_state for effect in before.hypothesis.effects)
+            if len(steps) <= _STRUCTURE_STEPS and not split and _much_is_left(more[-1] if more else before):
                 structure = structural_step(before, more, rng, report)
                 gained = sum(step.gain for step in more) + EQUIVALENCE_NATS
                 if structure is not None and structure.gain >= gained:

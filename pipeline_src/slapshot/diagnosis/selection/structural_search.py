@@ -81,7 +81,8 @@ def structural_step(
     fit = whole.fit
     scored, of = fit_and_score(whole.problem, fit.hypothesis, fit.theta, fit.trajectory, whole.noise)
     gain = evidence - level + sum(step.gain for step in laws)
-    rivals = (Rival(whole.effect, gain, fit), *(rival.rivals if laws else ()))
+    # Laws that it does not explain more than are told apart by held-out data, if at all.
+    rivals = (Rival(whole.effect, gain, fit), *(rival.rivals if laws and evidence >= level else ()))
     return Step(whole.problem, scored, test_of(scored, of, rng), whole.effect, gain, rivals)
 
 
