@@ -96,6 +96,9 @@ def test_where_errors_shrink_in_window_after_window_the_likelihood_has_no_veto(s
     before, after = prediction([1.0] * count, 0.0, place=0.0), prediction(shrunk, -50.0)
     assert improves(before, after) == agree
     assert improves(before, prediction(shrunk, 50.0)) == (min(shrunk) < 1)
+    # As likely as before: it stays, but where errors grow in window after window.
+    assert improves(before, prediction(shrunk, 1.9 / count))
+    assert improves(prediction(shrunk, 1.9 / count), before) != agree
 
 
 @pytest.mark.parametrize("correlation_s", [1e-6, 0.1])

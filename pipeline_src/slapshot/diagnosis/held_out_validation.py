@@ -187,14 +187,24 @@ def held_out_pushes(
 
 
 def distinguishable(old: Predictions, new: Predictions) -> bool:
-    """Whether held-out windows can distinguish two predictions under noise alone.
+    """Whether held-out windows can distinguish two predictions, by readings and by likelihoods.
+
+    A limit that is rarely reached may not have been reached in any window; and what forces of unknown cause
+    blur, likelihoods do not tell apart.
+    """
+    return _differ(old, new) and not _as_likely(old, new)
+
+
+def _as_likely(old: Predictions, new: Predictions) -> bool:
+    return bool(abs(new.log_likelihood.sum() - old.log_likelihood.sum()) < _DISTINGUISHABLE_NATS)
+
+
+def _differ(old: Predictions, new: Predictions) -> bool:
+    """Whether readings with noise alone would distinguish two predictions.
 
     Half the squared difference, in units of the noise and with its correlation in time, is the expected gain
-    of the better one, in nats. A limit that is rarely reached may not have been reached in any window; and
-    what forces of unknown cause blur, likelihoods do not tell apart.
+    of the better one, in nats.
     """
-    if abs(new.log_likelihood.sum() - old.log_likelihood.sum()) < _DISTINGUISHABLE_NATS:
-        return False
     shift = (new.predicted - old.predicted) / np.maximum(old.floor, 1e-12)
     there, gain = np.isfinite(old.error), 0.0
     for w, _, c in np.argwhere(there.any(axis=1, keepdims=True)):
@@ -211,12 +221,17 @@ def clearly_improves(before: Prediction, after: Prediction) -> bool:
 
 
 def improves(before: Prediction, after: Prediction) -> bool:
-    """Whether held-out likelihood and errors improve, or the windows cannot distinguish the two."""
+    """Whether held-out likelihood and errors improve, or the windows cannot distinguish the two.
+
+    Where likelihoods cannot, errors must not grow in window after window.
+    """
     old, new = before.predictions, after.predictions
-    if not distinguishable(old, new):
+    if not _differ(old, new):
         return True
     scale = np.maximum(old.floor.mean(axis=(0, 1)), 1e-12)
     squares = [np.nanmean((found.error / scale) ** 2, axis=(1, 2)) for found in (old, new)]
+    if _as_likely(old, new):
+        return not _windows_agree(squares[1], squares[0])
     if np.nanmean(squares[1]) >= np.nanmean(squares[0]):
         return False
     return bool(new.log_likelihood.sum() > old.log_likelihood.sum() or _windows_agree(*squares))
