@@ -9,7 +9,7 @@ import pytest
 from mujoco import MjSpec
 from scipy.signal import lfilter
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR
+from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, TYPICAL_LAW_ERROR
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
@@ -148,7 +148,7 @@ def test_what_drifts_over_a_session_is_off_in_the_mean_too():
 
 
 @pytest.mark.parametrize(
-    ("beside_candidates", "largest"), [(1e-4, 0.01), (0.02, 0.04), (0.1, LARGEST_LAW_ERROR)]
+    ("beside_candidates", "largest"), [(1e-4, TYPICAL_LAW_ERROR), (0.04, 0.08), (0.1, LARGEST_LAW_ERROR)]
 )
 def test_laws_err_in_fits_little_more_than_beside_candidates(beside_candidates, largest):
     """A gain that is off by 30 % is no error of a servo's law, where with that gain the law hardly errs."""

@@ -15,6 +15,7 @@ from slapshot.diagnosis.fit.law_error import law_errors
 from slapshot.diagnosis.fit.linear import STEP_ERROR, Perturbation, perturbations_of
 from slapshot.diagnosis.fit.noise import (
     LARGEST_LAW_ERROR,
+    TYPICAL_LAW_ERROR,
     Noise,
     Prior,
     fit_noise,
@@ -62,7 +63,7 @@ POSITION_SPREAD = 0.05  # rad or m, prior sd of an initial state about the traje
 _SPEED_SPREAD = 3  # rms speeds
 CREDIBLE_SD = 5.0  # of a prior, beyond which a value contradicts it
 _DRIFT_WIDTH = 0.1  # length scale of drift, as a share of the session
-_LAW_ERROR_MARGIN, _LEAST_LAW_ERROR = 2.0, 0.01  # of the largest law error in fits: factor on the fitted one
+_LAW_ERROR_MARGIN = 2.0  # of the largest law error in fits, as a factor on the fitted one
 _NEGLIGIBLE = 1e-9  # rms of shapes of drift where there is but one episode
 
 
@@ -451,9 +452,9 @@ def candidates_for(problem: Problem, hypothesis: Hypothesis) -> tuple[JointEffec
 def largest_law_error(noise: Noise) -> float:
     """How much laws may err in fits under a noise that was fitted with candidates integrated out.
 
-    Not much more than beside these: otherwise errors of laws would stand in for a missing effect.
+    Not much more than beside these, or than is typical: larger errors would stand in for a missing effect.
     """
-    return min(LARGEST_LAW_ERROR, max(_LAW_ERROR_MARGIN * noise.law_error, _LEAST_LAW_ERROR))
+    return min(LARGEST_LAW_ERROR, max(_LAW_ERROR_MARGIN * noise.law_error, TYPICAL_LAW_ERROR))
 
 
 def _has_many(effect: JointEffect) -> bool:

@@ -95,8 +95,8 @@ class StructuralFit:
         problem: the restructured one.
         start: first values.
         fit: of all effects.
-        noise: white, by which it is fitted.
-        own_noise: the same with its correlation in time.
+        noise: by which it is fitted; white as long as that is by shooting.
+        own_noise: the same with its correlation in time, before it is refitted.
     """
 
     effect: JointEffect
@@ -142,7 +142,7 @@ def _fit_structure(before: Step, effect: JointEffect) -> StructuralFit | None:
 
 
 def _converged(candidate: StructuralFit, some: NDArray[np.intp]) -> StructuralFit:
-    """The same, fitted until it converges.
+    """The same, fitted until it converges, for some rounds more.
 
     From its first values: from where it was, with undeflected initial states, it may end elsewhere.
     """

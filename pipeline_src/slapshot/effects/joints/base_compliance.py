@@ -55,10 +55,11 @@ class BaseCompliance(JointEffect):
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Spring of each axis, and the damper of both."""
-        for axis, compliance in zip("xy", values, strict=False):
+        *compliances, damping = values
+        for axis, compliance in zip("xy", compliances, strict=True):
             joint = model.joint(base_joint(axis))
             model.jnt_stiffness[joint.id] = 1 / compliance
-            model.dof_damping[joint.dofadr[0]] = values[2]
+            model.dof_damping[joint.dofadr[0]] = damping
 
 
 def inertia_about_base(model: mujoco.MjModel) -> float:
