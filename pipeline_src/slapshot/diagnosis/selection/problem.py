@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit.filter import Innovations, Linear, innovations
+from slapshot.diagnosis.fit.filter import Innovations, Linear, innovations, smooth
 from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.law_columns import LawColumns, law_columns
 from slapshot.diagnosis.fit.law_error import law_errors
@@ -64,6 +64,10 @@ _SPEED_SPREAD = 3  # rms speeds
 CREDIBLE_SD = 5.0  # of a prior, beyond which a value contradicts it
 _DRIFT_WIDTH = 0.1  # length scale of drift, as a share of the session
 _LAW_ERROR_MARGIN = 2.0  # of the largest law error in fits, as a factor on the fitted one
+# Rms by which a trajectory may follow the noise of the readings, in its standard deviations, and most rounds.
+_FOLLOWED, _SMOOTHER_ROUNDS = 0.3, 8
+# Refits of the noise after outliers were down-weighted, until logarithms of weights change by less.
+_OUTLIER_ROUNDS, _SAME_WEIGHTS = 4, 3e-3
 _NEGLIGIBLE = 1e-9  # rms of shapes of drift where there is but one episode
 
 
@@ -319,6 +323,122 @@ def initial_fit(problem: Problem, hypothesis: Hypothesis) -> tuple[Problem, Fit,
 
 
 @dataclass(frozen=True)
+class Columns:
+    """A linear system with columns of candidates.
+
+    Attributes:
+        system: linear about a trajectory.
+        prior: of its columns.
+        candidate: which of its columns are perturbations by candidates.
+        perturbations: one for each of these.
+    """
+
+    system: Linear
+    prior: Prior
+    candidate: NDArray[np.bool_]
+    perturbations: tuple[Perturbation, ...]
+
+    def fitted(self, problem: Problem, noise: Noise, near: bool) -> "NoiseFit":
+        """The noise with candidates integrated out, but for those that have many forms."""
+        explains = ~self.candidate
+        many = [p.effect is not None and _has_many(p.effect) for p in self.perturbations]
+        explains[self.candidate] = ~np.array(many, bool)
+        noise, explains = _fit_noise_with_columns(problem, self.system, self.prior, explains, noise, near)
+        return NoiseFit(self, explains, noise)
+
+
+@dataclass(frozen=True)
+class NoiseFit:
+    """Noise of the data with candidates integrated out.
+
+    Attributes:
+        columns: about a trajectory.
+        explains: which of these were integrated out.
+        noise: fitted.
+    """
+
+    columns: Columns
+    explains: NDArray[np.bool_]
+    noise: Noise
+
+
+def _with_candidates(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    theta: Array,
+    trajectory: Array,
+    candidates: Sequence[JointEffect],
+) -> Columns:
+    perturbations = perturbations_of(candidates)
+    system, prior = problem.fitter.system(hypothesis, theta, trajectory, perturbations)
+    fixed = len(hypothesis.parameters) + len(NUISANCE)
+    candidate = np.zeros(len(prior.sd), bool)
+    candidate[fixed : fixed + len(perturbations)] = True
+    return Columns(system, prior, candidate, tuple(perturbations))
+
+
+def noise_without_followed(
+    problem: Problem, hypothesis: Hypothesis, theta: Array, trajectory: Array, noise: Noise
+) -> tuple[Problem, Array, NoiseFit]:
+    """Fit the noise about a trajectory that does not follow the noise of the readings.
+
+    A process force that stands in for a missing effect lets a trajectory follow noise that lasts. Forces of
+    the model along it, and so columns of candidates and of errors of laws, contain that noise then and
+    explain it, so that noise would come out too small. What candidates leave of the process force does not
+    follow it: trajectory and noise are fitted in turn.
+
+    Args:
+        problem: data.
+        hypothesis: a model.
+        theta: its values.
+        trajectory: where to begin.
+        noise: initial noise.
+
+    Returns:
+        The problem with errors of laws along the trajectory, the trajectory, and the noise about it.
+    """
+    for last in (*[False] * _SMOOTHER_ROUNDS, True):
+        candidates = candidates_for(problem, hypothesis)
+        columns = _with_candidates(problem, hypothesis, theta, trajectory, candidates)
+        found = columns.fitted(problem, noise, near=False)
+        delta = _change(problem, found.columns, found.explains, found.noise)
+        if delta is None or last:
+            break
+        trajectory, noise = problem.simulator.tangent.add(trajectory, delta), found.noise
+        problem = problem.along(trajectory)
+    return problem, trajectory, found
+
+
+def smoother_trajectory(
+    problem: Problem, hypothesis: Hypothesis, theta: Array, trajectory: Array, noise: Noise
+) -> Array:
+    """(S, L, nx) a trajectory with the process force that candidates leave, under a known noise.
+
+    See `noise_without_followed`.
+    """
+    candidates = [effect for effect in candidates_for(problem, hypothesis) if not _has_many(effect)]
+    columns = _with_candidates(problem, hypothesis, theta, trajectory, candidates)
+    every = np.ones(len(columns.prior.sd), bool)
+    credible = _credible(every, columns.system, columns.prior, noise, problem.segments)
+    delta = _change(problem, columns, credible, noise)
+    return trajectory if delta is None else problem.simulator.tangent.add(trajectory, delta)
+
+
+def _change(problem: Problem, columns: Columns, explains: NDArray[np.bool_], noise: Noise) -> Array | None:
+    """(S, L, n) of a trajectory to that with the process force that candidates leave; None where it is near.
+
+    Candidates that misread are left out: a trajectory would go far from the readings, as these explain it.
+    """
+    misread = columns.candidate & columns.system.psi.any(axis=(0, 1, 2))
+    used = explains & ~misread
+    system, covariances = _select_columns(columns.system, used), noise.covariances(problem.segments.interval)
+    values = posterior_means(innovations(system, covariances), columns.prior.select(used).at(noise))
+    delta, *_ = smooth(system.moved(values).without_columns(), covariances)
+    change = np.einsum("stcn,stn->stc", system.C, delta) / noise.single
+    return delta if np.sqrt(np.mean(change[np.isfinite(system.r)] ** 2)) > _FOLLOWED else None
+
+
+@dataclass(frozen=True)
 class FitWithNoise:
     """A hypothesis fitted under noise of its own.
 
@@ -326,19 +446,13 @@ class FitWithNoise:
         fit: of the hypothesis.
         noise: of the data, with candidates integrated out.
         residual_noise: noise including the process force that the hypothesis leaves, as used by the fit.
-        system: linear about the trajectory before the last round of the fit, with columns of the candidates.
-        prior: of its columns.
-        candidate: which of its columns are perturbations by candidates.
-        perturbations: one for each of these.
+        columns: about the trajectory before the last round of the fit.
     """
 
     fit: Fit
     noise: Noise
     residual_noise: Noise
-    system: Linear
-    prior: Prior
-    candidate: NDArray[np.bool_]
-    perturbations: tuple[Perturbation, ...]
+    columns: Columns
 
 
 def fit_with_noise(
@@ -351,6 +465,7 @@ def fit_with_noise(
     near: bool = True,
     may_set_aside: bool = False,
     candidates: Sequence[JointEffect] | None = None,
+    known: NoiseFit | None = None,
 ) -> FitWithNoise:
     """Fit a hypothesis and its noise; what candidates could explain is not counted as noise.
 
@@ -363,21 +478,17 @@ def fit_with_noise(
         near: whether the noise was fitted before, so that one initial point suffices.
         may_set_aside: whether a few windows may be set aside.
         candidates: that the system has columns of; None for those that tell the noise.
+        known: the noise about the first trajectory, if it is known.
     """
-    if candidates is None:
-        candidates = [effect for effect in candidates_for(problem, hypothesis) if not _has_many(effect)]
+    if known is None:
+        if candidates is None:
+            candidates = [effect for effect in candidates_for(problem, hypothesis) if not _has_many(effect)]
+        pushed = push_error(_pushes(hypothesis, theta), noise.torque, problem.segments, problem.rig_motion)
+        columns = _with_candidates(problem, hypothesis, theta, trajectory, candidates)
+        known = columns.fitted(problem, replace(noise, push_error=pushed), near)
     fitter, interval = problem.fitter, problem.segments.interval
-    fixed = len(hypothesis.parameters) + len(NUISANCE)
-    perturbations = perturbations_of(candidates)
-    system, prior = fitter.system(hypothesis, theta, trajectory, perturbations)
-    candidate = np.zeros(len(prior.sd), bool)
-    candidate[fixed : fixed + len(perturbations)] = True
-    explains = ~candidate
-    many = [p.effect is not None and _has_many(p.effect) for p in perturbations]
-    explains[candidate] = ~np.array(many, bool)
-    pushed = push_error(_pushes(hypothesis, theta), noise.torque, problem.segments, problem.rig_motion)
-    noise = replace(noise, push_error=pushed)
-    noise, explains = _fit_noise_with_columns(problem, system, prior, explains, noise, near)
+    columns, noise, explains = known.columns, known.noise, known.explains
+    system, prior, candidate = columns.system, columns.prior, columns.candidate
     if may_set_aside:
         before = noise
         noise = _with_set_aside(problem, system, prior, explains, problem.speed(trajectory), before)
@@ -387,7 +498,7 @@ def fit_with_noise(
     left = fit_process_force(own, of_own, noise, interval, largest_law_error(noise))
     fit = fitter.fit(hypothesis, theta, trajectory, left, rounds=8, known=system, patient=True)
     fit = _with_mean_forces(problem, fit, left)
-    return FitWithNoise(fit, noise, left, system, prior, candidate, tuple(perturbations))
+    return FitWithNoise(fit, noise, left, columns)
 
 
 def fit_and_score(
@@ -399,6 +510,7 @@ def fit_and_score(
     *,
     near: bool = True,
     may_set_aside: bool = False,
+    known: NoiseFit | None = None,
 ) -> tuple[ScoredFit, Scores]:
     """Fit a hypothesis and its noise, and score all missing candidates.
 
@@ -412,33 +524,35 @@ def fit_and_score(
         noise: initial noise.
         near: whether the noise was fitted before, so that one initial point suffices.
         may_set_aside: whether a few windows may be set aside.
+        known: the noise about the first trajectory, if it is known.
     """
     effects = candidates_for(problem, hypothesis)
     found = fit_with_noise(
         problem, hypothesis, theta, trajectory, noise,
-        near=near, may_set_aside=may_set_aside, candidates=effects,
+        near=near, may_set_aside=may_set_aside, candidates=effects, known=known,
     )  # fmt: skip
     # About the trajectory before the last fit, which is equally valid: scores eliminate the fitted
     # parameters.
-    system, noise, fixed = found.system, found.noise, ~found.candidate
+    columns, noise = found.columns, found.noise
+    system, fixed = columns.system, ~columns.candidate
     seen = innovations(system, noise.covariances(problem.segments.interval))
-    sd = found.prior.at(noise)
+    sd = columns.prior.at(noise)
     z = seen.Z[..., fixed].reshape(seen.e.size, -1) * sd[fixed]
     values = sd[fixed] * np.linalg.solve(np.eye(z.shape[1]) + z.T @ z, z.T @ seen.e.reshape(-1))
-    known = [pulse for effect, _ in _pushes(hypothesis, theta) for pulse in effect.pulses]
+    named = [pulse for effect, _ in _pushes(hypothesis, theta) for pulse in effect.pulses]
     pulses = scan(
-        _select_columns(system, fixed), values, noise, problem.segments, problem.rig_motion, known,
+        _select_columns(system, fixed), values, noise, problem.segments, problem.rig_motion, named,
         problem.frictional_speeds(hypothesis, trajectory),
     )  # fmt: skip
-    columns = tuple(
-        np.array([i for i, perturbation in enumerate(found.perturbations) if perturbation.effect is effect])
+    of_effect = tuple(
+        np.array([i for i, perturbation in enumerate(columns.perturbations) if perturbation.effect is effect])
         for effect in effects
     )
     of = scores(seen, sd, fixed)
     eliminated = replace(Elimination(of)(of.b), by_segment=None)
     scored = ScoredFit(
-        found.fit, system.without_columns(), noise, found.residual_noise, eliminated, effects, columns,
-        found.perturbations, pulses,
+        found.fit, system.without_columns(), noise, found.residual_noise, eliminated, effects, of_effect,
+        columns.perturbations, pulses,
     )  # fmt: skip
     return scored, of
 
@@ -528,12 +642,19 @@ def _fit_noise_with_columns(
     problem: Problem, system: Linear, prior: Prior, explains: NDArray[np.bool_], noise: Noise, near: bool
 ) -> tuple[Noise, NDArray[np.bool_]]:
     """Noise with some columns integrated out, except those whose values would be incredible; and which."""
+
+    def fit(noise: Noise, near: bool) -> Noise:
+        used, own = _select_columns(system, explains), prior.select(explains)
+        return fit_noise(used, own, noise, problem.segments, problem.quantities, near=near)
+
     for again in (False, True):
         # Anew from the initial values: with incredible columns, noise without any size fits best.
-        fitted = fit_noise(
-            _select_columns(system, explains), prior.select(explains), noise, problem.segments,
-            problem.quantities, near=near,
-        )  # fmt: skip
+        fitted, before = fit(noise, near), noise
+        for _ in range(_OUTLIER_ROUNDS):
+            # Noise was fitted with outliers that had not been down-weighted.
+            if np.mean(np.abs(np.log(fitted.weight / before.weight))) < _SAME_WEIGHTS:
+                break
+            fitted, before = fit(fitted, near=True), fitted
         credible = _credible(explains, system, prior, fitted, problem.segments)
         if again or np.array_equal(credible, explains):
             break

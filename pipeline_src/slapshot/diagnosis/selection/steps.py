@@ -25,6 +25,8 @@ from slapshot.diagnosis.selection.problem import (
     fit_with_noise,
     initial_fit,
     largest_law_error,
+    noise_without_followed,
+    smoother_trajectory,
 )
 from slapshot.effects.joints.effect import JointEffect
 
@@ -140,15 +142,16 @@ def nominal_step(
     """The nominal rig with its free parameters, fitted and tested."""
     base = problem.base(free)
     problem, fit, noise = initial_fit(problem, base)
+    problem, trajectory, known = noise_without_followed(problem, base, fit.theta, fit.trajectory, noise)
     scored, of = fit_and_score(
-        problem, base, fit.theta, fit.trajectory, noise, near=False, may_set_aside=may_set_aside
+        problem, base, fit.theta, trajectory, known.noise, may_set_aside=may_set_aside, known=known
     )
     if scored.noise.law_error <= _LARGE_LAW_ERROR:
         return Step(problem, scored, test_of(scored, of, rng))
-    fine = problem.along(scored.fit.trajectory, fine=True)
+    fine = problem.along(trajectory, fine=True)
     # With few shapes, errors of laws at speeds and loads that are rare look like pushes.
     scored, of = fit_and_score(
-        fine, base, scored.fit.theta, scored.fit.trajectory, scored.noise, may_set_aside=may_set_aside
+        fine, base, scored.fit.theta, trajectory, scored.noise, may_set_aside=may_set_aside
     )
     step = Step(fine, scored, test_of(scored, of, rng))
     if step.test.p_value >= P_VALUE:
@@ -260,5 +263,6 @@ def step_to(
         # The noise was that of a model which explains far less, and so was the trajectory.
         first = fit_with_noise(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise)
         fit, noise, near = first.fit, first.noise, False
-    scored, of = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=near)
+    trajectory = smoother_trajectory(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise)
+    scored, of = fit_and_score(step.problem, fit.hypothesis, fit.theta, trajectory, noise, near=near)
     return Step(step.problem, scored, test_of(scored, of, rng), effect, gain, tuple(rivals))
