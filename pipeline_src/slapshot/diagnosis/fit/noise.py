@@ -627,7 +627,7 @@ def _lacking_variance(system: Linear, covariances: Covariances, size: Array) -> 
     """
     residual, variance = leave_one_out(system.without_columns(), covariances)
     variance = np.where(np.isfinite(system.r), variance * np.maximum(size, 1e-12) ** 2, 1.0)
-    # One standard deviation is left of an outlier: of four, a hundredth of the readings would decide on how much
+    # One standard deviation is left of an outlier: of four, a hundredth of the readings would decide how much
     # of a noise that lasts is white.
     return np.asarray(np.where(residual**2 > CLIP**2 * variance, residual**2 - variance, 0.0))
 
