@@ -385,7 +385,7 @@ def noise_without_followed(
     A process force that stands in for a missing effect lets a trajectory follow noise that lasts. Forces of
     the model along it, and so columns of candidates and of errors of laws, contain that noise then and
     explain it, so that noise would come out too small. What candidates leave of the process force does not
-    follow it: trajectory and noise are fitted in turn.
+    follow it: trajectory and noise are fitted in turn. Noise that does not last averages out along a trajectory.
 
     Args:
         problem: data.
@@ -397,12 +397,14 @@ def noise_without_followed(
     Returns:
         The problem with errors of laws along the trajectory, the trajectory, and the noise about it.
     """
+    lasts = False
     for last in (*[False] * _SMOOTHER_ROUNDS, True):
         candidates = candidates_for(problem, hypothesis)
         columns = _with_candidates(problem, hypothesis, theta, trajectory, candidates)
         found = columns.fitted(problem, noise, near=False)
-        delta = _change(problem, found.columns, found.explains, found.noise)
-        if delta is None or last:
+        lasts = lasts or bool(found.noise.coloured.any())
+        delta = _change(problem, columns, found.explains, found.noise) if lasts and not last else None
+        if delta is None:
             break
         trajectory, noise = problem.simulator.tangent.add(trajectory, delta), found.noise
         problem = problem.along(trajectory)
@@ -414,8 +416,10 @@ def smoother_trajectory(
 ) -> Array:
     """(S, L, nx) a trajectory with the process force that candidates leave, under a known noise.
 
-    See `noise_without_followed`.
+    See `noise_without_followed`; where noise does not last, it is the same trajectory.
     """
+    if not noise.coloured.any():
+        return trajectory
     candidates = [effect for effect in candidates_for(problem, hypothesis) if not _has_many(effect)]
     columns = _with_candidates(problem, hypothesis, theta, trajectory, candidates)
     every = np.ones(len(columns.prior.sd), bool)
