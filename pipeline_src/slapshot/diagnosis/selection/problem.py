@@ -385,7 +385,7 @@ def noise_without_followed(
     A process force that stands in for a missing effect lets a trajectory follow noise that lasts. Forces of
     the model along it, and so columns of candidates and of errors of laws, contain that noise then and
     explain it, so that noise would come out too small. What candidates leave of the process force does not
-    follow it: trajectory and noise are fitted in turn. Noise that does not last averages out along a trajectory.
+    follow it: trajectory and noise are fitted in turn. Noise that does not last averages out anyway.
 
     Args:
         problem: data.
