@@ -167,17 +167,18 @@ def test_a_pair_on_which_segments_disagree_is_not_added(two_frictions, monkeypat
     assert said[-1].startswith("not added")
 
 
-def test_windows_set_aside_beside_friction_are_those_of_the_push():
-    """A trajectory that followed readings let a friction that sets in stand out beside the push."""
+def test_laws_tell_which_windows_are_pushed():
+    """Without laws a friction that sets in stands out beside the push, and spoils both estimates."""
     begin, end = 4.4, 4.8
     step = nominal(COULOMB, 5, step=0.002, push=(begin, end, -1.2 * COULOMB))
     before, (_, both) = pair_step(step, None, np.random.default_rng(2), lambda text: None)
+    windows = [of.scored.noise.set_aside for of in (step, before)]
+    assert windows[0] is not None
+    assert windows[1] is not None
     time = step.problem.segments.time
-    for of in (step, before):
-        windows = of.scored.noise.set_aside
-        assert windows is not None
-        assert time[windows > 0].min() == pytest.approx(begin, abs=WINDOW_S)
-        assert time[windows > 0].max() == pytest.approx(end, abs=WINDOW_S)
+    assert time[windows[0] > 0].min() < begin - 1
+    assert time[windows[1] > 0].min() == pytest.approx(begin, abs=WINDOW_S)
+    assert time[windows[1] > 0].max() == pytest.approx(end, abs=WINDOW_S)
     assert {effect.name for effect in both.hypothesis.effects} == {"viscous_friction", "coulomb_friction"}
     assert both.scored.fit.theta == pytest.approx([VISCOUS, COULOMB], rel=0.01)
 
