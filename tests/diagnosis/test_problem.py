@@ -9,7 +9,7 @@ import pytest
 from mujoco import MjSpec
 from scipy.signal import lfilter
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, TYPICAL_LAW_ERROR
+from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, TYPICAL_LAW_ERROR, Noise
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
@@ -37,6 +37,8 @@ SERVO = """
   <actuator><position name="servo" joint="shoulder" kp="800" kv="14"/></actuator>
 </mujoco>
 """
+SOFT_SERVO = SERVO.replace('kp="800" kv="14"', 'kp="100" kv="5"')
+WEAK_SERVO = SERVO.replace('kp="800" kv="14"', 'kp="70" kv="3.5"')
 
 
 def servo_recording(
@@ -81,10 +83,9 @@ def test_coloured_noise_is_not_taken_for_errors_of_a_stiff_servo():
 
 
 def test_a_servo_of_which_a_third_is_missing_is_not_one_that_follows_its_law_badly():
-    """Read with noise that lasts 0.1 s. Errors of its law of 15 % explain as much as its gain does."""
-    soft = SERVO.replace('kp="800" kv="14"', 'kp="100" kv="5"')
-    made = servo_recording(soft.replace('kp="100" kv="5"', 'kp="70" kv="3.5"'), 1e-3, 0.1)
-    found = diagnose(made, bind(mujoco.MjSpec.from_string(soft), made.channels), seed=1).verdict
+    """Read with noise that lasts 0.1 s, which the first trajectory follows."""
+    made = servo_recording(WEAK_SERVO, 1e-3, 0.1)
+    found = diagnose(made, bind(MjSpec.from_string(SOFT_SERVO), made.channels), seed=1).verdict
     (gain,) = found.effects
     assert gain.name == "actuator_gain"
     (excess,) = gain.parameters
@@ -96,13 +97,7 @@ def test_a_servo_of_which_a_third_is_missing_is_not_one_that_follows_its_law_bad
 def test_a_trajectory_that_follows_noise_does_not_make_it_small():
     """A process force that stands in for a servo's gain lets the first trajectory follow noise of 0.1 s."""
     sd, correlation = 1e-3, 0.1
-    soft = SERVO.replace('kp="800" kv="14"', 'kp="100" kv="5"')
-    made = servo_recording(soft.replace('kp="100" kv="5"', 'kp="70" kv="3.5"'), sd, correlation)
-    rig = bind(MjSpec.from_string(soft), made.channels)
-    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
-    problem, fit, first = initial_fit(problem, Hypothesis(rig))
-    _, _, known = noise_without_followed(problem, fit.hypothesis, fit.theta, fit.trajectory, first)
-    found = known.noise
+    found = noise_of_soft_servo(servo_recording(WEAK_SERVO, sd, correlation))
     # Of a hundred such recordings of the model itself, fits vary by 7.5 % and 15 %; three of these.
     assert float(found.single[0]) == pytest.approx(sd, rel=0.22)
     assert float(found.correlation_s[0]) == pytest.approx(correlation, rel=0.45)
@@ -112,16 +107,18 @@ def test_a_trajectory_that_follows_noise_does_not_make_it_small():
 def test_outliers_do_not_make_lasting_noise_white():
     """One reading in a hundred has five times the noise."""
     sd, correlation = 1e-3, 0.1
-    soft = SERVO.replace('kp="800" kv="14"', 'kp="100" kv="5"')
-    made = servo_recording(soft, sd, correlation, outliers=0.01)
-    rig = bind(MjSpec.from_string(soft), made.channels)
-    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
-    problem, fit, first = initial_fit(problem, Hypothesis(rig))
-    _, _, known = noise_without_followed(problem, fit.hypothesis, fit.theta, fit.trajectory, first)
-    found = known.noise
+    found = noise_of_soft_servo(servo_recording(SOFT_SERVO, sd, correlation, outliers=0.01))
     assert float(found.coloured[0]) == pytest.approx(sd, rel=0.22)
     assert float(found.correlation_s[0]) == pytest.approx(correlation, rel=0.45)
     assert float(found.white[0]) < 0.1 * sd
+
+
+def noise_of_soft_servo(made: SignalRecording) -> Noise:
+    rig = bind(MjSpec.from_string(SOFT_SERVO), made.channels)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    problem, fit, first = initial_fit(problem, Hypothesis(rig))
+    _, _, known = noise_without_followed(problem, fit.hypothesis, fit.theta, fit.trajectory, first)
+    return known.noise
 
 
 def test_what_nobody_observed_may_begin_with_any_velocity():
