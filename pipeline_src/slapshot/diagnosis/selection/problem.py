@@ -411,23 +411,6 @@ def noise_without_followed(
     return problem, trajectory, found
 
 
-def smoother_trajectory(
-    problem: Problem, hypothesis: Hypothesis, theta: Array, trajectory: Array, noise: Noise
-) -> Array:
-    """(S, L, nx) a trajectory with the process force that candidates leave, under a known noise.
-
-    See `noise_without_followed`; where noise does not last, it is the same trajectory.
-    """
-    if not noise.coloured.any():
-        return trajectory
-    candidates = [effect for effect in candidates_for(problem, hypothesis) if not _has_many(effect)]
-    columns = _with_candidates(problem, hypothesis, theta, trajectory, candidates)
-    every = np.ones(len(columns.prior.sd), bool)
-    credible = _credible(every, columns.system, columns.prior, noise, problem.segments)
-    delta = _change(problem, columns, credible, noise)
-    return trajectory if delta is None else problem.simulator.tangent.add(trajectory, delta)
-
-
 def _change(problem: Problem, columns: Columns, explains: NDArray[np.bool_], noise: Noise) -> Array | None:
     """(S, L, n) of a trajectory to that with the process force that candidates leave; None where it is near.
 

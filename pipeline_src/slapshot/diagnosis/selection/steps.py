@@ -26,7 +26,6 @@ from slapshot.diagnosis.selection.problem import (
     initial_fit,
     largest_law_error,
     noise_without_followed,
-    smoother_trajectory,
 )
 from slapshot.effects.joints.effect import JointEffect
 
@@ -263,6 +262,5 @@ def step_to(
         # The noise was that of a model which explains far less, and so was the trajectory.
         first = fit_with_noise(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise)
         fit, noise, near = first.fit, first.noise, False
-    trajectory = smoother_trajectory(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise)
-    scored, of = fit_and_score(step.problem, fit.hypothesis, fit.theta, trajectory, noise, near=near)
+    scored, of = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=near)
     return Step(step.problem, scored, test_of(scored, of, rng), effect, gain, tuple(rivals))
