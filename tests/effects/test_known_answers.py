@@ -100,11 +100,13 @@ def test_a_stiffer_servo_lags_less(scene):
 
 @answers("joint_elasticity")
 def test_links_twist_by_torque_and_motors_do_not_feel_it(scene):
-    compliance = 1e-4
-    model = edited(scene, effect("joint_elasticity"), {"compliance": compliance})
-    for joint, weakness in (("q1", 1.0), ("q5", 176 / 38)):
+    elastic = effect("joint_elasticity")
+    model = edited(scene, elastic, {**elastic.neutral(), "twist_2": 0.02, "twist_6": 0.01})
+    twisting = {model.joint(i).name for i in range(model.njnt) if model.joint(i).name.endswith("_twist")}
+    assert twisting == {"q1_twist", "q5_twist"}
+    for joint, at_limit, limit in (("q1", 0.02, 176), ("q5", 0.01, 38)):
         data = settled(model, f"{joint}_twist", 10.0)
-        assert data.joint(f"{joint}_twist").qpos[0] == pytest.approx(10 * compliance * weakness, rel=1e-3)
+        assert data.joint(f"{joint}_twist").qpos[0] == pytest.approx(10 * at_limit / limit, rel=1e-3)
         assert abs(data.joint(joint).qpos[0]) < 1e-5
 
 
@@ -288,16 +290,19 @@ def test_curl_turns_the_path(monkeypatch, spin, log_spin, rate):
     assert heading == pytest.approx(rate * middle, abs=2e-3)
 
 
+MIDDLE = len(BOARD) // 2
+
+
 def middle_bump(x: np.ndarray) -> np.ndarray:
-    """Bump 24, in the middle of the board, along y = 0."""
-    return np.exp(-((x - BOARD.axes[0][3]) ** 2) / (2 * BOARD.width**2))
+    """The bump in the middle of the board, along y = 0."""
+    return np.exp(-((x - BOARD.axes[0][BOARD.counts[0] // 2]) ** 2) / (2 * BOARD.width**2))
 
 
 @answers("uneven_board")
 def test_a_hill_takes_the_energy_that_its_height_costs():
     height, v = 0.03, 1.6
-    x = BOARD.axes[0][3] - 0.5
-    d = straight("uneven_board", v, x=x, height_24=height)
+    x = BOARD.axes[0][BOARD.counts[0] // 2] - 0.5
+    d = straight("uneven_board", v, x=x, **{f"height_{MIDDLE}": height})
     begin, end = height * middle_bump(np.array([x, x + d]))
     assert GRAVITY * (MU * d + end - begin) == pytest.approx(v**2 / 2, rel=1e-3)
     assert abs(end - begin) > 0.005
@@ -306,8 +311,8 @@ def test_a_hill_takes_the_energy_that_its_height_costs():
 @answers("place_friction")
 def test_a_rough_place_takes_energy_along_the_path():
     amount, v = 0.8, 1.6
-    x = BOARD.axes[0][3] - 0.3
-    d = straight("place_friction", v, x=x, log_friction_24=amount)
+    x = BOARD.axes[0][BOARD.counts[0] // 2] - 0.3
+    d = straight("place_friction", v, x=x, **{f"log_friction_{MIDDLE}": amount})
     along = np.linspace(x, x + d, 4001)
     factor = np.exp(amount * middle_bump(along))
     assert MU * GRAVITY * np.trapezoid(factor, along) == pytest.approx(v**2 / 2, rel=1e-3)

@@ -5,7 +5,7 @@ five places, its phase. It overrides the methods of the places it changes and in
 change nothing. All arrays of the slide hold one entry a hit, so that thousands are simulated at once.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -18,6 +18,7 @@ from slapshot.scenes.scene import SceneInfo
 Phase = Literal["swing", "contact", "slide", "across hits", "camera"]
 # What the mark of an effect follows: the residual changes with it.
 Follows = Literal["place", "speed", "heading", "spin", "time", "order", "command"]
+ARM_JOINTS = 7  # of the largest arm: an effect with a parameter for each joint has so many
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,17 @@ class Effect:
         """(n,) logarithm of the factor on the moment of inertia about the centre of mass; None for 0."""
         return None
 
+    def push_shapes(self, parameters: Sequence[str], state: SlideState) -> tuple[Array, Array] | None:
+        """(p, n), (p, n) m/s^2 by a unit of each parameter, of a push that is linear in all of them.
+
+        None, which leaves derivatives to differences.
+        """
+        return None
+
+    def log_friction_shapes(self, parameters: Sequence[str], state: SlideState) -> Array | None:
+        """(p, n) the same of the logarithm of the factor on friction."""
+        return None
+
     # --- Camera
 
     def see(self, values: Mapping[str, Array], places: Array, camera: Array) -> Array:
@@ -146,6 +158,9 @@ class Effect:
         """Whether a parameter can matter to an object that was at `places` (n, 2) in m."""
         return True
 
+    def _has(self, *hooks: str) -> bool:
+        return any(getattr(type(self), hook) is not getattr(Effect, hook) for hook in hooks)
+
     def neutral(self) -> dict[str, float]:
         """Values at which the effect is absent."""
         return {parameter.name: parameter.neutral for parameter in self.parameters}
@@ -158,10 +173,17 @@ class Effect:
     @property
     def acts_on_slide(self) -> bool:
         """Whether it changes how the object slides."""
-        return any(
-            getattr(type(self), hook) is not getattr(Effect, hook)
-            for hook in ("accelerate", "log_friction", "cross_anisotropy", "centre_offset", "log_inertia")
-        )
+        return self._has("accelerate", "log_friction", "cross_anisotropy", "centre_offset", "log_inertia")
+
+    @property
+    def moves_mass(self) -> bool:
+        """Whether it changes where an object's mass lies."""
+        return self._has("centre_offset", "log_inertia")
+
+    @property
+    def turns_friction(self) -> bool:
+        """Whether it changes the directions in which friction is large."""
+        return self._has("cross_anisotropy")
 
     @property
     def acts_on_camera(self) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import mujoco
 
-from slapshot.effects.effect import Effect, Parameter
+from slapshot.effects.effect import ARM_JOINTS, Effect, Parameter
 from slapshot.scenes.scene import SceneInfo
 
 # s, damping over stiffness: what loads slowly is hardly damped (3 % of critical at 10 Hz), and a spring of
@@ -16,26 +16,24 @@ class JointElasticity(Effect):
     name = "joint_elasticity"
     phase = "swing"
     follows = "command"
-    parameters = (
-        Parameter("compliance", "rad/(N m)", 0.0, 1e-3, 2e-5, "twist over torque of the strongest joint"),
+    parameters = tuple(
+        Parameter(f"twist_{j + 1}", "rad", 0.0, 0.2, 0.004, f"twist of joint {j + 1} at its torque limit")
+        for j in range(ARM_JOINTS)
     )
     physics = (
-        "A damped spring between motor (servo, encoder, rotor) and link of every joint; all twist alike at\n"
-        "their torque limits. Links swing against their encoders and yield to the impact."
+        "A damped spring between motor (servo, encoder, rotor) and link of each joint. Links swing against\n"
+        "their encoders and yield to the impact."
     )
     source = "Spong 1987, Modeling and control of elastic joint robots (J. Dyn. Sys., Meas., Control 109)"
-    known_to = 0.3  # joints of one arm differ, and have one value here
 
     def edit(self, values: Mapping[str, float], spec: mujoco.MjSpec, info: SceneInfo) -> None:
         """Add joints `<joint>_twist`; motor angles stay the scene's joints, links turn by both."""
-        compliance = values["compliance"]
-        if compliance == 0:
-            return
-        for name, limit in zip(info.joints, info.torque_limits, strict=True):
-            stiffness = limit / max(info.torque_limits) / compliance
-            twist = add_behind_motor(spec, name, f"{name}_twist")
-            twist.stiffness = (stiffness, 0, 0)
-            twist.damping = (RETARDATION * stiffness, 0, 0)
+        for parameter, name, limit in zip(self.parameters, info.joints, info.torque_limits, strict=False):
+            if values[parameter.name] > 0:
+                stiffness = limit / values[parameter.name]
+                twist = add_behind_motor(spec, name, f"{name}_twist")
+                twist.stiffness = (stiffness, 0, 0)
+                twist.damping = (RETARDATION * stiffness, 0, 0)
 
 
 def add_behind_motor(spec: mujoco.MjSpec, name: str, new: str) -> mujoco.MjsJoint:

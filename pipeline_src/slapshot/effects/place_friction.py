@@ -1,6 +1,6 @@
 """Place friction: the board is slippery here and rough there."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,11 +21,15 @@ class PlaceFriction(Effect):
         "It slows along the motion and never pushes; logarithms are those of Gaussian bumps on a grid."
     )
     source = "Yu, Bauza, Fazeli and Rodriguez 2016, More than a million ways to be pushed (IROS)"
-    known_to = 0.3  # a grid of bumps
+    known_to = 0.05  # a grid of bumps
 
     def log_friction(self, values: Mapping[str, Array], state: SlideState) -> Array:
         """Of all bumps together."""
         return BOARD.total(np.array([values[name] for name in _NAMES]), state.x, state.y)
+
+    def log_friction_shapes(self, parameters: Sequence[str], state: SlideState) -> Array:
+        """Of some bumps."""
+        return BOARD.shapes([_NAMES.index(name) for name in parameters], state.x, state.y)
 
     def reaches(self, parameter: str, places: Array) -> bool:
         """Bumps reach as far as they are wide."""

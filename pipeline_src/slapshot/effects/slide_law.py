@@ -38,7 +38,7 @@ class ActiveEffect:
     Attributes:
         effect: with at least one hook of the slide.
         rows: (k,) hits on which it acts.
-        values: parameter -> (k,) values.
+        values: parameter -> (k,) values, or (), one for all of them.
     """
 
     effect: Effect
@@ -48,7 +48,7 @@ class ActiveEffect:
     def of(self, keep: NDArray[np.bool_], place: NDArray[np.int64]) -> "ActiveEffect":
         """On those hits alone that are kept; `place` is where a hit stands afterwards."""
         mine = keep[self.rows]
-        values = {name: value[mine] for name, value in self.values.items()}
+        values = {n: v[mine] if v.ndim else v for n, v in self.values.items()}
         return ActiveEffect(self.effect, place[self.rows[mine]], values)
 
 
@@ -124,7 +124,7 @@ def slide(
         if not mine.any():
             continue
         place = np.cumsum(mine) - 1
-        law = _Law.of(int(mine.sum()), friction[mine], radius, [act.of(mine, place) for act in acting])
+        law = SlideLaw.of(int(mine.sum()), friction[mine], radius, [act.of(mine, place) for act in acting])
         state = launches[mine].astype(float).T.copy()
         law.to_mass(state)
         poses[mine], rests[mine], durations[mine] = slid(law, state, order[mine], rows, step, longest)
@@ -132,7 +132,7 @@ def slide(
 
 
 def _slide_freely(
-    law: "_Law", state: Array, order: Array, rows: int, step: float, longest: float
+    law: "SlideLaw", state: Array, order: Array, rows: int, step: float, longest: float
 ) -> tuple[Array, Array, Array]:
     """`_slide` where no effect acts: hit by hit, compiled, which takes a fraction of the time."""
     count = state.shape[1]
@@ -143,7 +143,7 @@ def _slide_freely(
 
 
 def _slide(
-    law: "_Law", state: Array, order: Array, rows: int, step: float, longest: float
+    law: "SlideLaw", state: Array, order: Array, rows: int, step: float, longest: float
 ) -> tuple[Array, Array, Array]:
     """Poses (n, rows, 3), rests (n, 2) in m and durations (n,) in s, of states (6, n) of the mass."""
     count = state.shape[1]
@@ -157,14 +157,14 @@ def _slide(
             poses[alive, row] = law.shape_poses(state)
             filled[alive] = row + 1
         a = law.acceleration(state, k * step, order)
-        near = law.share() * _time_left(state, a, law.inertia) <= step
+        near = law.share() * time_left(state, a, law.inertia) <= step
         if near.any():
             times[alive[near]], states[:, alive[near]] = k * step, state[:, near]
             alive, state, a, order = alive[~near], state[:, ~near], a[:, ~near], order[~near]
             law = law.rows(~near)
         if not len(alive):
             break
-        state = _advanced(law, state, a, step, (k + 1) * step, order)
+        state = advanced(law, state, a, step, (k + 1) * step, order)
     times[alive], states[:, alive] = longest, state
     ends, durations = _come_to_rest(whole, states, times, began, step, longest, poses, filled)
     late = np.arange(rows) >= filled[:, None]
@@ -172,7 +172,7 @@ def _slide(
 
 
 def _come_to_rest(
-    law: "_Law",
+    law: "SlideLaw",
     state: Array,
     time: Array,
     order: Array,
@@ -197,7 +197,7 @@ def _come_to_rest(
     alive, rows = np.arange(len(time)), poses.shape[1]
     while len(alive):
         a = law.acceleration(state, time, order)
-        left = _time_left(state, a, law.inertia)
+        left = time_left(state, a, law.inertia)
         done = (left <= ENDS * step) | (time >= longest)
         if done.any():
             left = np.where(np.isfinite(left) & (time < longest), left, 0.0)
@@ -219,13 +219,13 @@ def _come_to_rest(
             poses[alive[passed], filled[alive[passed]]] = law.rows(passed).shape_poses(there)
             filled[alive[passed]] += 1
         if len(alive):
-            state = _advanced(law, state, a, dt, time + dt, order)
+            state = advanced(law, state, a, dt, time + dt, order)
             time = time + dt
     return ends, durations
 
 
-def _advanced(
-    law: "_Law", state: Array, a: Array, step: Array | float, time: Array | float, order: Array
+def advanced(
+    law: "SlideLaw", state: Array, a: Array, step: Array | float, time: Array | float, order: Array
 ) -> Array:
     """States (6, n) after a step of Heun's method; `time` is that of its end."""
     ahead = state.copy()
@@ -251,7 +251,7 @@ def accelerations(
         times: (n,) s since the launch.
         order: (n,) place in the recording, -1/2 to 1/2.
     """
-    law = _Law.of(len(states), friction, radius, acting)
+    law = SlideLaw.of(len(states), friction, radius, acting)
     state = states.astype(float).T.copy()
     law.to_mass(state)
     return law.acceleration(state, times, order)[:2].T
@@ -262,7 +262,7 @@ def _moved(state: Array, left: Array) -> Array:
     return np.concatenate([state[:3] + state[3:] * left / 2, state[3:]])
 
 
-def _time_left(state: Array, a: Array, inertia: Array) -> Array:
+def time_left(state: Array, a: Array, inertia: Array) -> Array:
     """(n,) s until the kinetic energy is spent at the present rate; infinite while it grows."""
     energy = state[3] ** 2 + state[4] ** 2 + inertia * state[5] ** 2
     rate = state[3] * a[0] + state[4] * a[1] + inertia * state[5] * a[2]
@@ -272,7 +272,7 @@ def _time_left(state: Array, a: Array, inertia: Array) -> Array:
 
 
 @dataclass
-class _Law:
+class SlideLaw:
     """Friction and effects of n hits.
 
     Attributes:
@@ -292,7 +292,8 @@ class _Law:
     acting: Sequence[ActiveEffect]
 
     @classmethod
-    def of(cls, count: int, friction: Array, radius: float, acting: Sequence[ActiveEffect]) -> "_Law":
+    def of(cls, count: int, friction: Array, radius: float, acting: Sequence[ActiveEffect]) -> "SlideLaw":
+        """Of some hits with friction (n, 3), mu_x, mu_y and torsional in m."""
         cross = np.zeros(count)
         centre = np.zeros((2, count))
         log_inertia = np.full(count, np.log(radius**2 / 2))
@@ -314,9 +315,10 @@ class _Law:
             square, friction[:, 2] ** 2, radius, np.exp(log_inertia), centre if moved else None, acting
         )
 
-    def rows(self, keep: NDArray[np.bool_]) -> "_Law":
+    def rows(self, keep: NDArray[np.bool_]) -> "SlideLaw":
+        """Of those hits alone that are kept."""
         place = np.cumsum(keep) - 1
-        return _Law(
+        return SlideLaw(
             self.square[:, keep],
             self.torsional[keep],
             self.radius,
@@ -340,6 +342,13 @@ class _Law:
             ]
         )
 
+    def lever(self, yaw: Array) -> Array:
+        """(2, n) m by which the centre of mass moves with a unit of yaw, about the shape's centre."""
+        if self.centre is None:
+            return np.zeros((2, len(yaw)))
+        x, y = self._offset(yaw)
+        return np.stack([-y, x])
+
     def to_mass(self, state: Array) -> None:
         """From the shape's centre to the centre of mass, in place."""
         if self.centre is None:
@@ -357,10 +366,15 @@ class _Law:
 
     def acceleration(self, state: Array, time: Array | float, order: Array) -> Array:
         """(3, n): m/s^2 along x and y, rad/s^2; `time` in s is (n,) or the same for all."""
+        rubbed, pushed = self.parts(state, time, order)
+        rubbed[:2] += pushed
+        return rubbed
+
+    def parts(self, state: Array, time: Array | float, order: Array) -> tuple[Array, Array]:
+        """Of friction (3, n), and of pushes beside it (2, n) in m/s^2; as `acceleration`."""
         x, y, yaw, vx, vy, spin = state
-        ax, ay, twist = self._dry(yaw, vx, vy, spin)
+        rubbed, pushed = self._dry(yaw, vx, vy, spin), np.zeros((2, len(x)))
         log_factor: Array | None = None
-        pushes: list[tuple[NDArray[np.int64], Array, Array]] = []
         for act in self.acting:
             rows = act.rows
             if not len(rows):
@@ -373,22 +387,19 @@ class _Law:
                 np.add.at(log_factor, rows, factor)
             push = act.effect.accelerate(act.values, part)
             if push is not None:
-                pushes.append((rows, push[0], push[1]))
+                for axis in range(2):
+                    np.add.at(pushed[axis], rows, push[axis])
         if log_factor is not None:
-            factor = np.exp(log_factor)
-            ax, ay, twist = ax * factor, ay * factor, twist * factor
-        for rows, px, py in pushes:
-            np.add.at(ax, rows, px)
-            np.add.at(ay, rows, py)
-        return np.stack([ax, ay, twist])
+            rubbed *= np.exp(log_factor)
+        return rubbed, pushed
 
-    def _dry(self, yaw: Array, vx: Array, vy: Array, spin: Array) -> tuple[Array, Array, Array]:
-        """Dry friction with the nominal coefficients."""
+    def _dry(self, yaw: Array, vx: Array, vy: Array, spin: Array) -> Array:
+        """(3, n) of dry friction with the nominal coefficients."""
         offset = np.zeros((2, 1)) if self.centre is None else self._offset(yaw)
         found = np.empty((3, len(vx)))
         law = self.square, self.torsional, self.radius, self.inertia
         _dry_friction(yaw, vx, vy, spin, *law, offset, found)
-        return found[0], found[1], found[2]
+        return found
 
 
 @njit(cache=True, nogil=True)

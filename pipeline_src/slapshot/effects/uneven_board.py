@@ -1,6 +1,6 @@
 """Uneven board: hills and hollows."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,12 +21,17 @@ class UnevenBoard(Effect):
         "has no curl. Heights are those of Gaussian bumps on a grid, up to a constant."
     )
     source = "Goldstein, Classical Mechanics, section 1.4 (motion on a surface, small slopes)"
-    known_to = 0.3  # a grid of bumps
+    known_to = 0.05  # a grid of bumps
 
     def accelerate(self, values: Mapping[str, Array], state: SlideState) -> tuple[Array, Array]:
         """Down the slope of all bumps together."""
         heights = np.array([values[name] for name in _NAMES])
         along_x, along_y = BOARD.slope(heights, state.x, state.y)
+        return -GRAVITY * along_x, -GRAVITY * along_y
+
+    def push_shapes(self, parameters: Sequence[str], state: SlideState) -> tuple[Array, Array]:
+        """Down the slopes of some bumps."""
+        along_x, along_y = BOARD.slopes([_NAMES.index(name) for name in parameters], state.x, state.y)
         return -GRAVITY * along_x, -GRAVITY * along_y
 
     def reaches(self, parameter: str, places: Array) -> bool:

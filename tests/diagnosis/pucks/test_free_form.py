@@ -4,14 +4,19 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.diagnosis.pucks.launch.contact_features import approach_of
+from slapshot.diagnosis.pucks.launch.on_the_way import OnTheWay
 from slapshot.diagnosis.pucks.selection.free_form import (
-    ARM_JOINTS,
     FREE_FORMS,
     FreeArm,
     FreeContact,
     FreeLaunchForm,
+    FreePlaceForce,
     NominalLaunches,
 )
+from slapshot.effects.effect import ARM_JOINTS
+from slapshot.effects.place_friction import PlaceFriction
+from slapshot.effects.tilt import Tilt
+from slapshot.effects.uneven_board import UnevenBoard
 
 
 @pytest.fixture
@@ -87,3 +92,20 @@ def test_the_approach_is_that_of_the_face_as_it_moves(rng, scene):
     assert offset == pytest.approx(0.02, abs=1e-9)
     assert other == pytest.approx(0.03, abs=1e-9)
     assert angle == pytest.approx(np.arctan2(along @ velocity, normal @ velocity), abs=1e-6)
+
+
+def test_what_slides_linearly_moves_launches_on_the_way_by_its_shapes(rng):
+    launches = np.column_stack(
+        [rng.uniform(0.8, 1.2, (6, 2)), rng.uniform(0.5, 1.5, (6, 2)), rng.normal(size=6)]
+    )
+    friction = np.tile([0.4, 0.4, 0.008], (6, 1))
+    way = OnTheWay(launches, rng.uniform(0.02, 0.05, 6), np.zeros(6), friction)
+    for effect in (UnevenBoard(), PlaceFriction(), FreePlaceForce()):
+        names = [p.name for p in effect.parameters if effect.reaches(p.name, launches[:, :2])]
+        step = 1e-4 * effect.parameters[0].scale
+        neutral = effect.neutral()
+        expected = [way.shift([(effect, {**neutral, n: step})], friction) / step for n in names]
+        np.testing.assert_allclose(
+            way.by_shapes(effect, names), np.stack(expected, axis=-1), rtol=1e-3, atol=1e-9
+        )
+    assert way.by_shapes(Tilt(), ["slope_x"]) is None

@@ -6,8 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from slapshot.diagnosis.pucks.headline import explained, names_hold
-from slapshot.diagnosis.pucks.selection.level import LEAST_SHIFT, least_gain, least_shift, without_hidden
-from slapshot.diagnosis.pucks.selection.search import ADD, Candidate, Screen, Search
+from slapshot.diagnosis.pucks.selection.level import (
+    LEAST_SHIFT,
+    least_gain,
+    least_shift,
+    unnamed_explains_more,
+    without_hidden,
+)
+from slapshot.diagnosis.pucks.selection.search import ADD, CLASS, Candidate, Screen, Search
 from slapshot.diagnosis.pucks.slide.slide_model import Column
 from slapshot.diagnosis.pucks.verdict import Errors, Interval
 from slapshot.effects.catalogue import catalogue
@@ -145,6 +151,25 @@ def test_what_falls_short_of_its_promise_lets_the_next_be_tried(first_gains, tri
     best = search.grow(Candidate((), None, 0.0, None), screen, list(promise))[0]
     assert search.tried == tried
     assert best.effects == (max(tried, key=search.gains.get),)
+
+
+@pytest.mark.parametrize(
+    ("by_itself", "more"),
+    [(990.0, False), (1000.0 + CLASS + 22.0, False), (1000.0 + CLASS + 23.0, True)],  # .15^2 of 1000 nats
+)
+def test_a_free_form_must_explain_more_than_names_and_their_laws_errors(by_itself, more):
+    search = Refits({"free_time": by_itself, "free_place": 900.0})
+    search.free, search.fitter = ["free_place", "free_time"], SimpleNamespace(effects=catalogue())
+    nominal, final = (Candidate(names, None, nats, None) for names, nats in (((), 0.0), (("tilt",), 1000.0)))
+    search.seen[()] = nominal
+    screen = Screen({"free_place": 900.0, "free_time": 800.0}, {}, 0.002, {})
+    assert unnamed_explains_more(search, nominal, screen, final) == more
+    assert search.tried == ["free_place", "free_time"]
+    # What a linear screen promises far less than names gain is not refitted.
+    unlike = replace(screen, log_evidence=dict.fromkeys(search.free, 400.0))
+    search.tried.clear()
+    assert not unnamed_explains_more(search, nominal, unlike, final)
+    assert search.tried == []
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
+from slapshot.diagnosis.inference.mismatch_test import Elimination, Scores, group_statistics
 from slapshot.diagnosis.pucks.fit.marginal import marginalise
 from slapshot.diagnosis.pucks.held_out import HeldOut, errors_of
 from slapshot.diagnosis.pucks.launch.execution import Execution, replay
 from slapshot.diagnosis.pucks.selection.evidence import SIZES, LinearEvidence, project
+from slapshot.diagnosis.pucks.selection.search import TESTED, with_few_directions
 from slapshot.diagnosis.pucks.slide.noise import CameraNoise, estimate_noise, outliers, timing_jitter
 
 
@@ -242,3 +244,24 @@ def test_what_is_not_known_of_the_noise_widens_the_interval_of_chi_squared(rng):
     assert (unsure.low, unsure.high) == pytest.approx(
         (1.2 - 1.2 * 0.05 * 2.576, 1.2 + 1.2 * 0.05 * 2.576), rel=1e-4
     )
+
+
+def test_directions_that_are_not_tested_change_no_statistic(rng):
+    """Two fields of 12 columns, half of whose directions are hardly told; nuisance is told by other rows."""
+    hits, rows = 40, 30
+    z = np.zeros((hits, rows, 27))
+    z[:, :3, :3] = rng.normal(size=(hits, 3, 3))
+    for first in (3, 15):
+        told, hardly = (rng.normal(size=(6, 12)) for _ in range(2))
+        z[:, 3:, first : first + 12] = rng.normal(size=(hits, rows - 3, 6)) @ told
+        z[:, 3:, first : first + 12] += 1e-3 * rng.normal(size=(hits, rows - 3, 6)) @ hardly
+    e = rng.normal(size=(hits, rows)) + z[:, :, 5]
+    nuisance = np.arange(27) < 3
+    of = Scores(np.einsum("hrp,hr->hp", z, e), z.transpose(0, 2, 1) @ z, np.ones(27), nuisance)
+    groups = [np.arange(3, 15), np.arange(15, 27)]
+    few, found = with_few_directions(of, groups)
+    assert few.b.shape == (hits, 15)
+    assert [len(group) for group in found] == [6, 6]
+    expected = group_statistics(Elimination(of)(of.b), [group - 3 for group in groups], TESTED)
+    np.testing.assert_allclose(group_statistics(Elimination(few)(few.b), found, TESTED), expected, rtol=1e-3)
+    assert expected[0] > 10

@@ -126,18 +126,16 @@ class JointElasticity(HiddenEffect):
         shares = np.exp(rng.normal(0, 0.4, len(chosen)))
         weights = np.zeros(len(nominal.scene.info.joints))
         weights[chosen] = shares / shares.mean()
-        limits = nominal.scene.info.torque_limits
         return {
             "joints": weights.tolist(),
             # Damping over stiffness; implicit integration keeps a spring stable at steps below twice this.
             "loss_time_s": float(rng.uniform(8e-4, 2e-3)),
-            "load_shares": [max(limits) / limit for limit in limits],
+            "torque_limits": list(nominal.scene.info.torque_limits),
         }
 
     def parameters(self, amplitude: float, shape: Shape) -> dict[str, float]:
-        # Of the strongest joint, where all joints have springs that twist alike at their largest torque.
-        shares, loads = np.array(shape["joints"]), np.array(shape["load_shares"])
-        return {"compliance": amplitude * float(shares @ loads / (loads @ loads))}
+        of_joint = zip(shape["joints"], shape["torque_limits"], strict=True)
+        return {f"twist_{j + 1}": amplitude * share * limit for j, (share, limit) in enumerate(of_joint)}
 
     def edit(self, amplitude: float, shape: Shape, spec: mujoco.MjSpec, scene: Scene) -> None:
         for name, share in zip(scene.info.joints, shape["joints"], strict=True):

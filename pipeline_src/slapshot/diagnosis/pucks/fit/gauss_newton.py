@@ -12,10 +12,11 @@ from slapshot.diagnosis.pucks.fit.marginal import Marginal
 from slapshot.diagnosis.pucks.selection.evidence import LARGEST, project
 from slapshot.diagnosis.pucks.slide.first_guess import NUISANCE_MEAN
 from slapshot.diagnosis.pucks.slide.slide_model import Column, Point
-from slapshot.effects.effect import Effect, Parameter
+from slapshot.effects.effect import ARM_JOINTS, Effect, Parameter
 
 CONVERGED = 0.02  # of the objective (nats): differences that matter are of order 1
-FIELD = 4  # parameters; effects with more get a prior of the size that the recording asks for
+# Parameters; effects with more get a prior of the size that the recording asks for.
+FIELD = ARM_JOINTS
 WORSE = 1.0  # of the objective, which a step may be
 # A fit whose objective stays within so little over so many steps only goes to and fro: it has arrived.
 TO_AND_FRO, PATIENCE = 1.0, 4

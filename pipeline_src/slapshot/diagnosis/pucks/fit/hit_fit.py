@@ -259,12 +259,14 @@ class HitFitter(GaussNewton):
         if read is None:
             return marginal
         residual, by_shared = read
-        return replace(
-            marginal,
-            information=marginal.information + by_shared.transpose(0, 2, 1) @ by_shared,
-            scores=marginal.scores + np.einsum("nrp,nr->np", by_shared, residual),
-            squares=marginal.squares + (residual**2).sum(1),
-        )
+        # Most columns are of the slide, which encoders do not see.
+        seen = np.flatnonzero(by_shared.any(axis=(0, 1)))
+        by_seen = by_shared[..., seen]
+        information, scores = marginal.information.copy(), marginal.scores.copy()
+        information[:, seen[:, None], seen] += by_seen.transpose(0, 2, 1) @ by_seen
+        scores[:, seen] += np.einsum("nrp,nr->np", by_seen, residual)
+        squares = marginal.squares + (residual**2).sum(1)
+        return replace(marginal, information=information, scores=scores, squares=squares)
 
     def _flat_volume(self, by_latent: Array) -> Array | float:
         """(n,) log det of the information on what a launch's prior says nothing about.

@@ -280,7 +280,11 @@ class LaunchModel:
         """(n, 5, p) of the means by columns."""
         slopes = np.zeros((*self.mean.shape, len(columns)))
         on_the_way = self._on_the_way(point)
+        linear = self._linear_on_the_way(columns)
         for c, column in enumerate(columns):
+            if c in linear:
+                slopes[..., c] = linear[c]
+                continue
             if column.object >= 0:
                 mine = self._object == column.object
                 slopes[mine, :, c] = self._by_friction[mine, :, NUISANCE.index(column.parameter)]
@@ -301,6 +305,18 @@ class LaunchModel:
                 moved = self._on_the_way(replace(point, effects={**point.effects, column.owner: values}))
                 slopes[..., c] += (moved - on_the_way) / column.step
         return slopes
+
+    def _linear_on_the_way(self, columns: Sequence[Column]) -> dict[int, Array]:
+        """Column -> (n, 5) of the means, of those that act on the way alone and linearly."""
+        found: dict[int, Array] = {}
+        for owner in dict.fromkeys(column.owner for column in columns if column.object < 0):
+            effect = self._effects[owner]
+            if effect.acts_on_slide and not effect.acts_on_launch:
+                mine = [c for c, column in enumerate(columns) if column.owner == owner]
+                shapes = self._way.by_shapes(effect, [columns[c].parameter for c in mine])
+                if shapes is not None:
+                    found.update(zip(mine, np.moveaxis(shapes, -1, 0), strict=True))
+        return found
 
     def _known_shift(self, owner: str, values: Values) -> Array:
         """(n, 5) change of the launch that needs no simulation: of free forms."""

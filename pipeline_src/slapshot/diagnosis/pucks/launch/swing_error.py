@@ -10,8 +10,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.pucks.selection.free_form import ARM_JOINTS
-from slapshot.effects.effect import Effect, Parameter
+from slapshot.effects.effect import ARM_JOINTS, Effect, Parameter
 
 LATENESS = "joint_lateness"
 LONGEST = 0.05  # s

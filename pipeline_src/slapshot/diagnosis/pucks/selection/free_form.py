@@ -6,22 +6,21 @@ that it is an effect like any other; it is never registered.
 """
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.bases import BOARD
-from slapshot.effects.effect import Effect, Parameter, SlideState
+from slapshot.effects.bases import COARSE_BOARD
+from slapshot.effects.effect import ARM_JOINTS, Effect, Parameter, SlideState
 
 SPEEDS = np.linspace(0.2, 3.0, 8)  # m/s
 TIMES = np.linspace(0.0, 1.6, 9)  # s
 ORDERS = np.linspace(-0.5, 0.5, 7)
 HARMONICS = 4  # of the heading
 FREE_LAUNCH = "free_launch"
-ARM_JOINTS = 7
 
 # Parts of a launch along and across its heading, and powers of its speed and heading.
 _LAUNCH_PARTS = (
@@ -81,20 +80,31 @@ class FreePlaceForce(Effect):
     phase = "slide"
     follows = "place"
     parameters = (
-        *_parameters("ax", len(BOARD), "m/s^2", 0.1),
-        *_parameters("ay", len(BOARD), "m/s^2", 0.1),
+        *_parameters("ax", len(COARSE_BOARD), "m/s^2", 0.1),
+        *_parameters("ay", len(COARSE_BOARD), "m/s^2", 0.1),
     )
     physics = _PHYSICS
     source = _SOURCE
 
     def accelerate(self, values: Mapping[str, Array], state: SlideState) -> tuple[Array, Array]:
         """Any force field over the board: it may have curl."""
-        weights = [np.array([values[f"{axis}_{j}"] for j in range(len(BOARD))]) for axis in ("ax", "ay")]
-        return BOARD.total(weights[0], state.x, state.y), BOARD.total(weights[1], state.x, state.y)
+        weights = [
+            np.array([values[f"{axis}_{j}"] for j in range(len(COARSE_BOARD))]) for axis in ("ax", "ay")
+        ]
+        return COARSE_BOARD.total(weights[0], state.x, state.y), COARSE_BOARD.total(
+            weights[1], state.x, state.y
+        )
+
+    def push_shapes(self, parameters: Sequence[str], state: SlideState) -> tuple[Array, Array]:
+        """Of some bumps along x, and of some along y."""
+        axes = np.array([name[:2] for name in parameters])
+        shapes = COARSE_BOARD.shapes([int(name.split("_")[1]) for name in parameters], state.x, state.y)
+        along_x, along_y = ((axes == axis)[:, None] * shapes for axis in ("ax", "ay"))
+        return along_x, along_y
 
     def reaches(self, parameter: str, places: Array) -> bool:
         """Bumps reach as far as they are wide."""
-        return BOARD.near(int(parameter.split("_")[1]), places)
+        return COARSE_BOARD.near(int(parameter.split("_")[1]), places)
 
 
 class FreeSpeedForce(Effect):

@@ -230,7 +230,7 @@ def _moves(shift: float) -> str:
 
 def limits(search: Search[Any], nominal: Candidate) -> tuple[Limit, ...]:
     """What effects with few parameters could still be, at 95 %."""
-    few = [n for n in search.catalogue if len(search.fitter.effects[n].parameters) <= MOST_PARAMETERS]
+    few = [n for n in search.catalogue if not search.is_field(n)]
     columns, marginal, _ = search.fitter.quadratic(nominal.fit, few)
     _, precision = search.fitter.prior(columns)
     fixed = np.array([c for c, column in enumerate(columns) if column.object >= 0])

@@ -49,10 +49,10 @@ def with_law_errors(of: Scores, columns: Sequence[Column], sliding: Sequence[str
         scale = FRICTION_KNOWN_TO * GRAVITY * np.exp(log_mu) / of.prior_sd[bent]
         added[bent, errors] = scale
         added[np.array(known)[:, None], errors] = -share * scale
-    turn = np.concatenate([np.eye(size), added], axis=1)
+    crossed = of.H @ added
     return Scores(
-        of.b @ turn,
-        turn.T @ of.H @ turn,
+        np.concatenate([of.b, of.b @ added], axis=1),
+        np.block([[of.H, crossed], [crossed.transpose(0, 2, 1), added.T @ crossed]]),
         np.concatenate([of.prior_sd, np.ones(added.shape[1])]),
         np.concatenate([of.nuisance, np.ones(added.shape[1], bool)]),
     )

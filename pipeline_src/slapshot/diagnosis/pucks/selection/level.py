@@ -1,5 +1,6 @@
 """Whether a recording's hits show that something is missing, and what."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +14,7 @@ from slapshot.diagnosis.pucks.verdict import Mismatch, Unknown
 LEAST_SHIFT = 0.003  # m, rms of rest points: less is real where a test says so, and small
 P_VALUE = 0.01
 LEAST_EVIDENCE = 2.0  # nats
+FORMS = 2  # free forms that are refitted
 LINEAR = 0.5  # of what a refit finds may be missing from what a linear screen promises
 
 
@@ -25,6 +27,7 @@ class Level:
         nominal, final: fits without and with the effects that were found.
         screen, leftover: of all hypotheses at those fits.
         mismatch: whether anything is missing.
+        refuted: effects that would have been named, had a free form not explained more by itself.
     """
 
     search: Search[Any]
@@ -33,11 +36,16 @@ class Level:
     screen: Screen
     leftover: Screen
     mismatch: Mismatch
+    refuted: tuple[str, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Hypotheses that failed."""
-        return tuple(dropped_note(name, why) for name, why in self.search.failed.items())
+        """Hypotheses that failed, and names that would have been given."""
+        notes = tuple(dropped_note(name, why) for name, why in self.search.failed.items())
+        if not self.refuted:
+            return notes
+        names = _listed(self.refuted)
+        return (*notes, f"{names}: what has no name explains more by itself, so that nothing is named")
 
     def without_names(self) -> "Level":
         """The same where what was named does not hold: nothing is named, and all of it is left over."""
@@ -60,7 +68,21 @@ def examine(search: Search[Any]) -> Level:
     if mismatch.found:
         final, leftover = _search(search, nominal, screen)
         final = search.settle(final)
-    return Level(search, nominal, final, screen, leftover, mismatch)
+    level = Level(search, nominal, final, screen, leftover, mismatch)
+    if final.effects and unnamed_explains_more(search, nominal, screen, final):
+        level = replace(level.without_names(), refuted=final.effects)
+    return level
+
+
+def unnamed_explains_more(search: Search[Any], nominal: Candidate, screen: Screen, final: Candidate) -> bool:
+    """Whether a free form by itself explains more than all names do, and than their laws may err by."""
+    least = CLASS + least_gain(search, final)
+    for name in screen.best(search.free)[:FORMS]:
+        if screen.log_evidence[name] > LINEAR * final.log_evidence:
+            form = search.try_adding(nominal, name, screen.direction)
+            if form is not None and form.log_evidence > final.log_evidence + least:
+                return True
+    return False
 
 
 def _erring(search: Search[Any], at: Candidate, beside: str) -> list[str]:
@@ -135,8 +157,12 @@ def _may_be_added(search: Search[Any], best: Candidate, leftover: Screen, name: 
 
 def refuted_note(tried: Level) -> str:
     """A line on what was tried as a name and does not hold."""
-    said = " with ".join(name.replace("_", " ") for name in tried.final.effects)
+    names = _listed(tried.final.effects)
     return (
-        f"{said} fitted best, but with it held-out hits are predicted worse than by the nominal scene: "
+        f"{names} fitted best, but with it held-out hits are predicted worse than by the nominal scene: "
         "it is not named"
     )
+
+
+def _listed(effects: Sequence[str]) -> str:
+    return " with ".join(name.replace("_", " ") for name in effects)

@@ -11,6 +11,7 @@ from typing import Any, Generic, TypeVar
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.inference.mismatch_test import Scores, mismatch_test
@@ -191,9 +192,9 @@ class Search(Generic[F]):
         of = Scores(marginal.scores * sd, marginal.information * np.outer(sd, sd), sd, nuisance)
         sliding = [n for n in self.catalogue if self._effects[n].acts_on_slide and not self.is_field(n)]
         of = with_law_errors(of, columns, sliding, float(at.fit.point.nuisance[:, :2].mean()))
-        others = [column.owner for column in columns if column.owner in hypotheses]
-        groups = [np.flatnonzero(np.array([owner == name for owner in others])) for name in hypotheses]
-        return mismatch_test(of, [group for group in groups if len(group)], self.rng, DRAWS, TESTED).p_value
+        owners = np.array([column.owner for column in columns])
+        of, groups = with_few_directions(of, [np.flatnonzero(owners == name) for name in hypotheses])
+        return mismatch_test(of, groups, self.rng, DRAWS, TESTED).p_value
 
     def screen_beyond(self, at: Candidate) -> Screen:
         """Judge all other effects and all free forms beyond those of a fit."""
@@ -318,7 +319,7 @@ class Search(Generic[F]):
             best = max((c.log_evidence - at.log_evidence for c in found), default=np.inf)
             if promise[name] <= _least_rival(min(best, max(promise.values()))):
                 break
-            tried = self._tried(at, name, screen.direction)
+            tried = self.try_adding(at, name, screen.direction)
             if tried is None:
                 continue
             rivals = sum(c.final for c in found) < RIVALS
@@ -336,7 +337,7 @@ class Search(Generic[F]):
         least = min(at.fitter.start_misfit(at.fit, {**here, name: values}) for values in starts)
         return (at.fitter.start_misfit(at.fit, here) - least) / 2 - CLASS
 
-    def _tried(
+    def try_adding(
         self, at: Candidate, name: str, direction: Mapping[str, Mapping[str, float]]
     ) -> Candidate | None:
         """An effect added to a fit; None where its simulation fails."""
@@ -414,3 +415,27 @@ class Search(Generic[F]):
             part = scaled * score
             terms.append(part @ np.linalg.solve(inner, part) / 2 - np.linalg.slogdet(inner)[1] / 2)
         return float(constant + np.logaddexp.reduce(terms) - np.log(len(SIZES)))
+
+
+def with_few_directions(
+    of: Scores, groups: Sequence[NDArray[np.int64]]
+) -> tuple[Scores, list[NDArray[np.int64]]]:
+    """Scores by those directions alone of each group of columns that may be tested.
+
+    Without the nuisance a direction has no less information than beside it.
+
+    Returns:
+        The scores, and each group's indices among what is no nuisance.
+    """
+    total, nuisance = of.H.sum(0), np.flatnonzero(of.nuisance)
+    parts = [(nuisance, np.eye(len(nuisance)))]
+    for group in groups:
+        values, vectors = np.linalg.eigh(total[np.ix_(group, group)])
+        if (values > TESTED).any():
+            parts.append((group, vectors[:, values > TESTED]))
+    half = np.concatenate([of.H[:, :, of_part] @ turn for of_part, turn in parts], axis=2)
+    H = np.concatenate([turn.T @ half[:, of_part] for of_part, turn in parts], axis=1)
+    b = np.concatenate([of.b[:, of_part] @ turn for of_part, turn in parts], axis=1)
+    few = Scores(b, H, np.ones(len(b.T)), np.arange(len(b.T)) < len(nuisance))
+    ends = np.cumsum([turn.shape[1] for _, turn in parts[1:]])
+    return few, np.split(np.arange(ends[-1]), ends[:-1]) if len(ends) else []

@@ -209,7 +209,8 @@ def _cut(times: Array, places: Array) -> tuple[int, int, int] | str:
         return TOO_SHORT_A_WAY
     # From the end backwards: a mistrack at rest is no beginning.
     begin = _last(away <= MOVING_DISTANCE) + 1
-    first = _last(away <= RELEASE_DISTANCE) + 1
+    # The first frame that is farther away was chosen by its own noise, and is too far ahead on average.
+    first = _last(away <= RELEASE_DISTANCE) + 2
     # Two frames later friction has stopped it.
     if np.linalg.norm(np.median(smooth[-3:], axis=0) - end) > MOVING_DISTANCE / 2:
         return NEVER_RESTED
