@@ -21,7 +21,7 @@ class PlaceFriction(Effect):
         "It slows along the motion and never pushes; logarithms are those of Gaussian bumps on a grid."
     )
     source = "Yu, Bauza, Fazeli and Rodriguez 2016, More than a million ways to be pushed (IROS)"
-    known_to = 0.05  # a grid of bumps
+    known_to = 0.08  # a grid of bumps
 
     def log_friction(self, values: Mapping[str, Array], state: SlideState) -> Array:
         """Of all bumps together."""

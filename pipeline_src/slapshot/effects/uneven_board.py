@@ -21,7 +21,7 @@ class UnevenBoard(Effect):
         "has no curl. Heights are those of Gaussian bumps on a grid, up to a constant."
     )
     source = "Goldstein, Classical Mechanics, section 1.4 (motion on a surface, small slopes)"
-    known_to = 0.05  # a grid of bumps
+    known_to = 0.08  # a grid of bumps
 
     def accelerate(self, values: Mapping[str, Array], state: SlideState) -> tuple[Array, Array]:
         """Down the slope of all bumps together."""

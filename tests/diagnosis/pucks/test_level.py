@@ -131,6 +131,9 @@ class Refits(Search):
     def _start_gain(self, at, name):
         return 0.0
 
+    def at_bound(self, candidate):
+        return False
+
     def refit(self, at, names, direction):
         self.tried.append(names[-1])
         return Candidate(tuple(names), None, self.gains[names[-1]], None)
@@ -198,6 +201,24 @@ def test_errors_of_a_law_do_not_reach_what_others_are_told_by(name, other, nats)
     # Before it is fitted there may be any.
     alone = replace(at, effects=(other,))
     assert search.gain_beyond(alone, name, other) == (float("inf") if nats else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "is_another"),
+    [
+        ("lens_distortion", {"radial": 0.01, "middle_x": 0.5, "middle_y": 0.0}, True),
+        ("lens_distortion", {"radial": 0.01, "middle_x": 0.49, "middle_y": 0.0}, False),
+        ("offcentre_mass", {"offset_x": 0.001, "offset_y": 0.0, "log_inertia": -2.0}, True),
+        ("joint_elasticity", {f"twist_{j}": 0.0 for j in range(1, 8)}, False),  # 0 is neutral
+    ],
+)
+def test_what_fits_best_at_a_bound_of_what_is_possible_is_another_law(name, values, is_another):
+    search = Search(SimpleNamespace(effects=catalogue()), (), (), None)
+    fit = SimpleNamespace(point=SimpleNamespace(effects={name: values}))
+    assert search.at_bound(Candidate((name,), fit, 0.0, None)) == is_another
+    bumps = {p.name: p.high for p in catalogue()["uneven_board"].parameters}
+    field = SimpleNamespace(point=SimpleNamespace(effects={"uneven_board": bumps}))
+    assert not search.at_bound(Candidate(("uneven_board",), field, 0.0, None))
 
 
 class Rounds(Search):

@@ -202,15 +202,21 @@ class LaunchModel:
         return other
 
     def sizes(self, name: str) -> list[Values]:
-        """Values at which an effect was simulated, but for the neutral ones."""
-        neutral = self._effects[name].neutral()
-        return [
-            {**neutral, parameter: float(value)}
-            for parameter in neutral
-            if f"{name}/{parameter}" in self._changes
-            for value in self._changes[f"{name}/{parameter}"].x
-            if value != neutral[parameter]
-        ]
+        """Values at which an effect was simulated, one parameter at a time, but for the neutral ones.
+
+        Parameters none of which can be negative, as of several joints, are also taken all at once.
+        """
+        parameters, neutral = self._effects[name].parameters, self._effects[name].neutral()
+        simulated = {
+            p.name: [float(x) for x in self._changes[f"{name}/{p.name}"].x if x != p.neutral]
+            for p in parameters
+            if f"{name}/{p.name}" in self._changes
+        }
+        alone = [{**neutral, p: value} for p, values in simulated.items() for value in values]
+        if len(simulated) < 2 or any(p.low != p.neutral for p in parameters):
+            return alone
+        together = zip(*simulated.values(), strict=False)
+        return alone + [{**neutral, **dict(zip(simulated, values, strict=True))} for values in together]
 
     @property
     def first_scatter(self) -> Array:

@@ -118,7 +118,7 @@ def without_hidden(search: Search[Any], at: Candidate) -> Candidate:
 def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Candidate, Screen]:
     """Add effects while the recording asks for them, then delete what became superfluous."""
     best = search.grow(nominal, screen, search.catalogue)[0]
-    if best.log_evidence < LEAST_EVIDENCE:
+    if best.log_evidence < LEAST_EVIDENCE or search.at_bound(best):
         return nominal, screen
     leftover, refused = search.screen_beyond(best), set[str]()
     while len(best.effects) < search.most and leftover.p_value <= P_VALUE:
@@ -132,6 +132,7 @@ def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Ca
         pruned = best
         # Among many that are tried some pass by chance: after the best ones only what is told apart.
         passes = not refused or (added in grown.effects and not _erring(search, grown, added))
+        passes = passes and not search.at_bound(grown)
         if passes and grown.log_evidence >= best.log_evidence + least_gain(search, best, added):
             pruned = without_hidden(search, search.prune(grown))
         if set(pruned.effects) <= set(best.effects):

@@ -36,6 +36,7 @@ RIVAL = 0.4  # share of the best one's gain with which another may still win onc
 RIVALS = 3  # at most so many
 STAYED, EXACT = 0.1, 0.5  # of a parameter's scale, from where hits were simulated: no more, near enough
 WITHIN = 0.5  # of a parameter's standard error: by as much the scatter of contact moves it
+AT_BOUND = 1e-3  # of a parameter's scale
 FINISHED = 6  # most rounds of fitting about the last fit
 CONTINUED = 5  # times that a fit which stopped before it had converged goes on
 CREEP = 20.0  # of the objective: as many steps as a fit takes, each of which may raise it by 1
@@ -326,7 +327,18 @@ class Search(Generic[F]):
             if rivals and (not found or tried.log_evidence - at.log_evidence > _least_rival(best)):
                 tried = self.finish(tried)
             found.append(tried)
-        return sorted(found, key=lambda c: (not c.final, -c.log_evidence)) or [at]
+        return sorted(found, key=lambda c: (not c.final, self.at_bound(c), -c.log_evidence)) or [at]
+
+    def at_bound(self, candidate: Candidate) -> bool:
+        """Whether an effect, but for fields, fits best at a bound of what is possible: it is another law."""
+        return any(
+            abs(candidate.fit.point.effects[name][p.name] - bound) < AT_BOUND * p.scale
+            for name in candidate.effects
+            if not self.is_field(name)
+            for p in self._effects[name].parameters
+            for bound in (p.low, p.high)
+            if bound != p.neutral
+        )
 
     def _start_gain(self, at: Candidate, name: str) -> float:
         """Nats that the best start of an effect promises, to which a linear screen is blind."""
