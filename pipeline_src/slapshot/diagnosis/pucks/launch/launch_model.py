@@ -212,7 +212,7 @@ class LaunchModel:
             for p in parameters
             if f"{name}/{p.name}" in self._changes
         }
-        alone = [{**neutral, p: value} for p, values in simulated.items() for value in values]
+        alone: list[Values] = [{**neutral, p: value} for p, values in simulated.items() for value in values]
         if len(simulated) < 2 or any(p.low != p.neutral for p in parameters):
             return alone
         together = zip(*simulated.values(), strict=False)
