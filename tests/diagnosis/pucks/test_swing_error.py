@@ -1,8 +1,11 @@
 """Errors by joint of laws of the swing."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from slapshot.diagnosis.pucks.augmented import effects_of
+from slapshot.diagnosis.pucks.launch.launch_model import LaunchModel
 from slapshot.diagnosis.pucks.launch.swing_error import (
     LATENESS,
     JointLateness,
@@ -75,3 +78,19 @@ def test_a_file_of_effects_may_hold_errors_of_laws():
     late = values(np.full(7, 0.01))
     found = effects_of({"tilt": {"slope_x": 0.01, "slope_y": 0.0}, LATENESS: late})
     assert [(type(effect).__name__, own) for effect, own in found][1] == ("JointLateness", late)
+
+
+def test_fits_begin_at_sizes_of_one_parameter_and_where_none_is_negative_at_those_of_all():
+    sizes = np.array([0.0, 0.002, 0.01])
+    changes = {
+        f"{effect.name}/{p.name}": SimpleNamespace(x=sizes)
+        for effect in catalogue().values()
+        for p in effect.parameters
+    }
+    model = SimpleNamespace(_effects=catalogue(), _changes=changes)
+    elastic = LaunchModel.sizes(model, "joint_elasticity")
+    neutral = catalogue()["joint_elasticity"].neutral()
+    assert elastic[:2] == [{**neutral, "twist_1": 0.002}, {**neutral, "twist_1": 0.01}]
+    assert elastic[14:] == [dict.fromkeys(neutral, 0.002), dict.fromkeys(neutral, 0.01)]
+    assert len(LaunchModel.sizes(model, "camera_scale")) == 2 * 3
+    assert len(LaunchModel.sizes(model, "backlash")) == 2
