@@ -17,7 +17,7 @@ class JointElasticity(Effect):
     phase = "swing"
     follows = "command"
     parameters = tuple(
-        Parameter(f"twist_{j + 1}", "rad", 0.0, 0.2, 0.004, f"twist of joint {j + 1} at its torque limit")
+        Parameter(f"twist_{j + 1}", "rad", 0.0, 0.2, 0.004, "twist of one joint at its torque limit")
         for j in range(ARM_JOINTS)
     )
     physics = (

@@ -121,7 +121,8 @@ def diagnose_rests(
 def _of_class(level: Level, effect: NamedEffect) -> NamedEffect:
     """With all effects that explain rest points about as well, refitted or by the screen alone."""
     evidence = {name: level.screen.log_evidence[name] for name in level.search.catalogue}
-    evidence |= {names[0]: c.log_evidence for names, c in level.search.seen.items() if len(names) == 1}
+    alone = {names[0]: c.log_evidence for names, c in level.search.seen.items() if len(names) == 1}
+    evidence |= {name: alone[name] for name in evidence if name in alone}
     best = max(evidence.values())
     near = {n: float(np.exp(e - best)) for n, e in evidence.items() if e > best - CLASS}
     total = sum(near.values())
