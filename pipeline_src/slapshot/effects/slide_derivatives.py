@@ -5,8 +5,8 @@ About one slide of each hit, differences of its state z (place, yaw and their ra
     dz/dt = F(t) z + (0, g_j(t)),   F = ((0, 1), (da/dplace, da/drates)),
 
 with g_j the change of the acceleration by parameter j where the slide passes. They are integrated in the
-steps of the slide itself, whose scheme (Heun's) is differentiated. One such slide serves all parameters,
-where differences of slides need one slide each.
+steps of the slide itself by the trapezoidal rule, which stays stable where spin dies within a step. One such
+slide serves all parameters, where differences of slides need one slide each.
 """
 
 from collections.abc import Mapping, Sequence
@@ -191,38 +191,38 @@ def _integrated(times, slopes, force):  # type: ignore[no-untyped-def]
     """(steps, 3, p) of place and yaw; slopes (steps, 3, 6), and forces (steps, 3, p)."""
     steps, p = len(times), force.shape[2]
     moved = np.zeros((steps, 3, p))
-    z, ahead, now = np.zeros((6, p)), np.empty((6, p)), np.empty((3, p))
+    x, v, pull = np.zeros((3, p)), np.zeros((3, p)), np.empty((3, p))
+    left = np.empty((3, 3))
     for k in range(steps - 1):
-        dt = times[k + 1] - times[k]
-        if dt > 0:
-            for i in range(3):
-                _row(now[i], force[k, i], slopes[k, i], z)
-                for j in range(p):
-                    ahead[i, j] = z[i, j] + dt * z[3 + i, j]
-                    ahead[3 + i, j] = z[3 + i, j] + dt * now[i, j]
+        half = (times[k + 1] - times[k]) / 2
+        if half > 0:
+            # v' = v + half (a(x, v) + a'(x', v')) and x' = x + half (v + v'), solved for v'.
             for i in range(3):
                 for j in range(p):
-                    z[i, j] += dt * (z[3 + i, j] + dt / 2 * now[i, j])
-                    z[3 + i, j] += dt / 2 * now[i, j]
-                _row(now[i], force[k + 1, i], slopes[k + 1, i], ahead)
+                    pull[i, j] = v[i, j] + half * (force[k, i, j] + force[k + 1, i, j])
+                for c in range(3):
+                    by_place, by_rate, then = slopes[k, i, c], slopes[k, i, 3 + c], slopes[k + 1, i, c]
+                    left[i, c] = (1.0 if i == c else 0.0) - half * (slopes[k + 1, i, 3 + c] + half * then)
+                    by_place, by_rate = half * (by_place + then), half * (by_rate + half * then)
+                    if by_place != 0.0 or by_rate != 0.0:
+                        for j in range(p):
+                            pull[i, j] += by_place * x[c, j] + by_rate * v[c, j]
+            inverse = np.linalg.inv(left)
+            for c in range(3):
                 for j in range(p):
-                    z[3 + i, j] += dt / 2 * now[i, j]
+                    x[c, j] += half * v[c, j]
+            for i in range(3):
+                for j in range(p):
+                    v[i, j] = (
+                        inverse[i, 0] * pull[0, j] + inverse[i, 1] * pull[1, j] + inverse[i, 2] * pull[2, j]
+                    )
+            for c in range(3):
+                for j in range(p):
+                    x[c, j] += half * v[c, j]
         for i in range(3):
             for j in range(p):
-                moved[k + 1, i, j] = z[i, j]
+                moved[k + 1, i, j] = x[i, j]
     return moved
-
-
-@njit(cache=True, nogil=True)
-def _row(found, force, slopes, z):  # type: ignore[no-untyped-def]
-    """Fills (p,) force + slopes z."""
-    for j in range(len(found)):
-        found[j] = force[j]
-    for c in range(6):
-        slope = slopes[c]
-        if slope != 0.0:
-            for j in range(len(found)):
-                found[j] += slope * z[c, j]
 
 
 def _between(times: Array, values: Array, moments: Array) -> Array:

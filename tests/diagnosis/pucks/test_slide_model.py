@@ -8,7 +8,7 @@ from slapshot.calibration.slide_recordings import CAMERA, RADIUS
 from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.pucks.selection.free_form import FREE_FORMS
 from slapshot.diagnosis.pucks.slide.first_guess import first_guess
-from slapshot.diagnosis.pucks.slide.slide_model import LATENTS, SlideModel
+from slapshot.diagnosis.pucks.slide.slide_model import LATENTS, NUISANCE, SlideModel
 from slapshot.diagnosis.pucks.slide.tracks import hit_tracks
 from slapshot.effects.catalogue import catalogue
 
@@ -72,3 +72,18 @@ def test_derivatives_are_those_of_simulated_differences(model, name, beside):
     some = columns[::7]
     found, exact = model.derivatives(point, some)[2][valid], by_differences(model, point, some)[valid]
     assert np.linalg.norm(found - exact) < 1e-3 * np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("name", ["uneven_board", "place_friction", "curl"])
+def test_derivatives_hold_where_spin_dies_fast(model, name):
+    """By a torsional friction as large as the object; at 0.3 m, where spin dies within a step, none grows."""
+    point, valid = first_guess(model.tracks), model.tracks.valid
+    point.latents[:, LATENTS.index("spin")] = 2.0
+    some = [c for c in model.columns([name]) if c.object < 0][::7]
+    torsional = NUISANCE.index("log_mu_torsional")
+    point.nuisance[:, torsional] = np.log(1.3 * RADIUS)
+    found, exact = model.derivatives(point, some)[2][valid], by_differences(model, point, some)[valid]
+    assert np.linalg.norm(found - exact) < 0.03 * np.linalg.norm(exact)
+    largest = np.abs(found).max()
+    point.nuisance[:, torsional] = np.log(0.3)
+    assert np.abs(model.derivatives(point, some)[2][valid]).max() < 100 * largest

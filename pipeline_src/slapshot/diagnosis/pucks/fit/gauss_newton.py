@@ -24,7 +24,7 @@ MOST_DAMPING = 1e4
 DISTRUST = 0.25  # by which the steps of a hit shorten that made it worse
 # Of logarithms of mu_x, mu_y and of the torsional friction in m.
 NUISANCE_SD = np.array([1.0, 1.0, 1.0])
-NUISANCE_BOUNDS = np.log([[0.01, 3.0], [0.01, 3.0], [1e-5, 0.3]])
+NUISANCE_BOUNDS = np.log([[0.01, 3.0], [0.01, 3.0], [1e-5, 0.1]])
 
 
 @dataclass(frozen=True)
