@@ -279,7 +279,7 @@ def test_a_delay_of_less_than_a_time_step_is_an_error_of_the_simulation():
     found = {}
     for delay in (TIMESTEP, 20 * TIMESTEP):
         columns, of = some_scores(np.random.default_rng(1), delay)
-        known = with_law_errors(of, columns, ["linear_drag"], np.log(0.3))
+        known = with_law_errors(of, columns, ["linear_drag"], np.log(0.3), 1.5)
         found[delay] = mismatch_test(known, groups, np.random.default_rng(2), 199).p_value
         assert mismatch_test(of, groups, np.random.default_rng(2), 199).p_value < 0.02
     assert found[TIMESTEP] > 0.05
@@ -288,7 +288,7 @@ def test_a_delay_of_less_than_a_time_step_is_an_error_of_the_simulation():
 
 def test_what_a_catalogued_law_describes_is_no_error_of_friction():
     columns, of = some_scores(np.random.default_rng(3), 0.0)
-    known = with_law_errors(of, columns, ["linear_drag"], np.log(0.3))
+    known = with_law_errors(of, columns, ["linear_drag"], np.log(0.3), 1.5)
     before, after = Elimination(of), Elimination(known)
     assert after.information[1, 1] == pytest.approx(before.information[1, 1], rel=1e-4)
     # A bump of free form is as large by an error of the law as by a push.

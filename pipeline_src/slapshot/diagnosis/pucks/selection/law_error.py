@@ -1,9 +1,10 @@
 """What the nominal laws are known to: errors of theirs that belong to the null hypothesis.
 
-A simulated swing is right to about one time step, as is the moment of a simulated launch, and dry friction
-is the same at all speeds to about a hundredth. Columns of such errors stand beside those of friction as
-nuisance, with priors of that size. Of the law of friction only that counts as error which no catalogued law
-of the slide describes: those stay testable.
+A simulated swing is right to about one time step, as is the moment of a simulated launch; its velocity is to
+about a hundredth, smoothly over where and at which angle the object is met; and dry friction is the same at
+all speeds to about a hundredth. Columns of such errors stand beside those of friction as nuisance, with
+priors of that size. Of the law of friction only that counts as error which no catalogued law of the slide
+describes: those stay testable.
 """
 
 from collections.abc import Sequence
@@ -19,9 +20,13 @@ from slapshot.diagnosis.pucks.slide.slide_model import Column
 STEPS = (("command_delay", "delay"), ("camera_time", "delay"))
 SPEED_FORM = "free_speed"  # whose bumps along the motion are those of friction by speed
 FRICTION_KNOWN_TO = 0.01
+CONTACT_FORM = "free_contact"  # whose changes of a launch's velocity are those of errors of the contact
+CONTACT_KNOWN_TO = 0.01  # of the speed
 
 
-def with_law_errors(of: Scores, columns: Sequence[Column], sliding: Sequence[str], log_mu: float) -> Scores:
+def with_law_errors(
+    of: Scores, columns: Sequence[Column], sliding: Sequence[str], log_mu: float, speed: float
+) -> Scores:
     """Scores with columns of law errors, in units of their priors, after those that are there.
 
     Args:
@@ -29,6 +34,7 @@ def with_law_errors(of: Scores, columns: Sequence[Column], sliding: Sequence[str
         columns: of nuisance and hypotheses.
         sliding: catalogued effects of the slide, to which errors of friction are made orthogonal.
         log_mu: logarithm of the friction coefficient.
+        speed: mean of launches, in m/s.
     """
     late = [c for c, column in enumerate(columns) if (column.owner, column.parameter) in STEPS]
     bent = [
@@ -36,9 +42,14 @@ def with_law_errors(of: Scores, columns: Sequence[Column], sliding: Sequence[str
         for c, column in enumerate(columns)
         if column.owner == SPEED_FORM and column.parameter.startswith("along")
     ]
+    struck = [
+        c
+        for c, column in enumerate(columns)
+        if column.owner == CONTACT_FORM and column.parameter.startswith(("faster", "sideways"))
+    ]
     known = [c for c, column in enumerate(columns) if column.owner in sliding or of.nuisance[c]]
     size = len(columns)
-    added = np.zeros((size, len(late) + len(bent)))
+    added = np.zeros((size, len(late) + len(bent) + len(struck)))
     for k, c in enumerate(late):
         added[c, k] = TIMESTEP / of.prior_sd[c]
     if bent:
@@ -49,6 +60,8 @@ def with_law_errors(of: Scores, columns: Sequence[Column], sliding: Sequence[str
         scale = FRICTION_KNOWN_TO * GRAVITY * np.exp(log_mu) / of.prior_sd[bent]
         added[bent, errors] = scale
         added[np.array(known)[:, None], errors] = -share * scale
+    for k, c in enumerate(struck, len(late) + len(bent)):
+        added[c, k] = CONTACT_KNOWN_TO * speed / of.prior_sd[c]
     crossed = of.H @ added
     return Scores(
         np.concatenate([of.b, of.b @ added], axis=1),

@@ -192,7 +192,10 @@ class Search(Generic[F]):
         sd = 1 / np.sqrt(precision)
         of = Scores(marginal.scores * sd, marginal.information * np.outer(sd, sd), sd, nuisance)
         sliding = [n for n in self.catalogue if self._effects[n].acts_on_slide and not self.is_field(n)]
-        of = with_law_errors(of, columns, sliding, float(at.fit.point.nuisance[:, :2].mean()))
+        log_mu = float(at.fit.point.nuisance[:, :2].mean())
+        # Of rest points alone no launches are fitted, and no errors of contacts known.
+        speed = float(np.linalg.norm(at.fit.point.latents[:, 2:4], axis=1).mean())
+        of = with_law_errors(of, columns, sliding, log_mu, speed)
         owners = np.array([column.owner for column in columns])
         of, groups = with_few_directions(of, [np.flatnonzero(owners == name) for name in hypotheses])
         return mismatch_test(of, groups, self.rng, DRAWS, TESTED).p_value
