@@ -156,6 +156,49 @@ def test_what_falls_short_of_its_promise_lets_the_next_be_tried(first_gains, tri
     assert best.effects == (max(tried, key=search.gains.get),)
 
 
+class Sets(Search):
+    """Evidence of sets of effects, of which some were refitted before."""
+
+    def __init__(self, gains, before):
+        super().__init__(SimpleNamespace(effects=catalogue()), list(catalogue()), (), None)
+        self.gains, self.started = gains, []
+        for names in before:
+            self.seen[names] = self.of(names)
+
+    def of(self, names):
+        values = {
+            name: {p.name: p.neutral + 0.1 * p.scale for p in catalogue()[name].parameters} for name in names
+        }
+        fit = SimpleNamespace(point=SimpleNamespace(effects=values))
+        return Candidate(names, fit, self.gains[frozenset(names)], None)
+
+    def refit(self, at, names, direction):
+        self.started.append((at.effects, tuple(names), direction[names[-1]]))
+        return self.of(tuple(sorted(names)))
+
+
+def test_what_explained_most_by_itself_makes_room_for_what_explains_more_beside_another():
+    """A field took a part of a drag's place: with the drag, a tilt explains more than the field."""
+    gains = {
+        frozenset(): 0.0, frozenset({"uneven_board"}): 1850.0, frozenset({"tilt"}): 1740.0,
+        frozenset({"curl"}): 300.0, frozenset({"uneven_board", "quadratic_drag"}): 2040.0,
+        frozenset({"tilt", "quadratic_drag"}): 2240.0,
+    }  # fmt: skip
+    search = Sets(gains, [(), ("uneven_board",), ("tilt",), ("curl",)])
+    found = search.exchange(search.of(("quadratic_drag", "uneven_board")))
+    assert found.effects == ("quadratic_drag", "tilt")
+    # A curl is far behind the field; the tilt begins where it was by itself.
+    assert [(at, names) for at, names, _ in search.started] == [((), ("quadratic_drag", "tilt"))]
+    slopes = {p.name: 0.1 * p.scale for p in catalogue()["tilt"].parameters}
+    assert search.started[0][2] == pytest.approx(slopes)
+    assert search.exchange(search.of(("tilt",))).effects == ("tilt",)
+    search.gains[frozenset({"tilt", "quadratic_drag"})] = 2030.0
+    assert search.exchange(search.of(("quadratic_drag", "uneven_board"))).effects == (
+        "quadratic_drag",
+        "uneven_board",
+    )
+
+
 @pytest.mark.parametrize(
     ("by_itself", "more"),
     [(990.0, False), (1000.0 + CLASS + 22.0, False), (1000.0 + CLASS + 23.0, True)],  # .15^2 of 1000 nats

@@ -134,7 +134,7 @@ def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Ca
         passes = not refused or (added in grown.effects and not _erring(search, grown, added))
         passes = passes and not search.at_bound(grown)
         if passes and grown.log_evidence >= best.log_evidence + least_gain(search, best, added):
-            pruned = without_hidden(search, search.prune(grown))
+            pruned = without_hidden(search, search.prune(search.exchange(grown)))
         if set(pruned.effects) <= set(best.effects):
             # Another one may still pass: of which less is asked beside what is there.
             tried = {n for n in further if tuple(sorted((*best.effects, n))) in search.seen}

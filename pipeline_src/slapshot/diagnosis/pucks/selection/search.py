@@ -356,11 +356,40 @@ class Search(Generic[F]):
         self, at: Candidate, name: str, direction: Mapping[str, Mapping[str, float]]
     ) -> Candidate | None:
         """An effect added to a fit; None where its simulation fails."""
+        return self._added(at, [*at.effects, name], direction)
+
+    def _added(
+        self, at: Candidate, names: Sequence[str], direction: Mapping[str, Mapping[str, float]]
+    ) -> Candidate | None:
+        """A refit of effects, the last of which is new; None where its simulation fails."""
         try:
-            return self.refit(at, [*at.effects, name], direction)
+            return self.refit(at, names, direction)
         except (ArithmeticError, ValueError, RuntimeError, mujoco.FatalError) as error:
-            self.failed[name] = reason_of(error)
+            self.failed[names[-1]] = reason_of(error)
             return None
+
+    def exchange(self, candidate: Candidate) -> Candidate:
+        """The best candidate that has a rival in place of one effect; the same if none explains more.
+
+        What explains most by itself also explains a part of what is missing besides, and once that is named
+        another effect may explain the rest better. Rivals are those that were refitted by themselves.
+        """
+        alone = {names[0]: c for names, c in self.seen.items() if len(names) == 1}
+        best = candidate
+        for old in candidate.effects if len(candidate.effects) > 1 else ():
+            least = _least_rival(alone[old].log_evidence) if old in alone else np.inf
+            for new, rival in list(alone.items()):
+                if new in candidate.effects or new not in self.catalogue or rival.log_evidence <= least:
+                    continue
+                start = rival.fit.point.effects[new]
+                direction = {p.name: start[p.name] - p.neutral for p in self._effects[new].parameters}
+                others = tuple(n for n in candidate.effects if n != old)
+                at = self.seen.get(others, self.seen[()])
+                tried = self._added(at, [*others, new], {new: direction})
+                tried = None if tried is None else self.finish(tried)
+                if tried is not None and not self.at_bound(tried) and tried.log_evidence > best.log_evidence:
+                    best = tried
+        return best
 
     def prune(self, candidate: Candidate) -> Candidate:
         """Delete effects while the evidence for the rest is no smaller by more than ADD."""
