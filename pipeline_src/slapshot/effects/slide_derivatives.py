@@ -11,7 +11,7 @@ slide serves all parameters, where differences of slides need one slide each.
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
@@ -65,18 +65,19 @@ class Slides:
 
     def derivatives(self, by: Sequence[ByParameter], moments: Array, step: float, threads: int = 1) -> Array:
         """(n, frames, 2, p) of the shape's centre in m at moments (n, frames) in s since the launch."""
-        parts = [
-            np.arange(first, min(first + HITS_AT_ONCE, len(moments)))
-            for first in range(0, len(moments), HITS_AT_ONCE)
-        ]
-        with ThreadPoolExecutor(threads) as pool:
-            found = pool.map(lambda some: _Linear(self._of(some), moments[some], step).at(by), parts)
-            return np.concatenate(list(found))
+        found = np.zeros((*moments.shape, 2, len(by)))
 
-    def _of(self, some: Array) -> "Slides":
-        return Slides(
-            self.launches[some], self.friction[some], self.radius, self.order[some], self.effects, self.values
-        )
+        def fill(first: int) -> None:
+            some = slice(first, first + HITS_AT_ONCE)
+            found[some] = _Linear(self._of(some), moments[some], step).at(by)
+
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(fill, range(0, len(moments), HITS_AT_ONCE)))
+        return found
+
+    def _of(self, some: slice) -> "Slides":
+        launches, friction, order = (of[some] for of in (self.launches, self.friction, self.order))
+        return replace(self, launches=launches, friction=friction, order=order)
 
     def law(self, times: int, changed: tuple[Effect, Values] | None = None) -> SlideLaw:
         """Of every hit at some times, one hit after another; with other values of one effect."""
@@ -115,7 +116,7 @@ class _Linear:
         count, frames = self._moments.shape
         found = np.zeros((count, frames, 2, len(by)))
         first = 0
-        # By the moments of a centre of mass that is not the shape's, places change with yaw too.
+        # Where the centre of mass lies aside, that of the shape moves with yaw, too.
         lever = self._law.lever(self._x[2]).reshape(2, count, self._steps)
         for _, group in groupby(by, key=lambda one: one.effect.name):
             some = list(group)
