@@ -276,7 +276,7 @@ def test_every_effect_of_the_catalogue_has_a_phrase_and_readable_parameters():
 
 
 def test_a_bump_of_a_field_is_told_by_its_place(tilt):
-    bump = ParameterValue("height_10", "m", 0.012, -0.002, 0.026, "height of one bump")
+    bump = ParameterValue("height_32", "m", 0.012, -0.002, 0.026, "height of one bump")
     effect = replace(tilt.verdict.effects[0], name="uneven_board", parameters=(bump,))
     text = markdown(replace(tilt.verdict, effects=(effect,)))
     assert "height around x 0.7 m, y 0.0 m | 12 mm (-2 to 26)" in text

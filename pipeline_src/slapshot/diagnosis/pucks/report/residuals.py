@@ -21,7 +21,7 @@ from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.selection.evidence import LARGEST
 from slapshot.diagnosis.pucks.selection.free_form import FreePlaceForce
 from slapshot.diagnosis.pucks.selection.search import Candidate
-from slapshot.effects.bases import BOARD
+from slapshot.effects.bases import COARSE_BOARD
 from slapshot.effects.effect import Effect, Follows, Parameter, SlideState
 
 BINS = 8
@@ -113,9 +113,7 @@ def along_at(fitter: HitFitter, at: Candidate, places: Array) -> tuple[Array, Ar
 
 def bump_shapes(places: Array) -> Array:
     """(bumps, n) of the board's bumps at places (n, 2) in m."""
-    x, y = places.T
-    one = np.eye(len(BOARD))
-    return np.stack([BOARD.total(np.tile(row[:, None], len(x)), x, y) for row in one])
+    return COARSE_BOARD.shapes(range(len(COARSE_BOARD)), *places.T)
 
 
 def cells(fitter: HitFitter) -> tuple[Array, NDArray[np.int64]]:
@@ -195,7 +193,10 @@ def binned_force(variable: Follows, edges: Array) -> Effect:
             which = np.clip(np.searchsorted(edges, _value(variable, state)) - 1, 0, count - 1)
             hits = np.arange(len(which))
             along, left = (
-                np.stack([values[f"{side}_{j}"] for j in range(count)])[which, hits] for side in SIDES
+                np.stack([np.broadcast_to(values[f"{side}_{j}"], which.shape) for j in range(count)])[
+                    which, hits
+                ]
+                for side in SIDES
             )
             return _turned(along, left, state)
 
@@ -209,19 +210,20 @@ class _PlaceAlong(Effect):
     phase = "slide"
     follows = "place"
     parameters = tuple(
-        Parameter(f"along_{j}", "m/s^2", -2.0, 2.0, _SCALE, "weight of one bump") for j in range(len(BOARD))
+        Parameter(f"along_{j}", "m/s^2", -2.0, 2.0, _SCALE, "weight of one bump")
+        for j in range(len(COARSE_BOARD))
     )
     physics = "No physics: a push along the motion that depends on the place."
     source = ""
 
     def accelerate(self, values: Mapping[str, Array], state: SlideState) -> tuple[Array, Array]:
-        weights = np.array([values[f"along_{j}"] for j in range(len(BOARD))])
-        along = BOARD.total(weights, state.x, state.y)
+        weights = np.array([values[f"along_{j}"] for j in range(len(COARSE_BOARD))])
+        along = COARSE_BOARD.total(weights, state.x, state.y)
         return _turned(along, np.zeros_like(along), state)
 
     def reaches(self, parameter: str, places: Array) -> bool:
         """Bumps reach as far as they are wide."""
-        return BOARD.near(int(parameter.split("_")[1]), places)
+        return COARSE_BOARD.near(int(parameter.split("_")[1]), places)
 
 
 def _turned(along: Array, left: Array, state: SlideState) -> tuple[Array, Array]:

@@ -209,8 +209,10 @@ def _cut(times: Array, places: Array) -> tuple[int, int, int] | str:
         return TOO_SHORT_A_WAY
     # From the end backwards: a mistrack at rest is no beginning.
     begin = _last(away <= MOVING_DISTANCE) + 1
-    # The first frame that is farther away was chosen by its own noise, and is too far ahead on average.
-    first = _last(away <= RELEASE_DISTANCE) + 2
+    # Chosen by its own noise, the first frame that is farther away would be too far ahead on average: whether
+    # one is, is told by frames before it.
+    foreseen = away[2:-1] + (away[2:-1] - away[:-3]) / 2
+    first = _last(foreseen <= RELEASE_DISTANCE) + 4
     # Two frames later friction has stopped it.
     if np.linalg.norm(np.median(smooth[-3:], axis=0) - end) > MOVING_DISTANCE / 2:
         return NEVER_RESTED
