@@ -1,5 +1,7 @@
 """Noise, marginal likelihood, evidence and execution, each against the slow way."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -8,8 +10,10 @@ from slapshot.diagnosis.pucks.fit.marginal import marginalise
 from slapshot.diagnosis.pucks.held_out import HeldOut, errors_of
 from slapshot.diagnosis.pucks.launch.execution import Execution, replay
 from slapshot.diagnosis.pucks.selection.evidence import SIZES, LinearEvidence, project
-from slapshot.diagnosis.pucks.selection.search import TESTED, with_few_directions
+from slapshot.diagnosis.pucks.selection.search import TESTED, Search, with_few_directions
 from slapshot.diagnosis.pucks.slide.noise import CameraNoise, estimate_noise, outliers, timing_jitter
+from slapshot.diagnosis.pucks.slide.slide_model import Column
+from slapshot.effects.catalogue import catalogue
 
 
 @pytest.fixture
@@ -265,3 +269,13 @@ def test_directions_that_are_not_tested_change_no_statistic(rng):
     expected = group_statistics(Elimination(of)(of.b), [group - 3 for group in groups], TESTED)
     np.testing.assert_allclose(group_statistics(Elimination(few)(few.b), found, TESTED), expected, rtol=1e-3)
     assert expected[0] > 10
+
+
+def test_where_nothing_can_be_told_nothing_contradicts_the_nominal_scene(rng):
+    columns = [Column("red", "log_mu_x", 0, 0.01), Column("tilt", "slope_x", -1, 0.01)]
+    point = SimpleNamespace(nuisance=np.zeros((1, 3)), latents=np.zeros((6, 6)))
+    fitter = SimpleNamespace(effects=catalogue(), prior=lambda columns: (np.zeros(2), np.ones(2)))
+    search = Search(fitter, ["tilt"], [], rng)
+    at = SimpleNamespace(fit=SimpleNamespace(point=point))
+    hardly = SimpleNamespace(scores=np.zeros((6, 2)), information=np.tile(1e-4 * np.eye(2), (6, 1, 1)))
+    assert search._p_value(at, columns, hardly, ["tilt"]) == 1.0

@@ -15,7 +15,7 @@ from slapshot.diagnosis.pucks.slide.slide_model import Column, Point
 from slapshot.effects.effect import ARM_JOINTS, Effect, Parameter
 
 CONVERGED = 0.02  # of the objective (nats): differences that matter are of order 1
-# Parameters; effects with more get a prior of the size that the recording asks for.
+# Parameters; effects with more, than one for each joint, get a prior of the size that the recording asks for.
 FIELD = ARM_JOINTS
 WORSE = 1.0  # of the objective, which a step may be
 # A fit whose objective stays within so little over so many steps only goes to and fro: it has arrived.
@@ -24,6 +24,7 @@ MOST_DAMPING = 1e4
 DISTRUST = 0.25  # by which the steps of a hit shorten that made it worse
 # Of logarithms of mu_x, mu_y and of the torsional friction in m.
 NUISANCE_SD = np.array([1.0, 1.0, 1.0])
+# Torsional friction reaches no farther than the contact is wide.
 NUISANCE_BOUNDS = np.log([[0.01, 3.0], [0.01, 3.0], [1e-5, 0.1]])
 
 

@@ -198,7 +198,8 @@ class Search(Generic[F]):
         of = with_law_errors(of, columns, sliding, log_mu, speed)
         owners = np.array([column.owner for column in columns])
         of, groups = with_few_directions(of, [np.flatnonzero(owners == name) for name in hypotheses])
-        return mismatch_test(of, groups, self.rng, DRAWS, TESTED).p_value
+        # Where nothing can be told, nothing contradicts the nominal scene.
+        return mismatch_test(of, groups, self.rng, DRAWS, TESTED).p_value if groups else 1.0
 
     def screen_beyond(self, at: Candidate) -> Screen:
         """Judge all other effects and all free forms beyond those of a fit."""
