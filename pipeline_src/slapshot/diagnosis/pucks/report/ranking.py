@@ -34,7 +34,7 @@ def draw(outcome: Outcome | RestOutcome) -> Drawing:
     if len(sets):
         figure, (a, b) = plt.subplots(1, 2, figsize=(11.5, height), width_ratios=[1.2, 1])
         _draw_sets(b, sets)
-        b.set_title("(b) several effects at once, refitted; dark: the verdict", loc="left")
+        b.set_title("(b) several at once, and the best alone; dark: the verdict", loc="left")
     else:
         figure, a = plt.subplots(figsize=(7.2, height))
     _draw_single(a, table)
@@ -75,7 +75,7 @@ def single_table(outcome: Outcome | RestOutcome) -> pd.DataFrame:
 
 
 def set_table(outcome: Outcome | RestOutcome) -> pd.DataFrame:
-    """The best sets of two or more effects that were refitted, and the best single one."""
+    """The best sets of two or more effects that were refitted, and the best by itself, maybe a free form."""
     rows = []
     for part in outcome.parts:
         seen = part.search.seen
@@ -118,8 +118,9 @@ def _draw_single(axes: Axes, table: pd.DataFrame) -> None:
     axes.set_yticks(place, [f"{title(h)} ({n})" for h, n in zip(table["hypothesis"], notes, strict=True)])
     for label, colour, marker, size, there in (
         ("effect, linear screen", AUGMENTED, "o", 14, True),
-        ("effect, refitted", AUGMENTED, "D", 30, refitted.any()),
+        ("effect, refitted", AUGMENTED, "D", 30, (refitted & ~table["free_form"]).any()),
         ("free form, linear screen", FREE_COLOUR, "o", 14, table["free_form"].any()),
+        ("free form, refitted", FREE_COLOUR, "D", 30, (refitted & table["free_form"]).any()),
         ("named, or not told from it", "black", "*", 60, named.any()),
     ):
         if there:
