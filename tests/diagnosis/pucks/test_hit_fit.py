@@ -9,7 +9,8 @@ from slapshot.arrays import GRAVITY
 from slapshot.calibration.slide_recordings import CAMERA, RADIUS
 from slapshot.calibration.slide_recordings import slide_recording as recording
 from slapshot.diagnosis.inference.mismatch_test import Elimination, Scores, group_statistics, mismatch_test
-from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter, Scatter
+from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter, Scatter, with_readings
+from slapshot.diagnosis.pucks.fit.marginal import Marginal
 from slapshot.diagnosis.pucks.launch.encoders import Encoders
 from slapshot.diagnosis.pucks.launch.execution import Execution
 from slapshot.diagnosis.pucks.launch.launch_prior import UnknownLaunch
@@ -306,3 +307,21 @@ def test_directions_that_only_incredible_values_would_show_are_not_tested():
     found = Elimination(of)(of.b)
     assert group_statistics(found, [np.array([1])])[0] > 20
     assert group_statistics(found, [np.array([1])], least=1.0)[0] == 0
+
+
+def test_readings_add_what_they_tell_of_the_columns_that_they_see():
+    """As one regression on tracks and readings, of columns of which readings see two."""
+    rng = np.random.default_rng(6)
+    design, readings = rng.normal(size=(3, 8, 4)), rng.normal(size=(3, 5, 4))
+    readings[..., [0, 2]] = 0.0
+    e, residual = rng.normal(size=(3, 8)), rng.normal(size=(3, 5))
+    none = np.empty((3, 0))
+    tracks = Marginal(
+        design.transpose(0, 2, 1) @ design, np.einsum("nrp,nr->np", design, e), (e**2).sum(1),
+        np.zeros(3), none, none[:, :, None], none[:, :, None],
+    )  # fmt: skip
+    both, left = np.concatenate([design, readings], axis=1), np.concatenate([e, residual], axis=1)
+    found = with_readings(tracks, residual, readings)
+    np.testing.assert_allclose(found.information, both.transpose(0, 2, 1) @ both)
+    np.testing.assert_allclose(found.scores, np.einsum("nrp,nr->np", both, left))
+    np.testing.assert_allclose(found.squares, (left**2).sum(1))

@@ -256,17 +256,7 @@ class HitFitter(GaussNewton):
         told = point.latents[:, :LAUNCH] + measured, noise
         marginal = replace(marginal, log_volume=volume, told=told)
         read = self.launches.encoder_rows(columns, point)
-        if read is None:
-            return marginal
-        residual, by_shared = read
-        # Most columns are of the slide, which encoders do not see.
-        seen = np.flatnonzero(by_shared.any(axis=(0, 1)))
-        by_seen = by_shared[..., seen]
-        information, scores = marginal.information.copy(), marginal.scores.copy()
-        information[:, seen[:, None], seen] += by_seen.transpose(0, 2, 1) @ by_seen
-        scores[:, seen] += np.einsum("nrp,nr->np", by_seen, residual)
-        squares = marginal.squares + (residual**2).sum(1)
-        return replace(marginal, information=information, scores=scores, squares=squares)
+        return marginal if read is None else with_readings(marginal, *read)
 
     def _flat_volume(self, by_latent: Array) -> Array | float:
         """(n,) log det of the information on what a launch's prior says nothing about.
@@ -315,6 +305,18 @@ class HitFitter(GaussNewton):
 
     def _moved_latents(self, point: Point, shift: Array, state: Marginal, trust: Array) -> Array:
         return bounded_step(point.latents, trust[:, None] * state.step + state.gain @ shift)
+
+
+def with_readings(marginal: Marginal, residual: Array, by_shared: Array) -> Marginal:
+    """Hits with whitened readings beside: residuals (n, rows), and derivatives (n, rows, p)."""
+    # Most columns are of the slide, which encoders do not see.
+    seen = np.flatnonzero(by_shared.any(axis=(0, 1)))
+    by_seen = by_shared[..., seen]
+    information, scores = marginal.information.copy(), marginal.scores.copy()
+    information[:, seen[:, None], seen] += by_seen.transpose(0, 2, 1) @ by_seen
+    scores[:, seen] += np.einsum("nrp,nr->np", by_seen, residual)
+    squares = marginal.squares + (residual**2).sum(1)
+    return replace(marginal, information=information, scores=scores, squares=squares)
 
 
 def _told_by_slides(point: Point, z: Array, h: Array, friction_sd: float) -> tuple[Array, Array]:

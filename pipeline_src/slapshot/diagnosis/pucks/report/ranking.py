@@ -34,7 +34,7 @@ def draw(outcome: Outcome | RestOutcome) -> Drawing:
     if len(sets):
         figure, (a, b) = plt.subplots(1, 2, figsize=(11.5, height), width_ratios=[1.2, 1])
         _draw_sets(b, sets)
-        b.set_title("(b) several at once, and the best alone; dark: the verdict", loc="left")
+        b.set_title("(b) several at once, and the best alone; dark: named", loc="left")
     else:
         figure, a = plt.subplots(figsize=(7.2, height))
     _draw_single(a, table)
