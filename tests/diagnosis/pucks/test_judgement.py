@@ -103,7 +103,7 @@ def test_an_interval_holds_that_beside_what_is_left_over():
 
 def test_what_is_in_no_catalogue_is_as_probable_as_its_flag_makes_it():
     """By Bayes' rule from a table of 1,000 mismatches, 100 of which are in no catalogue."""
-    flagged_outside, flagged_inside = 100 * 4 / 7, 900 * 3 / 38
+    flagged_outside, flagged_inside = 100 * 9 / 13, 900 * 1 / 42
     flagged = flagged_outside / (flagged_outside + flagged_inside)
     plain = (100 - flagged_outside) / (1000 - flagged_outside - flagged_inside)
     assert outside_probability(True) == pytest.approx(flagged)

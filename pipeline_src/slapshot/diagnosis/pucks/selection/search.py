@@ -32,7 +32,9 @@ ADD = 4.0  # nats that a further effect must add
 MOST = 3
 DRAWS = 499  # of scores under the null hypothesis
 TESTED = 1.0  # information in units of the priors, of a direction that is tested
-RIVAL = 0.4  # share of the best one's gain with which another may still win once both are exact
+# Share of the best one's gain by which another may promise less and still win once both are exact: what is
+# linear about no elasticity tells little of what an elastic arm does.
+RIVAL, RIVAL_AT_LAUNCH = 0.4, 0.75
 RIVALS = 3  # at most so many
 STAYED, EXACT = 0.1, 0.5  # of a parameter's scale, from where hits were simulated: no more, near enough
 WITHIN = 0.5  # of a parameter's standard error: by as much the scatter of contact moves it
@@ -103,9 +105,9 @@ def settled(fitter: Fitter, fit: Fit, effects: Sequence[str] = ()) -> Fit:
     return fit
 
 
-def _least_rival(gain: float) -> float:
+def _least_rival(gain: float, share: float = RIVAL) -> float:
     """Nats that another effect must promise to be tried beside one that gains so many."""
-    return gain - max(8 * CLASS, RIVAL * gain)
+    return gain - max(8 * CLASS, share * gain)
 
 
 @dataclass
@@ -322,13 +324,14 @@ class Search(Generic[F]):
         for name in sorted(hypotheses, key=lambda name: -promise[name])[: self.refitted]:
             # What the best one turned out to gain may be far less than its promise.
             best = max((c.log_evidence - at.log_evidence for c in found), default=np.inf)
-            if promise[name] <= _least_rival(min(best, max(promise.values()))):
-                break
+            share = RIVAL_AT_LAUNCH if self._effects[name].acts_on_launch else RIVAL
+            if promise[name] <= _least_rival(min(best, max(promise.values())), share):
+                continue
             tried = self.try_adding(at, name, screen.direction)
             if tried is None:
                 continue
             rivals = sum(c.final for c in found) < RIVALS
-            if rivals and (not found or tried.log_evidence - at.log_evidence > _least_rival(best)):
+            if rivals and (not found or tried.log_evidence - at.log_evidence > _least_rival(best, share)):
                 tried = self.finish(tried)
             found.append(tried)
         return sorted(found, key=lambda c: (not c.final, self.at_bound(c), -c.log_evidence)) or [at]
