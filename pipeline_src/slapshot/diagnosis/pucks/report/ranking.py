@@ -17,13 +17,15 @@ NAME = "D2-ranking"
 CAPTION = (
     "Evidence for every hypothesis alone, over the nominal scene with friction refitted: small dots from one "
     "linear screen, diamonds where refitted with full nonlinearity. Stars mark effects that the verdict "
-    "names, or cannot tell from one that it names; orange are free forms, which describe without naming."
+    "names, or cannot tell from one that it names; orange are free forms, which describe without naming. Where "
+    "several were tried at once, (b) shows how far they, and the best alone, are behind the best of these; "
+    "within the band they are not told apart."
 )
 
 FREE_COLOUR = OTHER_COLOURS[0]
 LINEAR = 10.0  # nats up to which the axis is linear
 CROWDED = 100.0  # nats: beyond, there is no room for a tick at 1
-_TICKS = (-10, -3, -1, 0, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000)
+_TICKS = (-10, -3, -1, 0, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000, 30000, 100000)
 MOST_SETS = 8
 
 
@@ -110,7 +112,7 @@ def _draw_single(axes: Axes, table: pd.DataFrame) -> None:
     )  # fmt: skip
     for probability, y in zip(table["probability"][named].astype(float), place[named], strict=True):
         axes.annotate(
-            f"{100 * probability:.0f} %", (1.035, y), xycoords=("axes fraction", "data"), fontsize=7,
+            f"{100 * probability:.0f} %", (1.045, y), xycoords=("axes fraction", "data"), fontsize=7,
             va="center", annotation_clip=False,
         )  # fmt: skip
     several = len(set(table["part"])) > 1
@@ -130,13 +132,20 @@ def _draw_single(axes: Axes, table: pd.DataFrame) -> None:
 
 
 def _draw_sets(axes: Axes, sets: pd.DataFrame) -> None:
+    """How far sets are behind the best one, which their evidence over the nominal scene would hide."""
     place = np.arange(len(sets))[::-1]
     colours = np.where(sets["final"], AUGMENTED, "#9FC5DE")
-    axes.hlines(place, 0, sets["refitted_nats"], color=colours, lw=1.2, alpha=0.6)
-    axes.scatter(sets["refitted_nats"], place, s=30, marker="D", color=colours, zorder=3)
+    behind = sets.groupby("part")["refitted_nats"].transform("max") - sets["refitted_nats"]
+    axes.hlines(place, 0, behind, color=colours, lw=1.2, alpha=0.6)
+    axes.scatter(behind, place, s=30, marker="D", color=colours, zorder=3)
     axes.set_yticks(place, [title(h).replace(" + ", " +\n") for h in sets["hypothesis"]])
     axes.set_ylim(-0.8, max(len(sets), 6) - 0.2)
-    _nats(axes, sets["refitted_nats"].max())
+    axes.set_xscale("symlog", linthresh=LINEAR)
+    axes.axvspan(0, CLASS, color=AUGMENTED, alpha=0.12, lw=0)
+    axes.set_xlim(-1, max(2 * LINEAR, 1.5 * behind.max()))
+    _label(axes)
+    axes.invert_xaxis()
+    axes.set_xlabel("nats behind the best of these")
     axes.grid(axis="y", visible=False)
 
 
@@ -148,9 +157,14 @@ def _nats(axes: Axes, most: float) -> None:
     if most > LEAST_EVIDENCE + CLASS:
         label = f"not told from the best, {CLASS:g}"
         axes.axvspan(most - CLASS, most, color=AUGMENTED, alpha=0.12, lw=0, label=label)
+    _label(axes)
+    axes.set_xlabel("evidence over the nominal scene (nats)")
+
+
+def _label(axes: Axes) -> None:
+    """Ticks of an axis of nats that is linear up to LINEAR."""
     low, high = axes.get_xlim()
     crowded = high > CROWDED
     shown = [t for t in _TICKS if low <= t <= high and not (crowded and abs(t) == 1)]
     axes.set_xticks(shown, [f"{t:g}".replace("-", "−") for t in shown])
     axes.xaxis.set_minor_locator(NullLocator())
-    axes.set_xlabel("evidence over the nominal scene (nats)")
