@@ -17,9 +17,9 @@ NAME = "D2-ranking"
 CAPTION = (
     "Evidence for every hypothesis alone, over the nominal scene with friction refitted: small dots from one "
     "linear screen, diamonds where refitted with full nonlinearity. Stars mark effects that the verdict "
-    "names, or cannot tell from one that it names; orange are free forms, which describe without naming. Where "
-    "several were tried at once, (b) shows how far they, and the best alone, are behind the best of these; "
-    "within the band they are not told apart."
+    "names, or cannot tell from one that it names; orange are free forms, which describe without naming. "
+    "Where several were tried at once, (b) shows how far they, and the best alone, are behind the best of "
+    "these; within the band they are not told apart."
 )
 
 FREE_COLOUR = OTHER_COLOURS[0]
