@@ -29,9 +29,10 @@ def members(known_to, *rivals):
     named = candidate("lag", 0.0)
     search = SimpleNamespace(
         seen={(): candidate("", GAIN), **{c.effects: c for c in (named, *rivals)}},
-        catalogue=["lag", "delay", "map"],
+        catalogue=["lag", "delay", "map", "stuck"],
         known_to=lambda name: known_to,
         gain=lambda at, name: GAIN,
+        at_bound=lambda candidate: candidate.effects == ("stuck",),
     )
     return _class(search, named, (), "lag")
 
@@ -44,6 +45,15 @@ def test_rivals_are_told_apart_by_what_laws_do_not_err_by():
 def test_exact_laws_are_told_apart_by_evidence():
     assert set(members(0.0, candidate("delay", 40.0), candidate("map", 2.0))) == {"lag", "map"}
     assert members(0.0, candidate("map", 2.0))["lag"] == pytest.approx(0.8808, abs=1e-4)  # 1 / (1 + e^-2)
+
+
+def test_what_fits_best_at_a_bound_stands_in_for_nothing():
+    """However well it fits, and even where it is ahead of what is named."""
+    assert set(members(0.0, candidate("stuck", -1.0), candidate("map", 2.0))) == {"lag", "map"}
+
+
+def test_what_is_named_is_in_its_own_class_though_a_rival_is_far_ahead():
+    assert set(members(0.0, candidate("map", -10.0))) == {"lag", "map"}
 
 
 def test_what_parameters_cost_counts_whatever_laws_err_by():

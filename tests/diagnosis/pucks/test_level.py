@@ -115,7 +115,7 @@ def test_a_name_that_makes_an_error_larger_than_its_interval_without_it_does_not
 def test_names_that_leave_more_than_laws_err_by_are_not_all_of_it(left, is_explained):
     rest = Interval(0.01, 0.009, 0.011)
     fit = {
-        "nominal": replace(errors(rest), chi2_per_freedom=Interval(12.0, 9.0, 15.0)),
+        "refitted": replace(errors(rest), chi2_per_freedom=Interval(12.0, 9.0, 15.0)),
         "augmented": replace(errors(rest), chi2_per_freedom=Interval(left + 0.3, left, left + 0.6)),
     }
     assert explained(fit, 0.3) == is_explained

@@ -30,7 +30,7 @@ from slapshot.diagnosis.pucks.selection.trial import dropped_note, that_work
 from slapshot.diagnosis.pucks.slide.noise import CameraNoise, estimate_noise, timing_jitter
 from slapshot.diagnosis.pucks.slide.slide_model import Point, SlideModel
 from slapshot.diagnosis.pucks.slide.suitability import cannot_tell, untold
-from slapshot.diagnosis.pucks.slide.tracks import PUSHED_AGAIN, HitTracks, hit_tracks
+from slapshot.diagnosis.pucks.slide.tracks import PUSHED_AGAIN, HitTracks, hit_tracks, hits_without_swing
 from slapshot.diagnosis.pucks.verdict import Errors
 from slapshot.effects.catalogue import catalogue
 from slapshot.effects.effect import Effect
@@ -38,6 +38,8 @@ from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
 from slapshot.recordings.quality_warning import QualityWarning
 
+LEAST_NOISE = 1e-5  # m, finer than any camera's
+SAME_PLACE = 1e-7  # m, by which places differ that were rounded to the same number and then converted
 LARGEST_ERROR = 0.3  # share by which a law may err that is still the right one
 # Findings of a check that say of a hit that it is no single push followed by a slide to rest.
 NO_CLEAN_SLIDE = ("second_push", "moves_again", "not_slowing", "moving_at_start", "moving_at_end")
@@ -69,7 +71,9 @@ def diagnose(
     if recording.tracks is None:
         return diagnose_rests(recording, setting, seed, known, threads, signatures)
     findings = quality_warnings(recording)
-    tracks = hit_tracks(recording, dict.fromkeys(_hits_of(findings, "second_push"), PUSHED_AGAIN))
+    left_out = hits_without_swing(recording) if full else {}
+    left_out |= dict.fromkeys(_hits_of(findings, "second_push"), PUSHED_AGAIN)
+    tracks = hit_tracks(recording, left_out)
     shown: dict[str, Any] = {"recording": recording, "left_out": tracks.dropped}
     reason = cannot_tell(recording, tracks)
     if reason is not None:
@@ -116,10 +120,10 @@ def diagnose(
     def errors(of: Level) -> dict[str, Errors]:
         nominal, final = of.nominal.fit, of.final.fit
         there = test
-        if rig is not None and isinstance(test.launches, LaunchModel):
+        if final is not nominal and rig is not None and isinstance(test.launches, LaunchModel):
             about = rig.about(final.point.effects)
             there = test.about(about.launches(held, test.launches.execution, fitted=False))
-        return errors_of_scenes(there, nominal, final, setting.friction, resample_rng)
+        return errors_of_scenes(test, there, nominal, final, setting.friction, resample_rng)
 
     tried, fit = level, errors(level)
     if level.final.effects and not names_hold(fit):
@@ -174,8 +178,11 @@ def _hits_of(findings: Sequence[QualityWarning], *kinds: str) -> list[int]:
 
 
 def _noise(tracks: HitTracks) -> CameraNoise:
-    """Of the camera, at rest and while objects move."""
+    """Of the camera, at rest and while objects move; never less than what rounding of places makes."""
     noise = estimate_noise(*tracks.resting)
+    steps = np.diff(np.unique(tracks.places[tracks.valid]))
+    rounding = float(steps[steps > SAME_PLACE].min(initial=np.inf)) / np.sqrt(12)
+    noise = replace(noise, sd=max(noise.sd, LEAST_NOISE, rounding if np.isfinite(rounding) else 0.0))
     return replace(noise, jitter=timing_jitter(tracks.times, tracks.places, tracks.valid))
 
 

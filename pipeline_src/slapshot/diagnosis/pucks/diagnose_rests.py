@@ -24,7 +24,7 @@ from slapshot.diagnosis.pucks.selection.search import CLASS, Search
 from slapshot.diagnosis.pucks.selection.trial import dropped_note, that_work
 from slapshot.diagnosis.pucks.slide.slide_model import Point, SlideModel
 from slapshot.diagnosis.pucks.slide.suitability import cannot_tell, untold
-from slapshot.diagnosis.pucks.slide.tracks import rest_tracks
+from slapshot.diagnosis.pucks.slide.tracks import hits_without_swing, rest_tracks
 from slapshot.diagnosis.pucks.verdict import Errors, Interval, NamedEffect
 from slapshot.effects.effect import Effect
 from slapshot.recordings.data_quality import quality_warnings
@@ -42,7 +42,7 @@ def diagnose_rests(
     signatures: Signatures | None,
 ) -> Diagnosis:
     """Diagnose a recording without tracks; arguments as those of `diagnose`."""
-    tracks = rest_tracks(recording)
+    tracks = rest_tracks(recording, hits_without_swing(recording))
     reason = cannot_tell(recording, tracks)
     if reason is None and (recording.commands is None or setting.scene is None):
         reason = (
@@ -125,6 +125,7 @@ def _of_class(level: Level, effect: NamedEffect) -> NamedEffect:
     evidence |= {name: alone[name] for name in evidence if name in alone}
     best = max(evidence.values())
     near = {n: float(np.exp(e - best)) for n, e in evidence.items() if e > best - CLASS}
+    near.setdefault(effect.name, float(np.exp(evidence[effect.name] - best)))
     total = sum(near.values())
     members = dict(sorted(((n, p / total) for n, p in near.items()), key=lambda item: -item[1]))
     return replace(effect, members=members)

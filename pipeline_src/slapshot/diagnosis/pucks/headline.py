@@ -95,7 +95,7 @@ def explained(errors: Mapping[str, Errors], most: float) -> bool:
 
     Chi-squared is a square: of what a law that errs by a share explains, it leaves the square of that share.
     """
-    before, after = errors["nominal"].chi2_per_freedom, errors["augmented"].chi2_per_freedom
+    before, after = errors["refitted"].chi2_per_freedom, errors["augmented"].chi2_per_freedom
     return after.low <= 1 + most**2 * max(before.value - 1, 0)
 
 

@@ -21,6 +21,7 @@ from slapshot.diagnosis.pucks.slide.tracks import RESTED_S, HitTracks
 from slapshot.diagnosis.pucks.verdict import Errors, Interval
 
 HELD_OUT = 0.25  # share of commands
+FEWEST_COMMANDS = 8  # of which whole ones are held out; of fewer, hits
 SEEN_SHARE = 0.35  # of a hit's frames, from which its launch is told
 RESAMPLES = 1000
 LIKELY, SURE = 0.9, 0.99  # probability of an interval, and of one that a headline rests on
@@ -51,10 +52,13 @@ class HeldOut:
 
 
 def split_hits(tracks: HitTracks, rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows to use and to hold out; repeats of one command are on one side."""
-    commands = np.unique(tracks.command)
+    """Rows to use and to hold out; repeats of one of many commands are on one side."""
+    groups = tracks.command
+    if len(np.unique(groups)) < FEWEST_COMMANDS:
+        groups = np.arange(len(tracks))
+    commands = np.unique(groups)
     held = rng.permutation(commands)[: max(2, round(HELD_OUT * len(commands)))]
-    mask = np.isin(tracks.command, held)
+    mask = np.isin(groups, held)
     return np.flatnonzero(~mask), np.flatnonzero(mask)
 
 
@@ -154,16 +158,26 @@ def noise_floor(held: HeldOut, reference: Array, rng: np.random.Generator) -> Er
 
 def errors_of_scenes(
     test: HitFitter,
+    about: HitFitter,
     nominal: Fit,
     final: Fit,
     friction: tuple[float, float, float],
     rng: np.random.Generator,
 ) -> dict[str, Errors]:
-    """Of the nominal scene as believed and refitted, of the final one, and what noise leaves of that."""
+    """Of the nominal scene as believed and refitted, of the final one, and what noise leaves of that.
+
+    Args:
+        test: fitter of the held-out hits, linear about the nominal scene.
+        about: the same about the final one.
+        nominal: fit of other hits without effects.
+        final: fit of them with those that were found.
+        friction: of the nominal scene, as believed.
+        rng: of bootstraps.
+    """
     mu = np.tile(np.log(friction), (len(nominal.point.nuisance), 1))
     believed = replace(nominal, point=Point(nominal.point.latents, mu))
     refitted = predict_held_out(test, nominal)
-    augmented = refitted if final is nominal else predict_held_out(test, final)
+    augmented = refitted if final is nominal else predict_held_out(about, final)
     scenes = {"nominal": predict_held_out(test, believed), "refitted": refitted, "augmented": augmented}
     found = {name: errors_of(held, refitted.loglik, rng, test.noise.error) for name, held in scenes.items()}
     return found | {"noise_floor": noise_floor(augmented, refitted.loglik, rng)}

@@ -60,6 +60,8 @@ class HitFitter(GaussNewton):
         self.frame_sd = self._frame_sd()
         self._wide: tuple[list[tuple[str, str]], Array, Array] | None = None
         self._at: tuple[Point, list[Column], tuple[Array, Array, Array]] | None = None
+        tracks = model.tracks
+        self._drop(leaps(tracks.times, tracks.places, self.valid, noise.sd))
 
     @property
     def first_scatter(self) -> Scatter:
@@ -68,7 +70,6 @@ class HitFitter(GaussNewton):
 
     def start(self) -> Point:
         """Launches from the first frames, friction from how far the object went."""
-        self._drop(leaps(self.model.tracks.places, self.valid, self.noise.sd))
         point = first_guess(self.model.tracks)
         tracks = self.model.tracks
         seen = np.isfinite(tracks.spin_sd)

@@ -22,6 +22,7 @@ from slapshot.recordings.format import joint_columns
 
 POWERS = (1, 2, 3)
 ROUNDS = 6  # of expectation maximisation
+LEAST_NOISE = 1e-6  # rad, finer than any encoder's step
 LEAST_SD = 1e-5  # rad, of a coefficient
 DIFFERENCES = 4  # in time, that tell noise from what moves smoothly
 NORMAL_MEDIAN = 0.6745  # of the absolute value of a standard normal variable
@@ -170,10 +171,10 @@ def _noise_beside(basis: Array, residual: Array, ticks: int) -> float:
     if ticks > 2 * DIFFERENCES:
         differences = np.diff(residual.reshape(len(residual), ticks, -1), n=DIFFERENCES, axis=1)
         gain = np.sqrt(comb(2 * DIFFERENCES, DIFFERENCES))
-        return float(np.median(np.abs(differences)) / NORMAL_MEDIAN / gain)
+        return max(float(np.median(np.abs(differences)) / NORMAL_MEDIAN / gain), LEAST_NOISE)
     fitted = [f @ np.linalg.lstsq(f, y, rcond=None)[0] for f, y in zip(basis, residual, strict=True)]
     left = (residual - np.stack(fitted)) ** 2
-    return float(np.sqrt(np.median(left.sum(1) / (basis.shape[1] - basis.shape[2]))))
+    return max(float(np.sqrt(np.median(left.sum(1) / (basis.shape[1] - basis.shape[2])))), LEAST_NOISE)
 
 
 def pace_matrix(execution: Execution, moment: Array, speeds: Array) -> tuple[Array, Array]:

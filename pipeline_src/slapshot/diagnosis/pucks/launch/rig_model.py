@@ -20,7 +20,8 @@ from slapshot.diagnosis.pucks.slide.camera_view import start_shift
 from slapshot.diagnosis.pucks.slide.slide_model import Values
 from slapshot.diagnosis.pucks.slide.tracks import HitTracks
 from slapshot.effects.effect import Effect, Parameter
-from slapshot.recordings.format import Recording
+from slapshot.errors import InputError
+from slapshot.recordings.format import Recording, joint_columns
 from slapshot.scenes.scene import Scene
 
 LOCAL_STEP = 1.0  # of a parameter's scale, to either side: less is lost in the scatter of contact
@@ -55,6 +56,7 @@ class RigModel:
             threads: for simulations.
         """
         self._tracks, self._effects, self._camera = tracks, effects, camera
+        _check_joints(recording, len(scene.info.joints))
         period = scene.info.control_period
         seen_last = float(tracks.release.max(initial=0.0, where=~np.isnan(tracks.release)))
         latest = max(seen_last, _longest(recording)) + 2 * LOOK
@@ -206,6 +208,16 @@ class RigModel:
             self._struck.turned[rows],
             {name: change.take(rows) for name, change in self._local_changes().items()} if fitted else {},
         )
+
+
+def _check_joints(recording: Recording, there: int) -> None:
+    """Raises InputError where a recording is of another arm than the scene's."""
+    for name, table in (("commands", recording.commands), ("joints", recording.joints)):
+        if table is not None and len(joint_columns(table)) != there:
+            raise InputError(
+                f"{name} are of {len(joint_columns(table))} joints, and the arm of the scene has {there}: "
+                "give the rig file of the arm that was recorded"
+            )
 
 
 def _longest(recording: Recording) -> float:

@@ -50,11 +50,11 @@ def _alternatives(effect: NamedEffect) -> str:
     """What is most likely, and the rivals that are left."""
     if len(effect.members) == 1:
         return wording.phrase(effect.name)
-    (_, first), *others = effect.members.items()
-    rest = [f"{wording.title(name)} ({100 * p:.0f} %)" for name, p in others]
-    return (
-        f"most likely {wording.phrase(effect.name)} ({100 * first:.0f} %), else {wording.listed(rest, 'or')}"
-    )
+    own = effect.members[effect.name]
+    rivals = {name: p for name, p in effect.members.items() if name != effect.name}
+    rest = [f"{wording.title(name)} ({100 * p:.0f} %)" for name, p in rivals.items()]
+    most = "most likely " if own >= max(rivals.values()) else ""
+    return f"{most}{wording.phrase(effect.name)} ({100 * own:.0f} %), else {wording.listed(rest, 'or')}"
 
 
 def markdown(

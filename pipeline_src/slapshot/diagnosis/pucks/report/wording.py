@@ -61,7 +61,7 @@ _UNITS = {
     "1": ("", 1.0),
 }
 
-_BUMP = re.compile(r"(.*)_(\d+)")
+_BUMP = re.compile(r"(log_friction|height)_(\d+)")  # of fields on BOARD; a twist_3 is a joint's
 
 
 def phrase(effect: str) -> str:

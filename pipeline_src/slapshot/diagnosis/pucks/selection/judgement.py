@@ -29,6 +29,7 @@ AGREED = 0.8  # of the probability of a class, to say where it acts
 # physics by mistake, is what 11 and 40 development cases gave (8 and 0, by Laplace's rule of succession).
 UNCATALOGUED = 0.1
 FLAGGED, FLAGGED_BY_MISTAKE = (8 + 1) / (11 + 2), (0 + 1) / (40 + 2)
+TOLD = 0.9  # of the prior's standard deviation: what is left of it where a recording says something
 MOST_PARAMETERS = 4  # of an effect that are listed one by one
 
 
@@ -77,14 +78,15 @@ def _class(search: Search[Any], final: Candidate, rest: tuple[str, ...], name: s
         other = set(effects) - set(rest)
         if set(rest) <= set(effects) and len(effects) == len(rest) + 1:
             (stand_in,) = other
-            if stand_in in search.catalogue:
+            if stand_in in search.catalogue and not search.at_bound(candidate):
                 rivals[stand_in] = candidate
     best = max(rivals.values(), key=lambda candidate: candidate.log_evidence)
     # By as much evidence as its law may err, what was named may lie ahead of a rival by chance of its law.
     unsure = max(1.0, search.known_to(name) ** 2 * search.gain(final, name) / CLASS)
     behind = {n: _behind(best, candidate, unsure) for n, candidate in rivals.items()}
     near = {n: float(np.exp(-nats)) for n, nats in behind.items() if nats < CLASS}
-    near = near or {name: 1.0}
+    # However far ahead a rival is by this, it was not what the search came to.
+    near.setdefault(name, float(np.exp(-behind[name])))
     total = sum(near.values())
     return dict(sorted(((n, p / total) for n, p in near.items()), key=lambda item: -item[1]))
 
@@ -247,18 +249,27 @@ def limits(search: Search[Any], nominal: Candidate) -> tuple[Limit, ...]:
         information = projected.information + np.diag(precision[mine])
         covariance = np.asarray(np.linalg.inv(information), float)
         estimate = covariance @ projected.scores.sum(0)
-        found += _limits_of(search, [columns[c] for c in mine], estimate, covariance, name)
+        found += _limits_of(
+            search, [columns[c] for c in mine], estimate, covariance, name, 1 / np.sqrt(precision[mine])
+        )
     return tuple(found)
 
 
 def _limits_of(
-    search: Search[Any], columns: Sequence[Column], estimate: Array, covariance: Array, name: str
+    search: Search[Any],
+    columns: Sequence[Column],
+    estimate: Array,
+    covariance: Array,
+    name: str,
+    prior_sd: Array,
 ) -> list[Limit]:
     units = {p.name: p for p in search.fitter.effects[name].parameters}
     found = []
     for i, column in enumerate(columns):
-        # A shape has no limit where there may be nothing that has it.
-        if units[column.parameter].neutral == 0:
-            most = abs(estimate[i]) + Z95 * float(np.sqrt(covariance[i, i]))
-            found.append(Limit(name, column.parameter, units[column.parameter].unit, most))
+        p = units[column.parameter]
+        sd = float(np.sqrt(covariance[i, i]))
+        # A shape has no limit where there may be nothing that has it, nor what these hits say nothing about.
+        if p.neutral == 0 and sd < TOLD * prior_sd[i]:
+            most = min(abs(estimate[i]) + Z95 * sd, max(abs(p.low), abs(p.high)))
+            found.append(Limit(name, column.parameter, p.unit, most))
     return found

@@ -169,12 +169,18 @@ class Search(Generic[F]):
         # Where the model leaves more than noise, all evidence shrinks alike.
         inflation = max(1.0, at.fit.dispersion)
         total = projected.scores.sum(0) / inflation
-        log_evidence, shift, direction = {}, {}, {}
+        log_evidence: dict[str, float] = {}
+        shift: dict[str, float] = {}
+        direction: dict[str, Mapping[str, float]] = {}
         # Beyond what another friction would have done to the track.
         others_at = np.setdiff1d(np.arange(len(columns)), fixed)
         moved = moved[..., others_at] - moved[..., fixed] @ projected.weights
         for name in hypotheses:
-            mine = np.array([c for c, column in enumerate(others) if column.owner == name])
+            mine = np.array([c for c, column in enumerate(others) if column.owner == name], np.int64)
+            if not len(mine):
+                self.failed[name] = "no object came where it could act"
+                log_evidence[name], shift[name], direction[name] = -np.inf, 0.0, {}
+                continue
             own = [others[c] for c in mine]
             judge = self._judge(name, own, projected.information[np.ix_(mine, mine)] / inflation)
             log_evidence[name] = float(judge.log_ratio(total[None, mine])[0])

@@ -124,6 +124,8 @@ def estimate_noise(residuals: Array, intervals: Array) -> CameraNoise:
     White noise, or with a coloured part where that is worth its two parameters (Schwarz's criterion).
     """
     sd = float(1.4826 * np.median(np.abs(residuals)))
+    if sd == 0:
+        return CameraNoise(0.0, 0.0)
     # A few mistracks are left out; the rest tells the variance better than the median does.
     core: NDArray[np.bool_] = np.all(np.abs(residuals) < CORE * sd, axis=1)
     residuals, intervals = residuals[core], _without(intervals, core)
@@ -182,24 +184,31 @@ def outliers(residuals: Array, valid: NDArray[np.bool_], sd: float) -> NDArray[n
     return jump.any(-1) & valid
 
 
-def leaps(places: Array, valid: NDArray[np.bool_], sd: float) -> NDArray[np.bool_]:
+def leaps(times: Array, places: Array, valid: NDArray[np.bool_], sd: float) -> NDArray[np.bool_]:
     """(n, frames) frames far from where their neighbours on either side say that the object is.
 
     For a first fit: finer than LEAP only a fit can tell, and no motion bends as much within a frame.
 
     Args:
+        times: (n, frames) s; frames may be lost between two.
         places: (n, frames, 2) m.
         valid: (n, frames); others must be at the end.
         sd: m, of the camera's noise.
     """
-    p = np.where(valid[..., None], places, np.nan)
-    p = np.pad(p, ((0, 0), (2, 2), (0, 0)), constant_values=np.nan)
-    frames = places.shape[1]
-    before2, before, after, after2 = (p[:, k : k + frames] for k in (0, 1, 3, 4))
-    said = np.stack([2 * before - before2, (before + after) / 2, 2 * after - after2])
-    with warnings.catch_warnings():
+    seen = np.where(valid[..., None], np.concatenate([times[..., None], places], axis=-1), np.nan)
+    padded = np.pad(seen, ((0, 0), (2, 2), (0, 0)), constant_values=np.nan)
+    near = [padded[:, k : k + places.shape[1]] for k in (0, 1, 3, 4)]
+    before2, before, after, after2 = near
+
+    def line(one: Array, other: Array) -> Array:
+        """(n, frames, 2) m at a frame's own time, on the line through two of its neighbours."""
+        share = (times - one[..., 0]) / (other[..., 0] - one[..., 0])
+        return one[..., 1:] + share[..., None] * (other - one)[..., 1:]
+
+    with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)
-        middle = np.nanmedian(said, axis=0)
+        said = np.stack([line(before2, before), line(before, after), line(after, after2)])
+        middle = np.nanmedian(np.where(np.isfinite(said), said, np.nan), axis=0)
     # The scatter of an extrapolation is sqrt(6) times that of a frame.
     return ((np.abs(places - middle) > LEAP + OUTLIER * np.sqrt(6) * sd).any(-1)) & valid
 

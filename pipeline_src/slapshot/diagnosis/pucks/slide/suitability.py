@@ -7,7 +7,9 @@ import numpy as np
 
 from slapshot.diagnosis.pucks.slide.tracks import (
     NEVER_RESTED,
+    NO_COMMAND,
     NO_FRAMES,
+    NO_READINGS,
     NO_REST_POINT,
     PUSHED_AGAIN,
     TOO_FEW_FRAMES,
@@ -22,11 +24,14 @@ from slapshot.recordings.quality_warning import QualityWarning
 FEWEST_HITS = 12  # of which three are held out
 LEAST_HEADINGS_RAD = 0.03  # rms spread of launches
 LEAST_SPEEDS = 0.05  # spread of the logarithm of speeds, half that of distances
+FEWEST_AT_REST = 20  # frames of all hits together, from which the camera's noise is told to 16 %
 LEAST_FRAMES = 12  # of a slide in the median: fewer cannot tell its launch from what slows it
 
 REMEDIES = {
     NO_FRAMES: "record tracks of all hits",
     NO_REST_POINT: "record where every object comes to rest",
+    NO_COMMAND: "record the command of every hit",
+    NO_READINGS: "record the joints of every hit, or of none",
     TOO_FEW_FRAMES: "record more frames a second, or hit harder",
     TOO_SHORT_A_WAY: "hit harder",
     TOO_SHORT_A_SLIDE: "record more frames a second (Hz), or hit harder",
@@ -51,6 +56,11 @@ def cannot_tell(recording: Recording, tracks: HitTracks) -> str | None:
         return (
             f"a slide has {frames:.0f} frames (median) at {recording.camera_rate_hz:g} Hz; record at "
             f"{recording.camera_rate_hz * 2 * LEAST_FRAMES / frames:.0f} Hz or more, or hit harder"
+        )
+    if recording.tracks is not None and len(tracks.resting[0]) < FEWEST_AT_REST:
+        return (
+            f"only {len(tracks.resting[0])} frames show an object at rest, from which the camera's noise is "
+            "told; let the camera run before the hit or after the object has stopped"
         )
     headings, speeds = _spread(tracks)
     if headings < LEAST_HEADINGS_RAD and speeds < LEAST_SPEEDS:

@@ -26,6 +26,8 @@ AFTER_REST = 12  # frames at rest that are kept: more of them only repeat the re
 # Why hits are not used.
 NO_FRAMES = "there are no frames"
 NO_REST_POINT = "there is no rest point"
+NO_COMMAND = "there is no command"
+NO_READINGS = "there are no joint readings, which other hits have"
 TOO_FEW_FRAMES = "there are too few frames"
 TOO_SHORT_A_WAY = f"the object moved by less than {100 * RELEASE_DISTANCE:.0f} cm"
 TOO_SHORT_A_SLIDE = f"the object was seen to slide for less than {FEWEST_FRAMES} frames"
@@ -159,11 +161,28 @@ def hit_tracks(recording: Recording, left_out: Mapping[int, str] | None = None) 
     )
 
 
-def rest_tracks(recording: Recording) -> HitTracks:
-    """Rest points as tracks of one frame each, long after the hit; nobody saw when objects were released."""
+def hits_without_swing(recording: Recording) -> dict[int, str]:
+    """Hits of which a table of the swing says nothing while it does of others -> why they cannot be used."""
+    found: dict[int, str] = {}
+    for table, why in ((recording.joints, NO_READINGS), (recording.commands, NO_COMMAND)):
+        if table is not None:
+            unheard = ~recording.hits["hit"].isin(table["hit"].unique())
+            found |= dict.fromkeys(recording.hits.loc[unheard, "hit"].astype(int), why)
+    return found
+
+
+def rest_tracks(recording: Recording, left_out: Mapping[int, str] | None = None) -> HitTracks:
+    """Rest points as tracks of one frame each, long after the hit; nobody saw when objects were released.
+
+    Args:
+        recording: with rest points.
+        left_out: numbers of hits that are not to be used -> why.
+    """
     ordered = recording.hits.sort_values("order")
+    dropped = dict(left_out or {})
     rested = ordered[["rest_x", "rest_y"]].notna().all(axis=1)
-    hits = ordered[rested]
+    dropped |= dict.fromkeys(ordered.loc[~rested, "hit"].astype(int), NO_REST_POINT)
+    hits = ordered[~ordered["hit"].isin(list(dropped))]
     count = len(hits)
     return HitTracks(
         **_of_hits(recording, hits),
@@ -177,7 +196,7 @@ def rest_tracks(recording: Recording) -> HitTracks:
         spin=np.zeros(count),
         spin_sd=np.full(count, np.inf),
         resting=(np.zeros((0, 2)), np.zeros(0)),
-        dropped=dict.fromkeys(ordered.loc[~rested, "hit"].astype(int), NO_REST_POINT),
+        dropped=dropped,
     )
 
 
