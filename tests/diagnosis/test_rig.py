@@ -125,6 +125,16 @@ def test_a_torque_on_a_joint_without_actuator_gets_a_motor():
     np.testing.assert_allclose(moved[0], np.concatenate([data.qpos, data.qvel]), atol=1e-12)
 
 
+def test_a_recorded_torque_acts_whole_whatever_limits_the_models_own_motors_have():
+    limits = '<default><motor ctrlrange="-.1 .1" forcerange="-.2 .2"/></default>'
+    rig = bind(
+        spec(ARM.replace("<worldbody>", limits + "<worldbody>", 1)),
+        {"angle": joint("elbow"), "torque": control_channel(joint="elbow")},
+    )
+    _, _, torque = Simulator(rig).run(rig.model, np.zeros((1, 4)), np.array([[[0.0, 0.7]]]))
+    np.testing.assert_allclose(torque, [[0.0, 0.7]], atol=1e-12)
+
+
 def test_a_rig_can_be_bound_again():
     """As a rig is that an effect restructures: its motors are there already."""
     channels = {"angle": joint("elbow"), "torque": control_channel(joint="elbow")}
@@ -223,6 +233,23 @@ def test_sensors_and_actuators_of_the_model_by_their_own_names():
     rig = bind(spec(PENDULUM.replace("</mujoco>", sensors)), channels)
     assert rig.controls[0].channel == "drive"
     np.testing.assert_allclose(observed(rig, [0.3], [1.7], [0.25]), [1.7, 0.25, 0.3], atol=1e-12)
+
+
+def test_a_joint_that_is_read_by_a_sensor_or_a_motor_is_read_as_well_as_by_its_name():
+    """A motor behind a gear is at another angle than its joint; a gyroscope is at no joint."""
+    sensors = """<sensor><jointpos name="a" joint="swing"/><gyro name="imu" site="tip"/></sensor>
+        <actuator><motor name="geared" joint="swing" gear="2"/></actuator></mujoco>"""
+    channels = {
+        "a": observation("position", "rad"),
+        "imu_y": observation("velocity", "rad/s", sensor="imu", component="y"),
+        "turned": observation("position", "rad", actuator="drive"),
+        "geared": observation("position", "rad", actuator="geared"),
+    }
+    rig = bind(spec(PENDULUM.replace("</mujoco>", sensors)), channels)
+    told = {o.channel: (o.dof, o.part) for o in rig.observations}
+    assert told == {
+        "a": (0, "swing"), "imu_y": (None, "imu"), "turned": (0, "swing"), "geared": (None, "geared")
+    }  # fmt: skip
 
 
 def test_parts_without_names_get_one():

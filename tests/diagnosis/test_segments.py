@@ -146,6 +146,16 @@ def test_gaps_are_missing_and_time_goes_on():
     np.testing.assert_allclose(segments.y[0, 70:, 0], np.sin(t[30:]), atol=1e-12)
 
 
+def test_a_long_time_of_which_nothing_is_known_is_no_data():
+    """Two motions of 3 s in one file, ten minutes apart."""
+    t = np.concatenate([np.arange(300), 60300 + np.arange(300)]) * 0.01
+    segments = segment_recording(made := swinging(t), rig_of(made), segment_s=1.0)
+    assert segments.shape == (6, 100)
+    assert np.isfinite(segments.y[..., 0]).all()
+    np.testing.assert_allclose(segments.time[:, 0], [0, 1, 2, 603, 604, 605], atol=1e-9)
+    np.testing.assert_allclose(segments.y[3, :, 0], np.sin(t[300:400]), atol=1e-12)
+
+
 def several_clocks() -> SignalRecording:
     """An encoder at 100 Hz, a camera at 30 Hz that begins 4 ms later, commands at 17 Hz."""
     tables, channels = {}, {}

@@ -261,6 +261,25 @@ def test_controls_that_end_early_are_told() -> None:
     assert "up to 0.5 s before the observations (episodes 0, 1)" in found(split)["controls_end"]
 
 
+@pytest.mark.parametrize(("every", "told"), [(1, True), (97, False)])
+def test_controls_that_are_lost_for_a_while_are_told_but_not_commands_that_are_held(
+    every: int, told: bool
+) -> None:
+    recording = make_signals()
+    control = with_channel(recording, "u", clock="control")
+    table = recording.signals["main"]
+    lost = table[(table["t"] < 1.0) | (table["t"] > 1.4)][["episode", "t", "u"]]
+    if every > 1:  # written when they change
+        rng = np.random.default_rng(0)
+        lost = table[["episode", "t", "u"]][(rng.uniform(size=len(table)) < 1 / every) | (table["t"] == 0)]
+    split = dataclasses.replace(
+        control,
+        signals={"main": table.drop(columns="u"), "control": lost, "camera": recording.signals["camera"]},
+    )
+    assert set(found(split)) == ({"gaps"} if told else set())
+    assert not told or "controls of clock control have gaps" in found(split)["gaps"]
+
+
 def test_what_resembles_an_oddity_is_none() -> None:
     """Coarse encoders at rest, commands in steps, a joint that meets its stop slowly, impacts."""
     recording = make_signals()

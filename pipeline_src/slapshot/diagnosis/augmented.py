@@ -22,6 +22,7 @@ from slapshot.diagnosis.model.hypothesis import Hypothesis, actuator_torque
 from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.sensors import OWN
 from slapshot.effects.joints.effect import JointEffect, State, overrides
+from slapshot.effects.joints.split import resolve_files
 from slapshot.errors import InputError, writing
 from slapshot.text import reason_of
 from slapshot.whole_file import write_whole
@@ -77,7 +78,7 @@ def write_augmented(rig: Rig, effects: Sequence[JointEffect], theta: Array, fold
     """
     spec, notes = augmented_model(rig, effects, theta)
     motors = _strip_names(spec)
-    _resolve_files(spec)
+    resolve_files(spec)
     spec.compile()
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -156,14 +157,6 @@ def _strip_names(spec: mujoco.MjSpec) -> list[str]:
                 name = part.name.removeprefix(OWN)
                 part.name = name if name not in taken else f"{name} added"
     return [name for name in (a.name for a in spec.actuators) if name not in before]
-
-
-def _resolve_files(spec: mujoco.MjSpec) -> None:
-    """Name the folders of meshes and textures in full: the written model lies elsewhere."""
-    if spec.modelfiledir and (spec.meshes or spec.textures or spec.hfields or spec.skins):
-        base = Path(spec.modelfiledir)
-        spec.meshdir = str((base / spec.meshdir).resolve())
-        spec.texturedir = str((base / spec.texturedir).resolve())
 
 
 def _notes_file(

@@ -337,6 +337,4 @@ def initial_trajectory(problem: Problem, nominal: Problem, windows: Segments) ->
     trajectory = recorded_trajectory(nominal.rig, windows)
     if problem.rig is nominal.rig:
         return trajectory
-    names = {problem.rig.model.joint(j).name for j in range(problem.rig.model.njnt)}
-    added = next(e for e in nominal.catalogue if e.hidden_state and e.added_joint in names)
-    return transferred_trajectory(nominal.rig, problem.rig, added, windows, trajectory)
+    return transferred_trajectory(nominal.rig, problem.rig, None, windows, trajectory)

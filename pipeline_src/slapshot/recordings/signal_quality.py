@@ -94,7 +94,17 @@ def clock_warnings(recording: SignalRecording, clock: str) -> Iterator[QualityWa
     channels = [channel for channel in recording.channels.values() if channel.clock == clock]
     found = clock_sampling(recording, clock)
     if all(channel.role == "control" for channel in channels):
-        return  # controls hold between samples
+        # Where they are sampled regularly, it is no command that is held which is missing.
+        if found.jitter < _REGULAR and found.longest_gap_s > max(_LONG_GAP_S, _LONG_GAP * found.interval_s):
+            yield QualityWarning(
+                "gaps",
+                f"controls of clock {clock} have gaps: {_gap_text(found)}",
+                (),
+                "the value before a gap is held through it, and what was really commanded looks like a force "
+                "from outside: split the episode there",
+                "episode",
+            )
+        return
     if _has_gaps(found):
         yield QualityWarning("gaps", f"clock {clock} has gaps: {_gap_text(found)}", (), _GAP_MEANS, "episode")
     if found.jitter > _UNEVEN:

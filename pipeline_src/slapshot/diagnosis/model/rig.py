@@ -189,7 +189,7 @@ def bind(
     compiled = sensed.compile()
     observations = []
     for channel_name, channel, sensor, component in added:
-        joint = channel.joint
+        joint = channel.joint or _joint_of(compiled, sensor)
         dof = None
         if joint is not None and compiled.joint(joint).type[0] in SCALAR:
             dof = int(compiled.joint(joint).dofadr[0])
@@ -207,6 +207,22 @@ def bind(
     for row, observation in enumerate(observations):
         reading[row, observation.address] = 1
     return Rig(name, plain, compiled, controls, tuple(observations), tuple(free), reading, load)
+
+
+def _joint_of(model: mujoco.MjModel, sensor: str) -> str | None:
+    """The joint whose own position or velocity a sensor of the model reads; None for any other sensor."""
+    index, kinds = model.sensor(sensor).id, mujoco.mjtSensor
+    kind, target = model.sensor_type[index], int(model.sensor_objid[index])
+    if kind in (int(kinds.mjSENS_JOINTPOS), int(kinds.mjSENS_JOINTVEL)):
+        return str(model.joint(target).name)
+    if kind not in (int(kinds.mjSENS_ACTUATORPOS), int(kinds.mjSENS_ACTUATORVEL)):
+        return None
+    # Behind a gear an actuator's position is another.
+    direct = (
+        model.actuator_trntype[target] == int(mujoco.mjtTrn.mjTRN_JOINT)
+        and model.actuator_gear[target, 0] == 1
+    )
+    return str(model.joint(int(model.actuator_trnid[target, 0])).name) if direct else None
 
 
 def _name_all(spec: mujoco.MjSpec) -> None:
@@ -262,6 +278,9 @@ def _input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Chann
         transmission, gear = _transmission(model, name, channel)
         added = spec.add_actuator(name=motor, target=channel.joint, trntype=transmission, gear=gear)
         added.set_to_motor()
+        # What was recorded acted: no limit of the model's own motors, whose defaults it would get.
+        added.ctrllimited = added.forcelimited = added.actlimited = mujoco.mjtLimited.mjLIMITED_AUTO
+        added.ctrlrange = added.forcerange = added.actrange = [0.0, 0.0]
     return motor
 
 

@@ -226,6 +226,8 @@ def segment_recording(
         ids.append(int(episode))
         own = [(0, len(t))] if parts is None else [(a, n) for e, a, n in parts if e == index]
         for start, length in (piece for a, n in own for piece in _pieces(a, n, L)):
+            if not np.isfinite(values[start : start + length]).any():
+                continue  # nothing says what happened, however long it took
             pad, there = ((0, L - length), (0, 0)), slice(start, start + length)
             y.append(np.pad(values[there], pad, constant_values=np.nan))
             shift.append(np.pad(offset[there], pad))

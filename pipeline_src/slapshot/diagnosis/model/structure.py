@@ -58,14 +58,14 @@ def reindexed_motion(of: RigMotion, rig: Rig) -> RigMotion:
 
 
 def transferred_trajectory(
-    old: Rig, new: Rig, effect: JointEffect, segments: Segments, trajectory: Array
+    old: Rig, new: Rig, effect: JointEffect | None, segments: Segments, trajectory: Array
 ) -> Array:
     """Transfer a trajectory of the nominal rig to a restructured one, as initial guess.
 
     Args:
         old: nominal.
         new: restructured.
-        effect: that restructured it.
+        effect: that restructured it, for its deflection under load; None for none.
         segments: data.
         trajectory: (S, L, nq + nv + na) of the old rig.
     """

@@ -5,6 +5,7 @@ inertia and is the motor; the second is the deflection of the link relative to i
 """
 
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -67,9 +68,12 @@ def split_joint(spec: mujoco.MjSpec, joint: str, rotor: float) -> None:
         rotor: inertia that the motor gets where the model gives it none; without, it could not be simulated.
     """
     motor = spec.joint(joint)
-    motor.parent.add_joint(
+    added = motor.parent.add_joint(
         name=deflection(joint), type=motor.type, axis=motor.axis, pos=motor.pos, stiffness=0, damping=0
     )
+    # Nothing from the model's defaults, which are of its own joints.
+    added.armature = added.frictionloss = added.ref = added.springref = 0.0
+    added.limited = added.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
     if motor.armature <= 0:
         motor.armature = rotor
 
@@ -94,6 +98,7 @@ def put_on_base(spec: mujoco.MjSpec, inertia: float) -> mujoco.MjSpec:
         inertia: of the plate, kg m^2.
     """
     whole = spec.copy()
+    resolve_files(whole)
     whole.compile()
     root = ElementTree.fromstring(whole.to_xml())
     world = root.find("worldbody")
@@ -107,14 +112,22 @@ def put_on_base(spec: mujoco.MjSpec, inertia: float) -> mujoco.MjSpec:
     diagonal = _written(np.full(3, inertia))
     ElementTree.SubElement(plate, "inertial", pos="0 0 0", mass=repr(inertia), diaginertia=diagonal)
     for axis, along in (("x", "1 0 0"), ("y", "0 1 0")):
-        ElementTree.SubElement(
-            plate, "joint", name=base_joint(axis), type="hinge", axis=along, limited="false"
-        )
+        plain = dict.fromkeys(("stiffness", "damping", "armature", "frictionloss", "ref", "springref"), "0")
+        free = {"limited": "false", "actuatorfrclimited": "false"}
+        ElementTree.SubElement(plate, "joint", plain | free, name=base_joint(axis), type="hinge", axis=along)
     for body in standing:
         body.set("pos", _written(_place(body) - foot))
         world.remove(body)
         plate.append(body)
     return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"), assets=dict(spec.assets))
+
+
+def resolve_files(spec: mujoco.MjSpec) -> None:
+    """Name the folders of meshes and textures in full, for a model that is written and read elsewhere."""
+    if spec.modelfiledir and (spec.meshes or spec.textures or spec.hfields or spec.skins):
+        base = Path(spec.modelfiledir)
+        spec.meshdir = str((base / spec.meshdir).resolve())
+        spec.texturedir = str((base / spec.texturedir).resolve())
 
 
 def _place(body: ElementTree.Element) -> np.ndarray:
