@@ -68,8 +68,8 @@ def test_the_circle_is_told_with_what_speaks_against_it(text):
         f"errs by {augmented[0]:.0f} cm on held-out hits before it has seen a single one, instead of "
         f"{nominal[0]:.0f} (nominal) or {refitted[0]:.0f} (ranges refitted), but after 4 hits by "
         f"{augmented[4]:.1f} against nominal {nominal[4]:.1f} (and {refitted[4]:.1f} with ranges refitted), "
-        f"with a noise floor of {floor:.1f}, and models of ranges refined without any named physics (figure A5) err by {refined[0]:.1f} cm"
-        in text
+        f"with a noise floor of {floor:.1f}, and models of ranges refined without any named physics (figure "
+        f"A5) err by {refined[0]:.1f} cm" in text
     )
 
 
