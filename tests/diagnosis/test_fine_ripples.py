@@ -7,7 +7,7 @@ from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection.fine_ripples import _largest, fine_ripples
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.search import _forward_step
-from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS, nominal_step
+from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS, nominal_motion, nominal_step
 from slapshot.effects.joints.effect import Joint
 from slapshot.effects.joints.torque_ripple import TorqueRipple
 
@@ -65,7 +65,7 @@ def test_a_ripple_of_an_axis_is_named_with_its_period():
     axis = AXIS.replace('type="slide"', f'type="slide" frictionloss="{COULOMB}" damping="{VISCOUS}"')
     rig = bind(MjSpec.from_string(axis), made.channels)
     problem = Problem.of(rig, made.channels, segment_recording(made, rig))
-    before = nominal_step(problem, (), np.random.default_rng(1))
+    before = nominal_step(nominal_motion(problem, ()), np.random.default_rng(1))
     (found,) = fine_ripples(before)
     assert abs(found.start[2] - order) < TorqueRipple.spacing(problem.rig_motion.joints[0])
     step = _forward_step(before, np.random.default_rng(2), lambda text: None)

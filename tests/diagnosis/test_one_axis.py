@@ -25,6 +25,7 @@ from slapshot.diagnosis.selection.steps import (
     Rival,
     Step,
     least_gain,
+    nominal_motion,
     nominal_step,
     refit,
     rival_overdispersion,
@@ -126,7 +127,7 @@ def nominal(coulomb: float, seed: int = 3, **world: Any) -> Step:
     made = recording(t, channels)
     rig = bind(MjSpec.from_string(AXIS), made.channels)
     problem = Problem.of(rig, made.channels, segment_recording(made, rig))
-    return nominal_step(problem, (), np.random.default_rng(1))
+    return nominal_step(nominal_motion(problem, ()), np.random.default_rng(1))
 
 
 @pytest.fixture(scope="module")
@@ -231,7 +232,7 @@ def test_a_push_that_moves_a_resting_axis_is_placed_in_time():
     axis = AXIS.replace('type="slide"', f'type="slide" frictionloss="{COULOMB}" damping="{VISCOUS}"')
     rig = bind(MjSpec.from_string(axis), made.channels)
     problem = Problem.of(rig, made.channels, segment_recording(made, rig))
-    step = nominal_step(problem, (), np.random.default_rng(1))
+    step = nominal_step(nominal_motion(problem, ()), np.random.default_rng(1))
     # Windows are known to hold some force about as large as what moves the axis.
     windows = (problem.segments.time > 1.999) & (problem.segments.time < 2.349)
     step = with_windows(step, windows.astype(float), np.random.default_rng(1))
@@ -261,7 +262,7 @@ def test_a_push_beside_missing_friction_is_set_aside():
     made = recording(t, channels)
     rig = bind(MjSpec.from_string(AXIS), made.channels)
     problem = Problem.of(rig, made.channels, segment_recording(made, rig))
-    further = nominal_step(problem, (), np.random.default_rng(1)).scored.noise.set_aside
+    further = nominal_step(nominal_motion(problem, ()), np.random.default_rng(1)).scored.noise.set_aside
     assert further is not None
     set_aside = problem.segments.time[further > 0]
     assert set_aside.min() == pytest.approx(begin, abs=WINDOW_S)

@@ -13,7 +13,7 @@ from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection import search
 from slapshot.diagnosis.selection.problem import Problem, is_incredible
 from slapshot.diagnosis.selection.search import _forward_search, _forward_step, _much_is_left, _preselect
-from slapshot.diagnosis.selection.steps import Rival, Search, Step, nominal_step
+from slapshot.diagnosis.selection.steps import Rival, Search, Step, nominal_motion, nominal_step
 from slapshot.effects.joints.coulomb_friction import CoulombFriction
 from slapshot.effects.joints.direction_friction import DirectionFriction
 from slapshot.effects.joints.effect import JointEffect
@@ -225,7 +225,7 @@ def test_errors_of_a_law_at_rare_speeds_and_torques_are_no_pushes(seed):
     made = recording([t] * 8, channels)
     rig = bind(mujoco.MjSpec.from_string(PENDULUM), made.channels)
     problem = Problem.of(rig, made.channels, segment_recording(made, rig))
-    nominal = nominal_step(problem, (), np.random.default_rng(0))
+    nominal = nominal_step(nominal_motion(problem, ()), np.random.default_rng(0))
     assert nominal.scored.noise.set_aside is None
     assert nominal.test.push_p_value > 0.05
     assert nominal.scored.noise.law_error == pytest.approx(0.1, rel=0.3)

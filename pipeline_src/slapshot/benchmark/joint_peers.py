@@ -28,7 +28,7 @@ from slapshot.diagnosis.held_out_validation import predict_windows
 from slapshot.diagnosis.model.rig import Rig, bind
 from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.diagnosis.selection.problem import Problem
-from slapshot.diagnosis.selection.steps import nominal_step
+from slapshot.diagnosis.selection.steps import nominal_motion, nominal_step
 from slapshot.effects.joints.catalogue import instances
 from slapshot.errors import InputError, writing
 from slapshot.lab.joints.record_case import make_case
@@ -77,7 +77,9 @@ def compare(scenario: str, seed: int) -> list[dict[str, Any]]:
     began = time.perf_counter()
     problem = Problem.of(rig, recording.channels, used)
     masses = tuple(e for key in free for e in instances(problem.rig_motion) if e.key == key)
-    trajectory = nominal_step(problem, masses, np.random.default_rng(seed)).scored.fit.trajectory
+    trajectory = nominal_step(
+        nominal_motion(problem, masses), np.random.default_rng(seed)
+    ).scored.fit.trajectory
     fit_seconds = time.perf_counter() - began
     began = time.perf_counter()
     peer, half_widths = fit_by_sysid(recording, rig, used, trajectory[used.first == 0, 0])

@@ -16,7 +16,7 @@ from slapshot.calibration.calibration_rigs import (
 )
 from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score
-from slapshot.diagnosis.selection.steps import Step, nominal_step, one_step_values, refit
+from slapshot.diagnosis.selection.steps import Step, nominal_motion, nominal_step, one_step_values, refit
 from slapshot.diagnosis.selection.structural_search import structural_fit
 from slapshot.diagnosis.verdict_of_search import estimated_parameter
 from slapshot.effects.joints.catalogue import joint_effects
@@ -96,7 +96,7 @@ def intervals(tested: CalibratedEffect, seed: int, episodes: int, seconds: float
 def fitted(problem: Problem, effect: JointEffect, rng: np.random.Generator) -> ScoredFit | None:
     """The fit of an effect as in a search; None if it fails."""
     try:
-        nominal = nominal_step(problem, (), rng)
+        nominal = nominal_step(nominal_motion(problem, ()), rng)
         if effect.hidden_state:
             return structural_fit(nominal, effect)
         fit = refit(nominal, effect, _initial_values(nominal, effect))

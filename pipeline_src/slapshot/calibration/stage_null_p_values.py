@@ -13,7 +13,7 @@ from slapshot.diagnosis.diagnose import split
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection.problem import Problem
-from slapshot.diagnosis.selection.steps import nominal_step
+from slapshot.diagnosis.selection.steps import nominal_motion, nominal_step
 from slapshot.lab.joints.case_spec import Colour
 from slapshot.lab.joints.record_case import make_case
 from slapshot.lab.joints.rigs import nominal_model
@@ -44,7 +44,7 @@ def null_p_value(
     nominal = bind(mujoco.MjSpec.from_string(nominal_model(rig)), recording.channels)
     used, _ = split(segment_recording(recording, nominal))
     problem = Problem.of(nominal, recording.channels, used)
-    return nominal_step(problem, (), np.random.default_rng(seed)).test.p_value
+    return nominal_step(nominal_motion(problem, ()), np.random.default_rng(seed)).test.p_value
 
 
 def produce(run: Run) -> None:

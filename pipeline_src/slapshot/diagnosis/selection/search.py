@@ -36,6 +36,7 @@ from slapshot.diagnosis.selection.steps import (
     Step,
     has_no_effect,
     least_gain,
+    nominal_motion,
     nominal_step,
     one_step_values,
     refit,
@@ -66,14 +67,15 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     """
     rng = np.random.default_rng(seed)
     report("fitting the nominal model")
-    nominal = nominal_step(problem, free, rng)
+    motion = nominal_motion(problem, free)
+    nominal = nominal_step(motion, rng)
     if not nominal.scored.fit.settled:
         return Search((nominal,), tuple(free))
     steps, by_laws, by_structure = _forward_search([nominal], rng, report)
     if has_windows_set_aside(steps[-1]) and not any(isinstance(step.added, ExternalPulse) for step in steps):
         report("what was set aside is no push: on with it")
         if len(steps) == 1:
-            steps = [nominal_step(problem, free, rng, may_set_aside=False)]
+            steps = [nominal_step(motion, rng, may_set_aside=False)]
         else:
             steps[-1] = with_windows(steps[-1], None, rng)
         steps, *later = _forward_search(steps, rng, report)

@@ -19,6 +19,7 @@ from slapshot.diagnosis.inference.mismatch_test import (
 )
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.selection.problem import (
+    NoiseFit,
     Problem,
     ScoredFit,
     fit_and_score,
@@ -135,15 +136,38 @@ class Search:
         return list({step.added.key: step.added for step in later if step.added is not None}.values())
 
 
-def nominal_step(
-    problem: Problem, free: Sequence[JointEffect], rng: np.random.Generator, may_set_aside: bool = True
-) -> Step:
-    """The nominal rig with its free parameters, fitted and tested."""
+@dataclass(frozen=True)
+class NominalMotion:
+    """The nominal rig with a trajectory that does not follow noise, before it is fitted and tested.
+
+    Attributes:
+        problem: with errors of laws along the trajectory.
+        hypothesis: the rig with its free parameters.
+        theta: their values.
+        trajectory: (S, L, nx).
+        known: the noise about it.
+    """
+
+    problem: Problem
+    hypothesis: Hypothesis
+    theta: Array
+    trajectory: Array
+    known: NoiseFit
+
+
+def nominal_motion(problem: Problem, free: Sequence[JointEffect]) -> NominalMotion:
+    """Motion and noise of the nominal rig, whatever windows are set aside later."""
     base = problem.base(free)
     problem, fit, noise = initial_fit(problem, base)
     problem, trajectory, known = noise_without_followed(problem, base, fit.theta, fit.trajectory, noise)
+    return NominalMotion(problem, base, fit.theta, trajectory, known)
+
+
+def nominal_step(motion: NominalMotion, rng: np.random.Generator, may_set_aside: bool = True) -> Step:
+    """The nominal rig with its free parameters, fitted and tested."""
+    problem, base, trajectory, known = motion.problem, motion.hypothesis, motion.trajectory, motion.known
     scored, of = fit_and_score(
-        problem, base, fit.theta, trajectory, known.noise, may_set_aside=may_set_aside, known=known
+        problem, base, motion.theta, trajectory, known.noise, may_set_aside=may_set_aside, known=known
     )
     if scored.noise.law_error <= _LARGE_LAW_ERROR:
         return Step(problem, scored, test_of(scored, of, rng))
