@@ -239,6 +239,32 @@ def test_a_wrong_last_reading_of_a_segment_is_no_push(node: int, size: float):
     assert verdict.headline == "nothing_found"
 
 
+@pytest.mark.parametrize("model", [PENDULUM, PENDULUM.replace("<option", '<option gravity="0 0 -6"')])
+def test_readings_that_no_motion_explains_are_left_out_and_no_others(model: str):
+    """One a thousand deviations off, in data before a window, and two smaller ones; also by a wrong model."""
+    rig, problem, windows, noise = made(4, model)
+    hypothesis, theta = problem.base(()), np.zeros(0)
+
+    def kept(y: np.ndarray) -> np.ndarray:
+        found = held_out.without_wrong_readings(problem, hypothesis, theta, replace(windows, y=y), noise)
+        np.testing.assert_array_equal(found.y[np.isfinite(found.y)], y[np.isfinite(found.y)])
+        return np.isfinite(found.y)
+
+    assert kept(windows.y).all()
+    y = windows.y.copy()
+    wrong = [(2, 20, 1000.0), (2, 70, -40.0), (5, 60, 30.0)]
+    for segment, node, size in wrong:
+        y[segment, node, 0] += size * WHITE
+    assert sorted(map(tuple, np.argwhere(~kept(y)[..., 0]))) == [(s, k) for s, k, _ in wrong]
+
+
+def test_a_push_is_no_wrong_reading():
+    rig, problem, _, noise = made(4)
+    windows = segment_recording(taken(4, pushed=2), rig, segment_s=1.0)
+    found = held_out.without_wrong_readings(problem, problem.base(()), np.zeros(0), windows, noise)
+    np.testing.assert_array_equal(found.y, windows.y)
+
+
 def test_a_push_is_told_by_more_than_one_reading():
     """Against a recalculation without each reading in turn."""
     rng = np.random.default_rng(3)

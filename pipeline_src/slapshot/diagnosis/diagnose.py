@@ -19,7 +19,7 @@ from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.search import search
-from slapshot.diagnosis.selection.steps import Search
+from slapshot.diagnosis.selection.steps import Search, Step
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.diagnosis.verdict_of_search import undecided, verdict_of
 from slapshot.effects.joints.catalogue import instances
@@ -126,6 +126,8 @@ def _diagnosis(
         reason = "no held-out part is long enough to predict its second half; record longer episodes"
         return Diagnosis(undecided(recording, rig, notes, reason, began), rig)
     try:
+        windows, wrong = _readings_of(windows, found.nominal)
+        notes += wrong
         found, by_model = predict_models(found, problem, windows, seed, report)
     except np.linalg.LinAlgError:
         notes.append("with what was found, predictions of held-out windows diverge: none of it is named")
@@ -135,6 +137,17 @@ def _diagnosis(
     notes += [str(push) for push in pushed]
     verdict = verdict_of(recording, rig, found, windows, by_model, segments, held, notes, pushed, seed, began)
     return Diagnosis(verdict, rig, found, windows, *by_model)
+
+
+def _readings_of(windows: Segments, nominal: Step) -> tuple[Segments, list[str]]:
+    """Windows without wrong readings, and what is said of these."""
+    scored, hypothesis = nominal.scored, nominal.hypothesis
+    right = held_out.without_wrong_readings(
+        nominal.problem, hypothesis, scored.fit.theta, windows, scored.residual_noise
+    )
+    count = int((np.isfinite(windows.y) & ~np.isfinite(right.y)).sum())
+    told = f"{count} readings of held-out data are no motion, whatever force acts: predictions leave them out"
+    return right, [told] if count else []
 
 
 def split(segments: Segments) -> tuple[Segments, NDArray[np.intp]]:

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit.filter import Innovations, Linear, innovations, smooth
+from slapshot.diagnosis.fit.filter import Innovations, Linear, innovations, leave_one_out, smooth
 from slapshot.diagnosis.fit.fit import Fit, Fitter, prior_of
 from slapshot.diagnosis.fit.linear import Perturbation, residuals
 from slapshot.diagnosis.fit.noise import CLIP, Noise, fit_noise, posterior_means, with_outliers
@@ -37,6 +38,9 @@ _SHOOTING_ROUNDS = 15
 _MAX_GROWTH = 2.0  # largest growth of a segment's errors in a step
 _RESAMPLES = 1000
 _SAME_TIME_S = 1e-6
+# Standard deviations by which a reading is off that is no reading, whatever force acts; the nodes around one
+# that it throws off, too; and how often others are looked for once the worst are out.
+_NO_READING, _NEAR_NODES, _READING_ROUNDS = 10.0, 4, 5
 _NO_WEIGHT = 1e12  # factor on the variance of unused observations
 
 
@@ -149,6 +153,40 @@ def predict(
     expected = np.sqrt(floor[:, half:] ** 2 + spread)
     correlation = noise.correlation(half, windows.interval)
     return Predictions(error, predicted[:, half:], floor[:, half:], expected, log_likelihoods, correlation)
+
+
+def without_wrong_readings(
+    problem: Problem, hypothesis: Hypothesis, theta: Array, windows: Segments, noise: Noise
+) -> Segments:
+    """Windows without readings that no motion explains, of which no fit has told that they are outliers.
+
+    One such reading would decide which model predicts better. Judged by the others of its segment under a
+    process force as large as all that acts, and not by what a model lacks; the same for all models.
+
+    Args:
+        problem: of the nominal rig.
+        hypothesis: nominal.
+        theta: its values.
+        windows: held-out segments.
+        noise: of the nominal model, fitted elsewhere.
+    """
+    for _ in range(_READING_ROUNDS):
+        fine = problem.in_steps(windows)
+        trajectory = recorded_trajectory(problem.rig, fine)
+        own = noise.elsewhere(problem.rates(fine, trajectory), fine.order)
+        covering = replace(own, force=max(1.0, own.force))
+        fitter = Fitter(problem.simulator, fine, problem.torque)
+        trajectory, _ = _smoothed(fitter, hypothesis, theta, trajectory, covering)
+        system = fitter.linearise(hypothesis, theta, trajectory).system.without_columns()
+        residual, variance = leave_one_out(system, covering.covariances(fine.interval))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            size = np.where(np.isfinite(windows.y), np.abs(residual) / np.sqrt(variance), 0.0)
+        worst = size == maximum_filter1d(size, 2 * _NEAR_NODES + 1, axis=1)
+        wrong = worst & (size > _NO_READING)
+        if not wrong.any():
+            break
+        windows = replace(windows, y=np.where(wrong, np.nan, windows.y))
+    return windows
 
 
 @dataclass(frozen=True)
