@@ -242,7 +242,7 @@ def test_a_wrong_last_reading_of_a_segment_is_no_push(node: int, size: float):
 @pytest.mark.parametrize("model", [PENDULUM, PENDULUM.replace("<option", '<option gravity="0 0 -6"')])
 def test_readings_that_no_motion_explains_are_left_out_and_no_others(model: str):
     """One a thousand deviations off, in data before a window, and two smaller ones; also by a wrong model."""
-    rig, problem, windows, noise = made(4, model)
+    _, problem, windows, noise = made(4, model)
     hypothesis, theta = problem.base(()), np.zeros(0)
 
     def kept(y: np.ndarray) -> np.ndarray:
