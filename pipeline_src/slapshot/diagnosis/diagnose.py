@@ -125,9 +125,9 @@ def _diagnosis(
     if not windows.shape[0]:
         reason = "no held-out part is long enough to predict its second half; record longer episodes"
         return Diagnosis(undecided(recording, rig, notes, reason, began), rig)
+    windows, wrong = _readings_of(windows, found.nominal)
+    notes += wrong
     try:
-        windows, wrong = _readings_of(windows, found.nominal)
-        notes += wrong
         found, by_model = predict_models(found, problem, windows, seed, report)
     except np.linalg.LinAlgError:
         notes.append("with what was found, predictions of held-out windows diverge: none of it is named")
@@ -142,9 +142,12 @@ def _diagnosis(
 def _readings_of(windows: Segments, nominal: Step) -> tuple[Segments, list[str]]:
     """Windows without wrong readings, and what is said of these."""
     scored, hypothesis = nominal.scored, nominal.hypothesis
-    right = held_out.without_wrong_readings(
-        nominal.problem, hypothesis, scored.fit.theta, windows, scored.residual_noise
-    )
+    try:
+        right = held_out.without_wrong_readings(
+            nominal.problem, hypothesis, scored.fit.theta, windows, scored.residual_noise
+        )
+    except np.linalg.LinAlgError:
+        return windows, []  # the nominal model diverges there: nothing can be judged by it
     count = int((np.isfinite(windows.y) & ~np.isfinite(right.y)).sum())
     told = f"{count} readings of held-out data are no motion, whatever force acts: predictions leave them out"
     return right, [told] if count else []
