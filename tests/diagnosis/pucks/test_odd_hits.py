@@ -85,7 +85,8 @@ def test_a_field_that_no_object_reaches_is_no_hypothesis():
     screen = search.screen(search.nominal(), names)
     assert screen.best(names) == ["tilt", "uneven_board"]
     assert np.isneginf(screen.log_evidence["uneven_board"])
-    assert "uneven_board" in search.failed
+    assert search.unreached == {"uneven_board"}
+    assert not search.failed
 
 
 def test_a_diagnosis_goes_on_where_no_place_can_be_told():
@@ -93,6 +94,8 @@ def test_a_diagnosis_goes_on_where_no_place_can_be_told():
     known = {name: catalogue()[name] for name in ("tilt", "uneven_board")}
     verdict = diagnose(made, Setting(RADIUS, CAMERA - [20.0, 0.0], (0.35, 0.32, 0.005)), 0, known).verdict
     assert [effect.name for effect in verdict.effects] == ["tilt"]
+    (told,) = [note for note in verdict.notes if "could act" in note]
+    assert "uneven board" in told.replace("_", " ")
 
 
 def test_hits_of_whose_swing_nothing_is_known_are_left_out_with_the_reason():

@@ -55,6 +55,8 @@ def single_table(outcome: Outcome | RestOutcome) -> pd.DataFrame:
         named = [e for e in outcome.verdict.effects if e.name in part.final.effects]
         members = {n: (e.name, p) for e in named for n, p in e.members.items()}
         for name, evidence in part.screen.log_evidence.items():
+            if name in part.search.unreached:
+                continue
             effect, refitted = outcome.effect(name), part.search.seen.get((name,))
             of, probability = members.get(name, (None, np.nan))
             rows.append(

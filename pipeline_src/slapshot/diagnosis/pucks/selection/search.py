@@ -121,6 +121,7 @@ class Search(Generic[F]):
         rng: of draws under the null hypothesis.
         seen: every set of effects that was refitted.
         failed: hypotheses that could not be refitted -> why.
+        unreached: those that act at places where no object came; they have no evidence at all.
         told: what is asked and an effect -> the fit of which it was asked last, and the answer.
         about: a fitter that is linear about a fit, where the first one is exact near the nominal scene only.
         refitted: best of a screen that are refitted.
@@ -133,6 +134,7 @@ class Search(Generic[F]):
     rng: np.random.Generator
     seen: dict[tuple[str, ...], Candidate] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
+    unreached: set[str] = field(default_factory=set)
     told: dict[tuple[str, str], tuple[Fit, float]] = field(default_factory=dict)
     about: Callable[[Fit], F] | None = None
     refitted: int = REFITTED
@@ -178,7 +180,7 @@ class Search(Generic[F]):
         for name in hypotheses:
             mine = np.array([c for c, column in enumerate(others) if column.owner == name], np.int64)
             if not len(mine):
-                self.failed[name] = "no object came where it could act"
+                self.unreached.add(name)
                 log_evidence[name], shift[name], direction[name] = -np.inf, 0.0, {}
                 continue
             own = [others[c] for c in mine]

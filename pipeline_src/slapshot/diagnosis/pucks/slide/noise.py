@@ -197,8 +197,7 @@ def leaps(times: Array, places: Array, valid: NDArray[np.bool_], sd: float) -> N
     """
     seen = np.where(valid[..., None], np.concatenate([times[..., None], places], axis=-1), np.nan)
     padded = np.pad(seen, ((0, 0), (2, 2), (0, 0)), constant_values=np.nan)
-    near = [padded[:, k : k + places.shape[1]] for k in (0, 1, 3, 4)]
-    before2, before, after, after2 = near
+    before2, before, after, after2 = (padded[:, k : k + places.shape[1]] for k in (0, 1, 3, 4))
 
     def line(one: Array, other: Array) -> Array:
         """(n, frames, 2) m at a frame's own time, on the line through two of its neighbours."""
