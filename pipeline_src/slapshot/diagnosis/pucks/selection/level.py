@@ -43,10 +43,8 @@ class Level:
         """Hypotheses that failed, and names that would have been given."""
         notes = tuple(dropped_note(name, why) for name, why in self.search.failed.items())
         if unreached := sorted(self.search.unreached):
-            notes = (
-                *notes,
-                f"no object came where {_listed(unreached)} could act: nothing is said of them",
-            )
+            names = ", ".join(unreached).replace("_", " ")
+            notes = (*notes, f"no object came where {names} could act: nothing is said of them")
         if not self.refuted:
             return notes
         names = _listed(self.refuted)
