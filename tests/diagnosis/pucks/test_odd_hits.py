@@ -95,7 +95,7 @@ def test_a_diagnosis_goes_on_where_no_place_can_be_told():
     verdict = diagnose(made, Setting(RADIUS, CAMERA - [20.0, 0.0], (0.35, 0.32, 0.005)), 0, known).verdict
     assert [effect.name for effect in verdict.effects] == ["tilt"]
     (told,) = [note for note in verdict.notes if "could act" in note]
-    assert "where uneven board could act" in told
+    assert "where free place, uneven board could act" in told
 
 
 def test_hits_of_whose_swing_nothing_is_known_are_left_out_with_the_reason():
