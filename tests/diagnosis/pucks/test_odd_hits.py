@@ -1,20 +1,23 @@
 """Hits and recordings that are odd, but not bad: lost frames, few commands, no noise, places far away."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from slapshot.calibration.slide_recordings import CAMERA, RADIUS
 from slapshot.calibration.slide_recordings import slide_recording as recording
+from slapshot.diagnosis.pucks import held_out
 from slapshot.diagnosis.pucks.diagnose import LEAST_NOISE, _noise, diagnose
 from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.held_out import FEWEST_COMMANDS, split_hits
 from slapshot.diagnosis.pucks.report import wording
 from slapshot.diagnosis.pucks.result import Setting
+from slapshot.diagnosis.pucks.selection.judgement import _limits_of
 from slapshot.diagnosis.pucks.selection.search import Search
 from slapshot.diagnosis.pucks.slide.noise import CameraNoise, leaps
-from slapshot.diagnosis.pucks.slide.slide_model import SlideModel
+from slapshot.diagnosis.pucks.slide.slide_model import Column, Point, SlideModel
 from slapshot.diagnosis.pucks.slide.suitability import cannot_tell
 from slapshot.diagnosis.pucks.slide.tracks import (
     NO_COMMAND,
@@ -151,3 +154,33 @@ def test_a_twist_of_a_joint_is_no_bump_of_a_board():
     assert not wording.is_bump("twist_3")
     assert "board" not in wording.parameter_label("twist_3", "of joint 3")
     assert " m" not in wording.parameter_label("twist_3", "of joint 3")
+
+
+def test_what_a_recording_says_nothing_about_has_no_limit():
+    """A middle of a lens that does not distort is as uncertain as its prior."""
+    lens = {p.name: p for p in catalogue()["lens_distortion"].parameters}
+    columns = [Column("lens_distortion", name, -1, 0.1) for name in ("radial", "middle_x")]
+    prior = np.array([lens[c.parameter].scale for c in columns])
+    search = SimpleNamespace(fitter=SimpleNamespace(effects=catalogue()))
+    told = _limits_of(
+        search, columns, np.zeros(2), np.diag((prior * [0.1, 1.0]) ** 2), "lens_distortion", prior
+    )
+    assert [limit.parameter for limit in told] == ["radial"]
+    assert told[0].at_most == pytest.approx(1.96 * 0.1 * prior[0])
+
+
+def test_each_scene_is_held_against_hits_as_it_is_simulated_itself(monkeypatch):
+    asked = []
+    nominal, final = (SimpleNamespace(point=Point(np.zeros((2, 6)), np.zeros((1, 3))), of=n) for n in "nf")
+
+    def predicted(fitter, fit):
+        asked.append((fitter.about, getattr(fit, "of", None)))
+        return SimpleNamespace(loglik=np.zeros(2))
+
+    monkeypatch.setattr(held_out, "replace", lambda fit, point: SimpleNamespace(point=point, of="believed"))
+    monkeypatch.setattr(held_out, "predict_held_out", predicted)
+    monkeypatch.setattr(held_out, "errors_of", lambda *_: None)
+    monkeypatch.setattr(held_out, "noise_floor", lambda *_: None)
+    test, about = (SimpleNamespace(about=name, noise=SimpleNamespace(error=0.0)) for name in ("it", "found"))
+    held_out.errors_of_scenes(test, about, nominal, final, (0.3, 0.3, 0.01), np.random.default_rng(0))
+    assert sorted(asked) == [("found", "f"), ("it", "believed"), ("it", "n")]
