@@ -9,7 +9,7 @@ from slapshot.blind_validation.lists import LISTS, TYPICAL_SIZES, WEAK_SIZES, dr
 from slapshot.config.files import load_config
 from slapshot.config.lab import Lab
 from slapshot.errors import InputError
-from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
+from slapshot.lab.hidden_effects.registry import HIDDEN_EFFECTS
 from slapshot.validation import values_of
 
 ROOT = Path(__file__).parents[2]

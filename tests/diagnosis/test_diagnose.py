@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis import diagnose, held_out, held_out_validation
+from slapshot.diagnosis import held_out, held_out_split, held_out_validation
 from slapshot.diagnosis.fit.noise import Noise
 from slapshot.diagnosis.held_out_validation import distinguishable, improves, predict_models
 from slapshot.diagnosis.model.hypothesis import Hypothesis
@@ -292,8 +292,8 @@ def test_a_long_episode_has_windows_at_any_rate(interval):
     made = recording(t, {"p": (joint("rail", unit="m"), 0.3 * t)})
     rig = bind(MjSpec.from_string(CART), made.channels)
     segments = segment_recording(made, rig)
-    _, held = diagnose.split(segments)
-    windows = diagnose._windows(made, rig, segments, held)
+    _, held = held_out_split.split(segments)
+    windows = held_out_split.held_out_windows(made, rig, segments, held)
     assert len(windows.episode) == len(held) // 2
     assert windows.shape[1] // 2 * windows.interval == pytest.approx(0.5, abs=interval)
     times = {round(float(t), 6) for t in segments.time[held][segments.inside[held]]}
@@ -306,8 +306,8 @@ def test_windows_without_readings_in_either_half_are_none():
     made = recording(t, {"p": (joint("rail", unit="m"), read)})
     rig = bind(MjSpec.from_string(CART), made.channels)
     segments = segment_recording(made, rig)
-    _, held = diagnose.split(segments)
-    windows = diagnose._windows(made, rig, segments, held)
+    _, held = held_out_split.split(segments)
+    windows = held_out_split.held_out_windows(made, rig, segments, held)
     assert segments.time[held].min() == pytest.approx(2.0)
     assert windows.time.min() > 3
     assert len(windows.episode) == len(held) // 2 - 1
@@ -320,8 +320,8 @@ def test_held_out_windows_of_short_and_of_long_episodes(seconds, window_s):
     made = recording([t] * 10, {"p": (joint("rail", unit="m"), [0.3 * t] * 10)})
     rig = bind(MjSpec.from_string(CART), made.channels)
     segments = segment_recording(made, rig)
-    _, held = diagnose.split(segments)
-    windows = diagnose._windows(made, rig, segments, held)
+    _, held = held_out_split.split(segments)
+    windows = held_out_split.held_out_windows(made, rig, segments, held)
     assert sorted(set(windows.episode)) == [2, 7]
     assert windows.shape[1] // 2 * windows.interval == pytest.approx(window_s)
     assert len(windows.episode) == 2 * int(seconds / (2 * window_s))
@@ -333,8 +333,8 @@ def test_held_out_blocks_of_a_long_episode_are_windows():
     made = recording(t, {"p": (joint("rail", unit="m"), 0.3 * t)})
     rig = bind(MjSpec.from_string(CART), made.channels)
     segments = segment_recording(made, rig)
-    _, held = diagnose.split(segments)
-    windows = diagnose._windows(made, rig, segments, held)
+    _, held = held_out_split.split(segments)
+    windows = held_out_split.held_out_windows(made, rig, segments, held)
     blocks = set(segments.first[held])
     assert {f for first in windows.first for f in (first, first + 50)} == blocks
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis import held_out
-from slapshot.diagnosis.diagnose import diagnose, split
+from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.fit.filter import Innovations
 from slapshot.diagnosis.fit.noise import Noise
 from slapshot.diagnosis.held_out import Predictions, _gains_without_a_reading, initial_trajectory, predict
+from slapshot.diagnosis.held_out_split import split
 from slapshot.diagnosis.model.rig import Rig, bind
 from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.diagnosis.selection.problem import Problem

@@ -10,8 +10,8 @@ from slapshot.command import Run
 from slapshot.config.scene import HockeyScene
 from slapshot.lab.__main__ import produce
 from slapshot.lab.board import FLAT
-from slapshot.lab.concealed.hidden_effect import Concealed, NominalMotion
-from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
+from slapshot.lab.hidden_effects.hidden_effect import Concealed, NominalMotion
+from slapshot.lab.hidden_effects.registry import HIDDEN_EFFECTS
 from slapshot.lab.release_detection import nearest_pose
 from slapshot.lab.rig import Camera, ObjectTruth, Rig, Scatter
 from slapshot.scenes.domain import build_scene, load_domain

@@ -8,7 +8,7 @@ import pytest
 from slapshot.errors import InputError
 from slapshot.recordings.cli import format_import_summary
 from slapshot.recordings.importing import name_pattern
-from slapshot.recordings.importing.importer import import_tracks
+from slapshot.recordings.importing.track_importer import import_tracks
 from slapshot.recordings.read import read_recording
 from slapshot.recordings.summary import describe_hits
 

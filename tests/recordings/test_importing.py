@@ -17,8 +17,8 @@ from slapshot.errors import InputError
 from slapshot.recordings.cli import format_import_summary, run_import
 from slapshot.recordings.data_quality import quality_warnings
 from slapshot.recordings.format import Recording
-from slapshot.recordings.importing.importer import ImportSummary, import_tracks
 from slapshot.recordings.importing.mapping import load_mapping
+from slapshot.recordings.importing.track_importer import ImportSummary, import_tracks
 from slapshot.recordings.motion_detection import find_motion_intervals, find_slide
 from slapshot.recordings.read import read_recording
 

@@ -23,7 +23,8 @@ import pandas as pd
 
 from slapshot.arrays import Array
 from slapshot.benchmark.peers import need_sysid
-from slapshot.diagnosis.diagnose import Diagnosis, diagnose, split
+from slapshot.diagnosis.diagnose import Diagnosis, diagnose
+from slapshot.diagnosis.held_out_split import split
 from slapshot.diagnosis.held_out_validation import predict_windows
 from slapshot.diagnosis.model.rig import Rig, bind
 from slapshot.diagnosis.model.segments import Segments, segment_recording

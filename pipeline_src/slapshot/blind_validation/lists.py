@@ -13,8 +13,8 @@ import numpy as np
 
 from slapshot.blind_validation.cases import Case, write_cases
 from slapshot.case_list import draw_command, write_new
-from slapshot.lab.concealed.hidden_effect import HiddenEffect
-from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
+from slapshot.lab.hidden_effects.hidden_effect import HiddenEffect
+from slapshot.lab.hidden_effects.registry import HIDDEN_EFFECTS
 
 Conceals = tuple[tuple[str, float], ...]  # kind and displacement
 

@@ -26,7 +26,7 @@ TYPICAL_SIZE, WEAK_SIZE = 0.5, 0.2  # displacement over the hit-to-hit scatter
 
 
 class ConcealedEffect(BaseModel):
-    """What the truth says of a hidden effect, see lab.concealed.hidden_effect."""
+    """What the truth says of a hidden effect, see lab.hidden_effects.hidden_effect."""
 
     kind: str
     catalogued: bool

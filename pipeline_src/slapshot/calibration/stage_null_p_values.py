@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from slapshot.command import Run, stage_command
 from slapshot.config.calibration import NullBlockSettings
-from slapshot.diagnosis.diagnose import split
+from slapshot.diagnosis.held_out_split import split
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection.problem import Problem

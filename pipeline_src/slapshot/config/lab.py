@@ -31,7 +31,7 @@ from slapshot.validation import Model, ProblemAtError
 
 _LEAST_FRAMES = 4  # of an object at rest; with fewer, the rest point may not be observed
 
-# In the order of slapshot.lab.concealed.registry, which is not imported to validate a configuration.
+# In the order of slapshot.lab.hidden_effects.registry, which is not imported to validate a configuration.
 ConcealedKind = Literal[
     "command_delay", "tracking_lag", "servo_gain", "joint_elasticity", "backlash", "crooked_arm",
     "compliant_blade", "restitution", "blade_friction", "blade_yaw", "curved_blade",
@@ -147,7 +147,7 @@ class Joints(Model):
 class ConcealedEffect(Model):
     """A hidden effect of the rig, with its size given directly or by its influence."""
 
-    kind: ConcealedKind = Field(description="see slapshot.lab.concealed")
+    kind: ConcealedKind = Field(description="see slapshot.lab.hidden_effects")
     amplitude: MayMiss[Range[Ratio]] = Field(default=None, description="in the unit of the effect")
     displacement: MayMiss[Range[PositiveRatio]] = Field(
         default=None, description="rms shift of rest points, or of tracks, relative to the hit-to-hit scatter"

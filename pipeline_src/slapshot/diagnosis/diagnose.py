@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from slapshot.diagnosis import held_out
+from slapshot.diagnosis.held_out_split import held_out_windows, split
 from slapshot.diagnosis.held_out_validation import Prediction, held_out_pushes, predict_models
 from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments, segment_recording
@@ -28,10 +28,6 @@ from slapshot.errors import InputError
 from slapshot.recordings.channel_pair_quality import differentiated_velocities
 from slapshot.recordings.signal_statistics import channel_statistics
 from slapshot.recordings.signals import SignalRecording
-
-HELD_OUT = 5  # every fifth episode or block
-_MIN_SEGMENTS = 5
-_MIN_COVERAGE = 0.75  # share of two windows that must have been recorded
 
 
 @dataclass(frozen=True)
@@ -121,7 +117,7 @@ def _diagnosis(
     if reason is not None:
         return Diagnosis(undecided(recording, rig, notes, reason, began), rig)
     report("predicting held-out windows")
-    windows = _windows(recording, rig, segments, held)
+    windows = held_out_windows(recording, rig, segments, held)
     if not windows.shape[0]:
         reason = "no held-out part is long enough to predict its second half; record longer episodes"
         return Diagnosis(undecided(recording, rig, notes, reason, began), rig)
@@ -151,26 +147,6 @@ def _readings_of(windows: Segments, nominal: Step) -> tuple[Segments, list[str]]
     count = int((np.isfinite(windows.y) & ~np.isfinite(right.y)).sum())
     told = f"{count} readings of held-out data are no motion, whatever force acts: predictions leave them out"
     return right, [told] if count else []
-
-
-def split(segments: Segments) -> tuple[Segments, NDArray[np.intp]]:
-    """Split segments into those for fitting and those held out.
-
-    Returns:
-        The segments, and indices of those that are held out.
-    """
-    episodes = len(np.unique(segments.episode))
-    S = segments.shape[0]
-    if episodes >= HELD_OUT:
-        out = segments.episode % HELD_OUT == HELD_OUT // 2
-    else:
-        out = np.arange(S) % (2 * HELD_OUT) // 2 == HELD_OUT // 2  # two segments side by side
-    if S < _MIN_SEGMENTS or not out.any():
-        raise InputError(
-            f"only {S} segments of {segments.interval * segments.shape[1]:.2g} s were recorded, of which "
-            "some must be held out; record longer"
-        )
-    return segments.select(~out), np.flatnonzero(out)
 
 
 def free_effects(rig: Rig, problem: Problem) -> tuple[JointEffect, ...]:
@@ -226,20 +202,3 @@ def _fit_failure(found: Search) -> str | None:
             f"{fit.moved:.2g} standard deviations); free fewer, or record motions that distinguish them"
         )
     return None
-
-
-def _windows(recording: SignalRecording, rig: Rig, segments: Segments, held: NDArray[np.intp]) -> Segments:
-    """Held-out data as pairs of windows, the second of which is predicted.
-
-    Of episodes that are shorter than two windows, windows are half as long as the episodes.
-    """
-    own = segments.select(held)
-    runs = [
-        (int(own.episode[run[0]]), int(own.first[run[0]]), int(own.inside[run].sum())) for run in own.runs()
-    ]
-    longest = max(1, round(held_out.WINDOW_S / segments.interval))
-    half = max(2, min(longest, int(np.median([nodes for *_, nodes in runs])) // 2))
-    pairs = segment_recording(recording, rig, nodes=2 * half, parts=runs)
-    seen = np.isfinite(pairs.y)
-    both = seen[:, :half].any(axis=(1, 2)) & seen[:, half:].any(axis=(1, 2))
-    return pairs.select(both & (pairs.inside.mean(axis=1) > _MIN_COVERAGE))

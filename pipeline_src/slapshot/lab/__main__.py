@@ -13,8 +13,8 @@ from slapshot.errors import InputError
 from slapshot.json_types import JsonObject
 from slapshot.lab.camera import observe
 from slapshot.lab.commands import Diverse, Latents, Pool, Session, Source, draw_session
-from slapshot.lab.concealed.draw import draw_concealed
-from slapshot.lab.concealed.effect_size_calibration import EffectSizeCalibration
+from slapshot.lab.hidden_effects.draw import draw_concealed
+from slapshot.lab.hidden_effects.effect_size_calibration import EffectSizeCalibration
 from slapshot.lab.hit import RigSimulator
 from slapshot.lab.hit_types import Hit, HitNoise, HitSpec, draw_hit_noise
 from slapshot.lab.rig import Rig, draw_rig, truth_dict

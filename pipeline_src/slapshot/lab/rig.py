@@ -15,8 +15,8 @@ from slapshot.json_types import JsonObject
 from slapshot.lab.blade import Edit
 from slapshot.lab.blade_truth import BladeTruth
 from slapshot.lab.board import FLAT, draw_height, draw_log_friction
-from slapshot.lab.concealed.hidden_effect import Concealed
 from slapshot.lab.executed_trajectory import Filter
+from slapshot.lab.hidden_effects.hidden_effect import Concealed
 from slapshot.lab.ranges import draw_number, pair_of
 from slapshot.lab.surface import Ground
 

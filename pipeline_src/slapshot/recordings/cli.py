@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 
 from slapshot.recordings.data_quality import quality_warnings
-from slapshot.recordings.importing.importer import ImportSummary, import_tracks
 from slapshot.recordings.importing.signal_importer import SignalSummary, import_signals
 from slapshot.recordings.importing.signal_mapping import is_signal_mapping
+from slapshot.recordings.importing.track_importer import ImportSummary, import_tracks
 from slapshot.recordings.quality_warning import QualityWarning
 from slapshot.recordings.read import format_version, read_recording
 from slapshot.recordings.signal_quality import signal_warnings

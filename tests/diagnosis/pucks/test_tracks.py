@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.calibration.slide_recordings import slide_recording as recording
-from slapshot.diagnosis.pucks.slide.tracks import RELEASE_DISTANCE, hit_tracks
+from slapshot.diagnosis.pucks.slide.release_detection import RELEASE_DISTANCE
+from slapshot.diagnosis.pucks.slide.tracks import hit_tracks
 
 RATE = 50.0
 NOISE = 0.001  # m

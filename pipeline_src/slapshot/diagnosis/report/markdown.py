@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from slapshot.diagnosis.diagnose import HELD_OUT
+from slapshot.diagnosis.held_out_split import HELD_OUT
 from slapshot.diagnosis.report.presentation import (
     MODELS,
     VARIABLES,

@@ -12,7 +12,6 @@ from slapshot.arrays import Array
 from slapshot.errors import InputError
 from slapshot.json_types import JsonObject
 from slapshot.recordings.importing.files import fields_of_names, find_sources, natural_key
-from slapshot.recordings.importing.importer import write_sources
 from slapshot.recordings.importing.rows import Rows, read_rows
 from slapshot.recordings.importing.signal_mapping import (
     EPISODE,
@@ -20,6 +19,7 @@ from slapshot.recordings.importing.signal_mapping import (
     SignalMapping,
     load_signal_mapping,
 )
+from slapshot.recordings.importing.track_importer import write_sources
 from slapshot.recordings.signals import SignalRecording, write_signals
 from slapshot.recordings.write import check_new
 from slapshot.validation import short

@@ -5,16 +5,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slapshot.diagnosis.pucks.slide.tracks import (
+from slapshot.diagnosis.pucks.slide.release_detection import (
     NEVER_RESTED,
+    TOO_FEW_FRAMES,
+    TOO_SHORT_A_SLIDE,
+    TOO_SHORT_A_WAY,
+)
+from slapshot.diagnosis.pucks.slide.tracks import (
     NO_COMMAND,
     NO_FRAMES,
     NO_READINGS,
     NO_REST_POINT,
     PUSHED_AGAIN,
-    TOO_FEW_FRAMES,
-    TOO_SHORT_A_SLIDE,
-    TOO_SHORT_A_WAY,
     HitTracks,
 )
 from slapshot.diagnosis.pucks.verdict import Verdict

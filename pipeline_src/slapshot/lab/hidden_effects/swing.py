@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.lab.concealed.hidden_effect import HiddenEffect, NominalMotion, Shape
+from slapshot.lab.hidden_effects.hidden_effect import HiddenEffect, NominalMotion, Shape
 from slapshot.scenes.scene import Scene
 
 _STOP = (0.001, 1.0)  # solref of the stops of a joint with play: time constant (s), damping ratio

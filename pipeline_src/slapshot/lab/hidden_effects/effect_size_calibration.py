@@ -13,7 +13,7 @@ import numpy as np
 
 from slapshot.errors import InputError
 from slapshot.lab.camera import foot_of
-from slapshot.lab.concealed.hidden_effect import Concealed, HiddenEffect, NominalMotion, Shape
+from slapshot.lab.hidden_effects.hidden_effect import Concealed, HiddenEffect, NominalMotion, Shape
 from slapshot.lab.hit import RigSimulator
 from slapshot.lab.hit_types import Hit, HitNoise, HitSpec, draw_hit_noise
 from slapshot.lab.release_detection import nearest_pose

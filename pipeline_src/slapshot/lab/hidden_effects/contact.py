@@ -5,7 +5,7 @@ import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.lab.blade_truth import BladeTruth
-from slapshot.lab.concealed.hidden_effect import HiddenEffect, NominalMotion, Shape
+from slapshot.lab.hidden_effects.hidden_effect import HiddenEffect, NominalMotion, Shape
 from slapshot.scenes.scene import Scene
 
 _SPEED = 1.5  # m/s, of a striker whose contact is that of the amplitude

@@ -3,7 +3,7 @@
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.lab.concealed.hidden_effect import HiddenEffect, NominalMotion, Shape
+from slapshot.lab.hidden_effects.hidden_effect import HiddenEffect, NominalMotion, Shape
 
 _FOOT_SD = 0.12  # m, along x and y, by which a camera misses its nominal target point
 

@@ -10,10 +10,10 @@ import pytest
 from slapshot.config.lab import ConcealedEffect, ConcealedKind
 from slapshot.effects.catalogue import catalogue
 from slapshot.errors import InputError
-from slapshot.lab.concealed.draw import draw_concealed
-from slapshot.lab.concealed.effect_size_calibration import EffectSizeCalibration
-from slapshot.lab.concealed.hidden_effect import Concealed
-from slapshot.lab.concealed.registry import HIDDEN_EFFECTS
+from slapshot.lab.hidden_effects.draw import draw_concealed
+from slapshot.lab.hidden_effects.effect_size_calibration import EffectSizeCalibration
+from slapshot.lab.hidden_effects.hidden_effect import Concealed
+from slapshot.lab.hidden_effects.registry import HIDDEN_EFFECTS
 from slapshot.lab.hit import RigSimulator
 from slapshot.lab.hit_types import HitNoise, HitSpec
 from slapshot.lab.rig import Scatter

@@ -6,9 +6,9 @@ import numpy as np
 
 from slapshot.config.lab import ConcealedEffect
 from slapshot.errors import InputError
-from slapshot.lab.concealed.effect_size_calibration import EffectSizeCalibration
-from slapshot.lab.concealed.hidden_effect import Concealed
-from slapshot.lab.concealed.registry import hidden_effect_named
+from slapshot.lab.hidden_effects.effect_size_calibration import EffectSizeCalibration
+from slapshot.lab.hidden_effects.hidden_effect import Concealed
+from slapshot.lab.hidden_effects.registry import hidden_effect_named
 from slapshot.lab.ranges import draw_number
 from slapshot.lab.rng_streams import stream_for
 

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.lab.concealed.hidden_effect import HiddenEffect, NominalMotion, Shape
+from slapshot.lab.hidden_effects.hidden_effect import HiddenEffect, NominalMotion, Shape
 from slapshot.lab.surface import EVEN, Ground, rise
 from slapshot.scenes.scene import Scene
 

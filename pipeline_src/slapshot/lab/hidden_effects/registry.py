@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 from slapshot.errors import InputError
-from slapshot.lab.concealed import camera, contact, position_time, slide, swing
-from slapshot.lab.concealed.hidden_effect import HiddenEffect
+from slapshot.lab.hidden_effects import camera, contact, position_time, slide, swing
+from slapshot.lab.hidden_effects.hidden_effect import HiddenEffect
 
 _ALL: tuple[HiddenEffect, ...] = (
     swing.CommandDelay(),

@@ -4,7 +4,7 @@ import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.lab.board import draw_height, draw_log_friction
-from slapshot.lab.concealed.hidden_effect import HiddenEffect, NominalMotion, Shape
+from slapshot.lab.hidden_effects.hidden_effect import HiddenEffect, NominalMotion, Shape
 from slapshot.lab.surface import Ground
 
 _WAVELENGTHS = (0.4, 1.6)  # m
