@@ -12,6 +12,7 @@ from slapshot.diagnosis.fit.noise import (
     FORCE_HOLD_S,
     NOMINAL,
     Noise,
+    NoiseLikelihood,
     Prior,
     fit_noise,
     fit_process_force,
@@ -21,7 +22,7 @@ from slapshot.diagnosis.fit.noise import (
     posterior_means,
     prefers_jitter,
 )
-from slapshot.diagnosis.inference.fisher_scoring import Evaluation
+from slapshot.diagnosis.inference.fisher_scoring import Evaluation, derivatives
 from slapshot.diagnosis.model.segments import Segments
 
 INTERVAL, TORQUE, INERTIA = 0.01, 2.0, 0.5
@@ -326,6 +327,36 @@ def test_the_marginal_likelihood_is_that_of_the_dense_gaussian():
     left = np.linalg.solve(covariance, e)
     np.testing.assert_allclose((found.e - found.Z @ posterior_means(found, sd)).reshape(-1), left, atol=1e-10)
     assert marginal_likelihood(found, 1e-12 * sd) == pytest.approx(log_likelihood(found), rel=1e-12)
+
+
+def test_few_columns_tell_the_slope_of_the_likelihood_and_its_information():
+    """Against differences of the likelihood with all columns.
+
+    A trace is estimated by 16 random directions: its standard error is at most sqrt(2 p / 16) for a factor on
+    the noise, with p columns; steps are measured by the information, whose root is more than a hundred.
+    """
+    of = made(11, columns=6, law_error=0.1, coloured=(5e-4, 1e-2), force=3e-3)
+    prior = Prior.of(np.ones(6), NOMINAL)
+
+    def noise(values):
+        law, force, white, coloured = np.exp(values)
+        return replace(
+            of.noise, law_error=law, force=force, white=white * of.noise.white,
+            coloured=coloured * of.noise.coloured,
+        )  # fmt: skip
+
+    # The first three values are sizes of columns.
+    likelihood = NoiseLikelihood(of.system, prior, lambda v: noise(v[[0, 3, 4, 5]]), INTERVAL)
+    here = np.log([0.05, 1.0, 1.0, 0.1, 1.3, 0.4])
+    limits = np.full(6, -np.inf), np.full(6, np.inf)
+    found = likelihood(here)
+    slope, information = derivatives(likelihood, found, here, *limits)
+    exact, same = derivatives(likelihood, replace(found, near=None), here, *limits)
+    assert found.near(here).value == pytest.approx(found.value, abs=1e-6)
+    assert slope == pytest.approx(exact, abs=3 * np.sqrt(2 * 6 / 16))
+    assert np.abs(exact[3:5]).min() > 40
+    assert slope[:3] == pytest.approx(exact[:3], abs=1e-3)
+    assert np.diag(information)[3:] == pytest.approx(np.diag(same)[3:], rel=0.1)
 
 
 def test_outliers_are_given_less_weight():

@@ -13,11 +13,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from slapshot.diagnosis import held_out
+from slapshot.diagnosis.fit.time_steps import prefers_its_steps, with_accurate_steps
 from slapshot.diagnosis.held_out_split import held_out_windows, split
 from slapshot.diagnosis.held_out_validation import Prediction, held_out_pushes, predict_models
 from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments, segment_recording
-from slapshot.diagnosis.selection.problem import Problem
+from slapshot.diagnosis.selection.problem import Problem, initial_fit
 from slapshot.diagnosis.selection.search import search
 from slapshot.diagnosis.selection.steps import Search, Step
 from slapshot.diagnosis.verdict import Verdict
@@ -101,6 +102,9 @@ def _diagnosis(
         segments = segment_recording(recording, rig)
         used, held = split(segments)
         problem = Problem.of(rig, channels, used, threads)
+        if (accurate := _accurate_problem(problem)) is not None:
+            problem, told = accurate
+            rig, notes = problem.rig, [*notes, told]
         free = free_effects(rig, problem)
     except InputError as error:
         return Diagnosis(undecided(recording, rig, notes, str(error), began), rig)
@@ -133,6 +137,19 @@ def _diagnosis(
     notes += [str(push) for push in pushed]
     verdict = verdict_of(recording, rig, found, windows, by_model, segments, held, notes, pushed, seed, began)
     return Diagnosis(verdict, rig, found, windows, *by_model)
+
+
+def _accurate_problem(problem: Problem) -> tuple[Problem, str] | None:
+    """The problem with accurate time steps, and what is said of them; None where its own serve."""
+    noise = problem.initial_noise.single
+    found = with_accurate_steps(problem.rig, problem.channels, problem.segments, problem.trajectory, noise)
+    if found is None:
+        return None
+    problem, fit, fitted = initial_fit(problem, problem.base(()))
+    if prefers_its_steps(problem.fitter, fit, fitted):
+        return None
+    rig, told = found
+    return Problem.of(rig, problem.channels, problem.segments, problem.threads), told
 
 
 def _readings_of(windows: Segments, nominal: Step) -> tuple[Segments, list[str]]:

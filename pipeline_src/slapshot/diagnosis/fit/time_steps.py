@@ -1,0 +1,103 @@
+"""Time steps that are accurate enough for the data, where those of the given model are not.
+
+MuJoCo's default integrator, and the implicit ones, err in proportion to their step. Within half a second such
+an error can be many times the noise of an encoder, and would be called a mismatch of a robot whose physics
+the model has. The data say by which steps they came about: of a robot by none, of a simulation by its own.
+"""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from slapshot.arrays import Array
+from slapshot.diagnosis.fit.filter import innovations
+from slapshot.diagnosis.fit.fit import Fit, Fitter
+from slapshot.diagnosis.fit.noise import Noise
+from slapshot.diagnosis.fit.shooting import simulate
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.model.rig import Rig, bind
+from slapshot.diagnosis.model.segments import Segments
+from slapshot.recordings.channels import Channel
+
+_FINER = 8  # steps in one, of a reference
+_WINDOW_S = 0.5  # in which errors grow
+_NEGLIGIBLE = 0.3  # of the noise: predictions err by 4 % more
+_RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
+_NAMES = {
+    int(mujoco.mjtIntegrator.mjINT_EULER): "Euler",
+    int(mujoco.mjtIntegrator.mjINT_IMPLICIT): "implicit",
+    int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST): "implicitfast",
+}
+
+
+def step_error(simulator: Simulator, segments: Segments, trajectory: Array) -> Array:
+    """(ny,) rms error of observations by a model's time steps, within half a second; infinite if it diverges.
+
+    Args:
+        simulator: of the model.
+        segments: whose controls drive it.
+        trajectory: (S, L, nx), from whose first states it starts.
+    """
+    hypothesis, nodes = Hypothesis(simulator.rig), max(2, round(_WINDOW_S / segments.interval))
+    both = [
+        simulate(simulator, hypothesis, np.zeros(0), steps, trajectory[:, 0])[1][:, :nodes]
+        for steps in (segments, segments.finer(_FINER))
+    ]
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = np.where(segments.inside[:, :nodes, None], both[0] - both[1], 0.0)
+        rms = np.sqrt(np.mean(error**2, axis=(0, 1)))
+    return np.where(np.isfinite(rms), rms, np.inf)
+
+
+def with_accurate_steps(
+    rig: Rig, channels: dict[str, Channel], segments: Segments, trajectory: Array, noise: Array
+) -> tuple[Rig, str] | None:
+    """The rig with Runge and Kutta's integrator, and what is said of it; None where its own will do.
+
+    Args:
+        rig: as it was given.
+        channels: what was recorded.
+        segments: data.
+        trajectory: (S, L, nx) recorded.
+        noise: (ny,) standard deviation of a reading.
+    """
+    if rig.model.opt.integrator == _RUNGE_KUTTA or not len(noise):
+        return None
+    error = step_error(Simulator(rig), segments, trajectory) / noise
+    worst = int(np.argmax(error))
+    if error[worst] < _NEGLIGIBLE:
+        return None
+    spec = rig.spec.copy()
+    spec.option.integrator = _RUNGE_KUTTA
+    better = replace(bind(spec, channels, rig.name, rig.free), controls=rig.controls)
+    if not np.max(step_error(Simulator(better), segments, trajectory) / noise) < error[worst] / 2:
+        return None
+    name, channel = _NAMES[int(rig.model.opt.integrator)], rig.observations[worst].channel
+    return better, (
+        f"in steps of {1e3 * segments.step:.3g} ms the model's integrator ({name}) errs within half a second "
+        f"by {error[worst]:.2g} times the noise of {channel}; here Runge-Kutta steps (RK4) simulate it"
+    )
+
+
+def prefers_its_steps(fitter: Fitter, fit: Fit, noise: Noise) -> bool:
+    """Whether data were made by the steps of the model, as by a simulation, and not by accurate ones.
+
+    By the likelihood of none of the error of the steps against that of all of it, whatever else is unknown.
+
+    Args:
+        fitter: whose first nuisance is the error of the steps.
+        fit: of the model with its own steps.
+        noise: about it.
+    """
+    system, prior = fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
+    seen = innovations(system, noise.covariances(fitter.segments.interval))
+    z = seen.Z.reshape(seen.e.size, -1) * prior.at(noise)
+    at = len(fit.theta)
+    others = np.arange(z.shape[1]) != at
+    own, rest, e = z[:, at], z[:, others], seen.e.reshape(-1)
+    both = np.column_stack([own, e])
+    taken = np.linalg.solve(np.eye(rest.shape[1]) + rest.T @ rest, rest.T @ both)
+    information, score = own @ both - (own @ rest) @ taken
+    # One standard deviation of the prior is all of the error.
+    return bool(score < 0.5 * information)

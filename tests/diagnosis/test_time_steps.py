@@ -1,0 +1,71 @@
+"""Which time steps a diagnosis takes: accurate ones of a robot, a simulation's own of what it made."""
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco import MjSpec
+from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.fit.time_steps import step_error
+from slapshot.diagnosis.model.hypothesis import Simulator
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.segments import segment_recording
+
+from .mechanisms import ARM, CART, control_channel, joint, recording, simulate
+
+NOISE = 2e-4  # rad
+COARSE = ARM.replace('timestep="0.004" integrator="implicitfast"', 'timestep="0.004"')
+
+
+def swings(finer: int, integrator: str, episodes: int = 10):
+    """Ten times two seconds of the arm with a servo, by steps of 4 ms or finer ones."""
+    rng = np.random.default_rng(0)
+    model = mujoco.MjModel.from_xml_string(
+        ARM.replace('integrator="implicitfast"', f'integrator="{integrator}"')
+    )
+    clocks, angles, commands = [], [], []
+    for _ in range(episodes):
+        t = np.arange(500) * 0.004
+        u = 0.8 * np.sin(2 * np.pi * rng.uniform(0.4, 1.2) * t + rng.uniform(0, 6))[:, None]
+        first = rng.normal(size=2)
+        q, *_ = simulate(model, t, u, first, [0, 0], finer=finer)
+        clocks.append(t)
+        angles.append(q + NOISE * rng.standard_normal(q.shape))
+        commands.append(u[:, 0])
+    return recording(
+        clocks,
+        {
+            "servo": (control_channel("rad", actuator="servo"), commands),
+            "shoulder": (joint("shoulder"), [a[:, 0] for a in angles]),
+            "elbow": (joint("elbow"), [a[:, 1] for a in angles]),
+        },
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("finer", "integrator", "told"), [(40, "RK4", True), (1, "Euler", False)])
+def test_nothing_is_found_on_a_robot_or_a_simulation_whose_physics_the_model_has(finer, integrator, told):
+    made = swings(finer, integrator)
+    rig = bind(MjSpec.from_string(COARSE), made.channels)
+    found = diagnose(made, rig)
+    assert found.verdict.headline == "nothing_found"
+    assert any("integrator (Euler)" in finding for finding in found.verdict.findings) == told
+    runge_kutta = int(mujoco.mjtIntegrator.mjINT_RK4)
+    assert (found.rig.model.opt.integrator == runge_kutta) == told
+
+
+def test_the_error_of_euler_steps_is_that_of_a_parabola():
+    """Under a constant force MuJoCo's new velocity moves the place: h a t / 2 too far after t."""
+    t = np.arange(100) * 0.01
+    made = recording(t, {
+        "push": (control_channel("N", actuator="push"), np.full(100, 4.0)),
+        "rail": (joint("rail", unit="m"), t**2),
+    })  # fmt: skip
+    rig = bind(MjSpec.from_string(CART), made.channels)
+    segments = segment_recording(made, rig)
+    trajectory = np.zeros((*segments.shape, 2))
+    error = step_error(Simulator(rig), segments, trajectory)
+    # Against steps an eighth as long, over the nodes of half a second: 4 N on 2 kg.
+    nodes = min(segments.shape[1], round(0.5 / segments.interval))
+    late = np.arange(nodes) * segments.interval
+    inside = segments.inside[:, :nodes]
+    expected = np.where(inside, 7 / 8 * segments.step * 2.0 * late / 2, 0.0)
+    assert error == pytest.approx([np.sqrt(np.mean(expected**2))], rel=1e-6)
