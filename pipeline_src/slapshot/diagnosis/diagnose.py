@@ -18,7 +18,7 @@ from slapshot.diagnosis.held_out_split import held_out_windows, split
 from slapshot.diagnosis.held_out_validation import Prediction, held_out_pushes, predict_models
 from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments, segment_recording
-from slapshot.diagnosis.selection.problem import Problem, initial_fit
+from slapshot.diagnosis.selection.problem import Problem, initial_fit, noise_with_candidates
 from slapshot.diagnosis.selection.search import search
 from slapshot.diagnosis.selection.steps import Search, Step
 from slapshot.diagnosis.verdict import Verdict
@@ -145,8 +145,10 @@ def _accurate_problem(problem: Problem) -> tuple[Problem, str] | None:
     found = with_accurate_steps(problem.rig, problem.channels, problem.segments, problem.trajectory, noise)
     if found is None:
         return None
-    problem, fit, fitted = initial_fit(problem, problem.base(()))
-    if prefers_its_steps(problem.fitter, fit, fitted):
+    problem, fit, first = initial_fit(problem, problem.base(()))
+    seen = noise_with_candidates(problem, fit.hypothesis, fit.theta, fit.trajectory, first)
+    system, prior = seen.explaining
+    if prefers_its_steps(system, prior, seen.noise, problem.segments.interval, len(fit.theta)):
         return None
     rig, told = found
     return Problem.of(rig, problem.channels, problem.segments, problem.threads), told

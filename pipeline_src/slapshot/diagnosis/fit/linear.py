@@ -5,8 +5,9 @@ interval. The column of a stateless force law is a product with the effect B of 
 simulation.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -41,7 +42,8 @@ class Perturbation:
     scale: float
 
 
-# Half the step halves the error of a first-order integrator: twice this difference removes it.
+# Half the step halves the error of a first-order integrator: twice this difference removes it. Where a
+# better integrator was put in place of the given one, twice the difference brings that one back.
 STEP_ERROR = Perturbation(None, (), 1.0, 2.0)
 
 
@@ -211,8 +213,7 @@ def linearise(
     for k, perturbation in enumerate(perturbations, start=p):
         if perturbation.effect is None:
             if halved is None:
-                finer = hypothesis.compiled(theta, segments.step / 2)
-                moved, _, _ = advance(hypothesis, theta, finer, x, np.repeat(control, 2, axis=1))
+                moved = _with_other_steps(hypothesis, theta, segments.step, control, x, advance)
                 halved = tangent.subtract(moved, base).reshape(S, L, dim)
             W[:, :, k] = halved.reshape(n, dim)
         elif is_law(perturbation.effect):
@@ -234,6 +235,21 @@ def linearise(
     )  # fmt: skip
     mean = (torque + there) / 2
     return Linearised(system, mean.reshape(*shapes, nv), predicted.reshape(*shapes, ny))
+
+
+def _with_other_steps(
+    hypothesis: Hypothesis, theta: Array, step: float, control: Array, x: Array, advance: Callable[..., Any]
+) -> Array:
+    """Next states by steps half as long, or halfway to those by the integrator that was given."""
+    given = hypothesis.rig.given_integrator
+    if given is None:
+        finer = hypothesis.compiled(theta, step / 2)
+        return np.asarray(advance(hypothesis, theta, finer, x, np.repeat(control, 2, axis=1))[0])
+    model, tangent = hypothesis.compiled(theta, step), hypothesis.tangent
+    own = advance(hypothesis, theta, model, x, control)[0]
+    model.opt.integrator = given
+    change = tangent.subtract(advance(hypothesis, theta, model, x, control)[0], own)
+    return tangent.add(own, change / 2)
 
 
 def is_law(effect: JointEffect) -> bool:

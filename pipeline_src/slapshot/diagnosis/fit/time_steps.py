@@ -11,9 +11,8 @@ import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit.filter import innovations
-from slapshot.diagnosis.fit.fit import Fit, Fitter
-from slapshot.diagnosis.fit.noise import Noise
+from slapshot.diagnosis.fit.filter import Linear, innovations
+from slapshot.diagnosis.fit.noise import Noise, Prior
 from slapshot.diagnosis.fit.shooting import simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.model.rig import Rig, bind
@@ -23,6 +22,7 @@ from slapshot.recordings.channels import Channel
 _FINER = 8  # steps in one, of a reference
 _WINDOW_S = 0.5  # in which errors grow
 _NEGLIGIBLE = 0.3  # of the noise: predictions err by 4 % more
+_SURE_NATS = 3.0  # by which data must prefer the steps of the model: a factor of twenty
 _RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
 _NAMES = {
     int(mujoco.mjtIntegrator.mjINT_EULER): "Euler",
@@ -70,34 +70,33 @@ def with_accurate_steps(
         return None
     spec = rig.spec.copy()
     spec.option.integrator = _RUNGE_KUTTA
-    better = replace(bind(spec, channels, rig.name, rig.free), controls=rig.controls)
+    given = int(rig.model.opt.integrator)
+    better = replace(bind(spec, channels, rig.name, rig.free), controls=rig.controls, given_integrator=given)
     if not np.max(step_error(Simulator(better), segments, trajectory) / noise) < error[worst] / 2:
         return None
-    name, channel = _NAMES[int(rig.model.opt.integrator)], rig.observations[worst].channel
+    name, channel = _NAMES[given], rig.observations[worst].channel
     return better, (
         f"in steps of {1e3 * segments.step:.3g} ms the model's integrator ({name}) errs within half a second "
         f"by {error[worst]:.2g} times the noise of {channel}; here Runge-Kutta steps (RK4) simulate it"
     )
 
 
-def prefers_its_steps(fitter: Fitter, fit: Fit, noise: Noise) -> bool:
-    """Whether data were made by the steps of the model, as by a simulation, and not by accurate ones.
+def prefers_its_steps(system: Linear, prior: Prior, noise: Noise, interval: float, column: int) -> bool:
+    """Whether data were surely made by the steps of the model, as by a simulation, and not by accurate ones.
 
-    By the likelihood of none of the error of the steps against that of all of it, whatever else is unknown.
+    By the likelihood of none of the error of the steps against that of all of it, whatever else is missing.
 
     Args:
-        fitter: whose first nuisance is the error of the steps.
-        fit: of the model with its own steps.
+        system: of the model with its own steps, with columns of all that may be missing.
+        prior: of its columns.
         noise: about it.
+        interval: s between nodes.
+        column: of the error of the steps, which one standard deviation of its prior removes.
     """
-    system, prior = fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-    seen = innovations(system, noise.covariances(fitter.segments.interval))
+    seen = innovations(system, noise.covariances(interval))
     z = seen.Z.reshape(seen.e.size, -1) * prior.at(noise)
-    at = len(fit.theta)
-    others = np.arange(z.shape[1]) != at
-    own, rest, e = z[:, at], z[:, others], seen.e.reshape(-1)
-    both = np.column_stack([own, e])
+    own, rest = z[:, column], np.delete(z, column, axis=1)
+    both = np.column_stack([own, seen.e.reshape(-1)])
     taken = np.linalg.solve(np.eye(rest.shape[1]) + rest.T @ rest, rest.T @ both)
     information, score = own @ both - (own @ rest) @ taken
-    # One standard deviation of the prior is all of the error.
-    return bool(score < 0.5 * information)
+    return bool(score - 0.5 * information < -_SURE_NATS)

@@ -73,6 +73,7 @@ class Rig:
             hypothesis.
         reading: (ny, sensor data) what each observation reads: one sensor, or a sum where joints were split.
         load: addresses of the sensors of each dof's actuator force; -1 for free and ball joints.
+        given_integrator: MuJoCo's number of that of the given model, if a better one took its place.
     """
 
     name: str
@@ -83,6 +84,7 @@ class Rig:
     free: tuple[str, ...]
     reading: np.ndarray
     load: np.ndarray
+    given_integrator: int | None = None
 
     def without(self, channels: Sequence[str]) -> "Rig":
         """The rig without some observations."""
@@ -273,7 +275,10 @@ def _input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Chann
             f"channel {name}: controls joint {channel.joint} with a {channel.quantity}; name the actuator "
             "that receives it, or record the torque"
         )
-    motor = f"{OWN}{channel.joint}" + (f":{channel.component}" if channel.component else "")
+    # Of a free joint along an axis and about it.
+    motor = f"{OWN}{channel.joint}" + (
+        f":{channel.quantity} {channel.component}" if channel.component else ""
+    )
     if spec.actuator(motor) is None:  # a restructured rig has it
         transmission, gear = _transmission(model, name, channel)
         added = spec.add_actuator(name=motor, target=channel.joint, trntype=transmission, gear=gear)

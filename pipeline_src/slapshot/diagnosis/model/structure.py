@@ -41,7 +41,7 @@ def restructured(rig: Rig, effect: JointEffect, channels: dict[str, Channel]) ->
     if reads_link:
         # The encoder reads the sum of motor and deflection.
         for row, observation in enumerate(new.observations):
-            if observation.part == effect.part and observation.quantity in types:
+            if observation.dof == new.model.joint(effect.part).dofadr[0] and observation.quantity in types:
                 sensor = new.model.sensor(f"{OWN}{observation.quantity}:{second}")
                 new.reading[row, int(sensor.adr[0])] = 1
     return new

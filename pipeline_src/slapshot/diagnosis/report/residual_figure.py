@@ -115,7 +115,7 @@ def _located(outcome: Outcome, shown: list[Coordinate], misfit: Misfit) -> tuple
         read = [
             c
             for c, o in enumerate(outcome.rig.observations)
-            if o.part == place.joint and o.quantity == "position"
+            if o.dof is not None and o.part == place.joint and o.quantity == "position"
         ]
         column = read[0] if read else None
     return place, variable, column

@@ -100,7 +100,8 @@ def free_forms(rig: RigMotion, segments: Segments) -> Iterator[JointEffect]:
         span = 2.2 * joint.travel
         yield FreeForce(joint, "position", joint.middle - span, joint.middle + span)
         yield FreeForce(joint, "velocity", -2.2 * joint.speed, 2.2 * joint.speed)
-        largest = max(joint.largest, default=0.0)
+        gears = np.abs(rig.model.actuator_gear[list(joint.actuators), 0])
+        largest = float(gears @ np.array(joint.largest)) if joint.actuators else 0.0
         if largest > 0:
             yield FreeForce(joint, "load", -largest, largest)
         if several:

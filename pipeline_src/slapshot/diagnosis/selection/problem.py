@@ -61,6 +61,7 @@ from slapshot.recordings.channels import Channel
 NUISANCE = (STEP_ERROR,)  # of every hypothesis, besides law errors
 POSITION_SPREAD = 0.05  # rad or m, prior sd of an initial state about the trajectory
 _SPEED_SPREAD = 3  # rms speeds
+_UNKNOWN_ANGLE = 1.0  # rad, prior sd of an initial angle that nothing observes
 CREDIBLE_SD = 5.0  # of a prior, beyond which a value contradicts it
 _DRIFT_WIDTH = 0.1  # length scale of drift, as a share of the session
 _LAW_ERROR_MARGIN = 2.0  # of the largest law error in fits, as a factor on the fitted one
@@ -112,11 +113,10 @@ class Problem:
         rig = restructured(self.rig, effect, self.channels)
         moved = transferred_trajectory(self.rig, rig, effect, self.segments, trajectory)
         scales = reindexed_motion(self.rig_motion, rig)
-        torque = np.full(rig.model.nv, float(np.min(self.torque)))
-        for joint in scales.joints:
-            torque[joint.v] = joint.torque
         # Added degrees of freedom have no actuator and little mass: low process force.
-        torque[list(rig.added_dofs)] *= 1e-3
+        torque = np.full(rig.model.nv, 1e-3 * float(np.min(self.torque)))
+        kept = np.setdiff1d(np.arange(rig.model.nv), rig.added_dofs)
+        torque[kept] = np.delete(self.torque, self.rig.added_dofs)
         segments = self.segments.finer(substeps_for(self.segments.step, min(effect.fastest, FASTEST)))
         laws = _laws(rig, segments, scales, moved, self.fine)
         return Problem(rig, self.channels, segments, scales, moved, torque, laws, self.threads, self.fine)
@@ -195,12 +195,20 @@ class Problem:
         unobserved = np.array([v not in observed for v in range(nv)])
         speed[unobserved] = np.minimum(speed, self._terminal_speed)[unobserved]
         dim = self.simulator.tangent.dim
-        first = initial_noise(
-            self.segments, self.torque, dim, np.full(nv, POSITION_SPREAD), _SPEED_SPREAD * speed
-        )
+        first = initial_noise(self.segments, self.torque, dim, self._position_spread, _SPEED_SPREAD * speed)
         clocks = [self.channels[observation.channel].clock for observation in self.rig.observations]
         first = replace(first, clock=np.unique(clocks, return_inverse=True)[1])
         return first.elsewhere(self.rates(self.segments, self.trajectory), self.segments.order)
+
+    @property
+    def _position_spread(self) -> Array:
+        """(nv,) sd of an initial position, which is wide where a joint is seen by its velocity alone."""
+        spread = np.full(self.rig.model.nv, POSITION_SPREAD)
+        seen = {(o.dof, o.quantity) for o in self.rig.observations}
+        for joint in self.rig_motion.joints:
+            if (joint.v, "velocity") in seen and (joint.v, "position") not in seen:
+                spread[joint.v] = max(_UNKNOWN_ANGLE if joint.angle_unit == "rad" else 0.0, joint.travel)
+        return spread
 
     @property
     def _terminal_speed(self) -> Array:
@@ -361,6 +369,12 @@ class NoiseFit:
     explains: NDArray[np.bool_]
     noise: Noise
 
+    @property
+    def explaining(self) -> tuple[Linear, Prior]:
+        """The system with the columns that were integrated out, and their priors."""
+        used = self.explains
+        return _select_columns(self.columns.system, used), self.columns.prior.select(used)
+
 
 def _with_candidates(
     problem: Problem,
@@ -375,6 +389,23 @@ def _with_candidates(
     candidate = np.zeros(len(prior.sd), bool)
     candidate[fixed : fixed + len(perturbations)] = True
     return Columns(system, prior, candidate, tuple(perturbations))
+
+
+def noise_with_candidates(
+    problem: Problem, hypothesis: Hypothesis, theta: Array, trajectory: Array, noise: Noise
+) -> NoiseFit:
+    """Noise about a trajectory with everything that may be missing integrated out.
+
+    Args:
+        problem: data.
+        hypothesis: a model.
+        theta: its values.
+        trajectory: (S, L, nx).
+        noise: initial noise.
+    """
+    candidates = candidates_for(problem, hypothesis)
+    columns = _with_candidates(problem, hypothesis, theta, trajectory, candidates)
+    return columns.fitted(problem, noise, near=False)
 
 
 def noise_without_followed(
@@ -399,9 +430,8 @@ def noise_without_followed(
     """
     lasts = False
     for last in (*[False] * _SMOOTHER_ROUNDS, True):
-        candidates = candidates_for(problem, hypothesis)
-        columns = _with_candidates(problem, hypothesis, theta, trajectory, candidates)
-        found = columns.fitted(problem, noise, near=False)
+        found = noise_with_candidates(problem, hypothesis, theta, trajectory, noise)
+        columns = found.columns
         lasts = lasts or bool(found.noise.coloured.any())
         delta = _change(problem, columns, found.explains, found.noise) if lasts and not last else None
         if delta is None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.effects.joints.effect import Parameter, RigMotion
-from slapshot.effects.joints.split import AT_LINK, AT_MOTOR, SplitJoint, deflection
+from slapshot.effects.joints.split import AT_LINK, AT_MOTOR, SplitJoint, deflection, split_joints
 
 _HIT = 1000.0  # rad/s, of the stop: four steps of a time constant
 HARD_S = 0.004  # time constant of the stop: twice the step of a careful simulation
@@ -21,16 +21,18 @@ class Backlash(SplitJoint):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["Backlash"]:
-        """One for each driven joint, read at the motor or at the link; prior: a gap of 10 mrad either way."""
-        for joint in rig.joints:
-            if not joint.actuators:
-                continue
+        """One for each driven joint, read at the motor or at the link.
+
+        Prior: a gap of 10 mrad either way, or .3 mm.
+        """
+        for joint in split_joints(rig):
+            gap = 0.01 if joint.angle_unit == "rad" else 3e-4
             damping = 0.05 * joint.torque / joint.speed
             for variant in (AT_MOTOR, AT_LINK):
                 yield cls(
                     joint,
                     variant,
-                    Parameter("half_gap", joint.angle_unit, 0.01, 0.01, 1e-5, 0.3),
+                    Parameter("half_gap", joint.angle_unit, gap, gap, 1e-3 * gap, 30 * gap),
                     Parameter("damping", f"{joint.unit} s/{joint.angle_unit}", damping, damping, 0.0),
                 )
 

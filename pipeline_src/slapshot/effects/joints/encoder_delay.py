@@ -20,7 +20,7 @@ class EncoderDelay(JointEffect):
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["EncoderDelay"]:
         """One for each observed joint and one for all, if controls give a time reference; prior: 10 ms."""
-        if not rig.model.nu:
+        if not (rig.model.nu or rig.model.nmocap):
             return
         parameter = Parameter("delay", "s", 0.01, low=-0.1, high=0.1, probe=1e-3)
         every = {sensed.column for sensed in rig.sensed}

@@ -7,7 +7,15 @@ import numpy as np
 
 from slapshot.arrays import Array
 from slapshot.effects.joints.effect import Parameter, RigMotion
-from slapshot.effects.joints.split import AT_LINK, AT_MOTOR, FASTEST, SplitJoint, deflection, stiffest
+from slapshot.effects.joints.split import (
+    AT_LINK,
+    AT_MOTOR,
+    FASTEST,
+    SplitJoint,
+    deflection,
+    split_joints,
+    stiffest,
+)
 
 
 class JointElasticity(SplitJoint):
@@ -20,12 +28,11 @@ class JointElasticity(SplitJoint):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["JointElasticity"]:
-        """One for each driven joint, read at motor or link; prior: 10 mrad under the usual torque."""
-        for joint in rig.joints:
-            if not joint.actuators:
-                continue
+        """One for each driven joint, read at motor or link; prior: 10 mrad or .3 mm under the usual load."""
+        for joint in split_joints(rig):
+            usual = 0.01 if joint.angle_unit == "rad" else 3e-4
             least = 1 / stiffest(joint, float(rig.model.dof_armature[joint.v]))
-            compliance = max(0.01 / joint.torque, 3 * least)
+            compliance = max(usual / joint.torque, 3 * least)
             unit = f"{joint.angle_unit}/({joint.unit})"
             damping = 0.2 * np.sqrt(joint.inertia / compliance)
             yield from (

@@ -58,12 +58,14 @@ def carriers(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def moving_bodies(model: mujoco.MjModel) -> list[int]:
-    """Bodies that are moved by some joint and have a relevant mass."""
+    """Bodies of the given model that are moved by some joint and have a relevant mass."""
     least = _COUNTS * float(model.body_mass.sum())
     return [
         body
         for body in range(1, model.nbody)
-        if model.body_weldid[body] != 0 and model.body_mass[body] > least
+        if model.body_weldid[body] != 0
+        and model.body_mass[body] > least
+        and not model.body(body).name.startswith("slapshot:")
     ]
 
 

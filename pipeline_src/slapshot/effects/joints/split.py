@@ -5,13 +5,14 @@ inertia and is the motor; the second is the deflection of the link relative to i
 """
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from slapshot.arrays import Array
-from slapshot.effects.joints.effect import Joint, JointEffect, Parameter
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion
 
 # Fastest mode that a time step of 1 ms can simulate with some margin, in rad/s.
 FASTEST = 400.0
@@ -59,6 +60,15 @@ class SplitJoint(JointEffect):
         return f"The encoder of joint {self.part} reads the sum of {both}."
 
 
+def split_joints(rig: RigMotion) -> Iterator[Joint]:
+    """Driven joints that can be split: the last of their bodies, whose deflection moves the link alone."""
+    for joint in rig.joints:
+        body = rig.model.jnt_bodyid[rig.model.dof_jntid[joint.v]]
+        last = rig.model.body_jntadr[body] + rig.model.body_jntnum[body] - 1
+        if joint.actuators and rig.model.dof_jntid[joint.v] == last:
+            yield joint
+
+
 def split_joint(spec: mujoco.MjSpec, joint: str, rotor: float) -> None:
     """Add the second joint.
 
@@ -71,6 +81,8 @@ def split_joint(spec: mujoco.MjSpec, joint: str, rotor: float) -> None:
     added = motor.parent.add_joint(
         name=deflection(joint), type=motor.type, axis=motor.axis, pos=motor.pos, stiffness=0, damping=0
     )
+    if motor.frame is not None:
+        added.set_frame(motor.frame)
     # Nothing from the model's defaults, which are of its own joints.
     added.armature = added.frictionloss = added.ref = added.springref = 0.0
     added.limited = added.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
@@ -104,7 +116,9 @@ def put_on_base(spec: mujoco.MjSpec, inertia: float) -> mujoco.MjSpec:
     world = root.find("worldbody")
     if world is None:
         raise ValueError("the model has no world")
-    standing = [body for body in world.findall("body") if body.find(".//joint") is not None]
+    standing = [
+        child for child in world if child.tag in ("body", "frame") and child.find(".//joint") is not None
+    ]
     if not standing:
         raise ValueError("no body stands on the world and moves")
     foot = _place(standing[0])

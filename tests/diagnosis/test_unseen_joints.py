@@ -1,0 +1,100 @@
+"""Joints whose position nobody recorded: seen by places of a site, or by their velocity alone."""
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco import MjSpec
+from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
+from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.model.segments import segment_recording
+
+from .mechanisms import ARM, PENDULUM, control_channel, joint, place, recording, simulate
+
+COULOMB = 0.15  # N m
+PLACE_NOISE, SPEED_NOISE = 2e-4, 2e-3  # m, rad/s
+
+
+def swings(seen: str, friction: float, episodes: int = 10):
+    """Ten times three seconds of a driven pendulum, observed by its tip or its velocity."""
+    rng = np.random.default_rng(3)
+    model = mujoco.MjModel.from_xml_string(PENDULUM.replace("implicitfast", "RK4"))
+    clocks, values, commands, angles = [], [], [], []
+    for _ in range(episodes):
+        t = np.arange(300) * 0.01
+        u = 2.5 * np.sin(2 * np.pi * rng.uniform(0.3, 0.8) * t + rng.uniform(0, 6))[:, None]
+        q, v, *_ = simulate(
+            model, t, u, rng.normal(size=1), [0.0],
+            law=lambda _, q, v: -friction * np.tanh(v / 0.01), finer=20,
+        )  # fmt: skip
+        clocks.append(t)
+        commands.append(u[:, 0])
+        angles.append(q[:, 0])
+        if seen == "tip":
+            tip = np.stack([-np.sin(q[:, 0]), -np.cos(q[:, 0])], axis=1)
+            values.append(tip + PLACE_NOISE * rng.standard_normal(tip.shape))
+        else:
+            values.append(v + SPEED_NOISE * rng.standard_normal(v.shape))
+    if seen == "tip":
+        channels = {
+            name: (place("site", "tip", name), [value[:, k] for value in values])
+            for k, name in enumerate("xz")
+        }
+    else:
+        channels = {"swing": (joint("swing", "velocity", "rad/s"), [value[:, 0] for value in values])}
+    channels["drive"] = (control_channel(actuator="drive"), commands)
+    return recording(clocks, channels), angles
+
+
+def test_angles_are_found_from_places_of_a_site():
+    made, angles = swings("tip", 0.0)
+    rig = bind(MjSpec.from_string(PENDULUM), made.channels)
+    segments = segment_recording(made, rig)
+    trajectory = recorded_trajectory(rig, segments)
+    error = [
+        trajectory[s, segments.inside[s], 0]
+        - np.interp(segments.time[s][segments.inside[s]], np.arange(300) * 0.01, angles[segments.episode[s]])
+        for s in range(segments.shape[0])
+    ]
+    # The lever is 1 m. A cubic over 0.06 s leaves less than the noise of a place, but at ends of episodes.
+    assert np.median(np.abs(np.concatenate(error))) < PLACE_NOISE
+    assert np.abs(np.concatenate(error)).max() < 20 * PLACE_NOISE
+
+
+def test_both_angles_of_an_arm_are_found_from_its_hand():
+    model = mujoco.MjModel.from_xml_string(ARM)
+    t = np.arange(200) * 0.01
+    q = np.stack([0.3 + 0.4 * np.sin(3 * t), 0.9 + 0.5 * np.sin(5 * t)], axis=1)
+    data, hand = mujoco.MjData(model), []
+    for now in q:
+        data.qpos[:] = now
+        mujoco.mj_kinematics(model, data)
+        hand.append(data.site("hand").xpos.copy())
+    channels = {name: (place("site", "hand", name), np.array(hand)[:, "xyz".index(name)]) for name in "xz"}
+    channels["servo"] = (control_channel("rad", actuator="servo"), q[:, 0])
+    made = recording(t, channels)
+    rig = bind(MjSpec.from_string(ARM), made.channels)
+    segments = segment_recording(made, rig)
+    found = recorded_trajectory(rig, segments)[segments.inside][:, :2]
+    # Of both branches of the elbow one; the hand is where it was.
+    for now, there in zip(found[10:-10:7], np.array(hand)[10:-10:7], strict=False):
+        data.qpos[:] = now
+        mujoco.mj_kinematics(model, data)
+        assert data.site("hand").xpos == pytest.approx(there, abs=1e-3)
+
+
+@pytest.mark.parametrize("seen", ["tip", "velocity"])
+def test_friction_is_named_of_a_joint_whose_position_nobody_recorded(seen):
+    made, _ = swings(seen, COULOMB)
+    rig = bind(MjSpec.from_string(PENDULUM), made.channels)
+    (effect,) = diagnose(made, rig).verdict.effects
+    assert (effect.name, effect.part) == ("coulomb_friction", "swing")
+    size = effect.parameters[0]
+    assert size.value == pytest.approx(COULOMB, rel=0.03)
+
+
+@pytest.mark.parametrize("seen", ["tip", "velocity"])
+def test_nothing_is_found_where_nothing_is_missing(seen):
+    made, _ = swings(seen, 0.0)
+    rig = bind(MjSpec.from_string(PENDULUM), made.channels)
+    assert diagnose(made, rig).verdict.headline == "nothing_found"
