@@ -453,3 +453,24 @@ def cut_short(segments: Segments, length: int) -> Segments:
     y = segments.y.copy()
     y[:, length:] = np.nan
     return replace(segments, inside=inside, y=y)
+
+
+def test_a_force_sensor_reads_at_once_what_a_law_does():
+    """A spring in the elbow loads the wrist's sensor in the same instant, not only by the motion it makes."""
+    text = ARM.replace("</mujoco>", '<sensor><torque name="load" site="hand"/></sensor></mujoco>')
+    sensed = Channel(
+        clock="encoder", role="observation", quantity="torque", unit="N m", sensor="load", component="y"
+    )
+    rig, segments = made(text, {"elbow": joint("elbow"), "load": sensed}, 30, 0.004)
+    path = random_path(rig, segments, 1)
+    of = rig_motion(rig, segments, path)
+    spring = next(effect for effect in Spring.instances(of) if effect.part == "elbow")
+    hypothesis = Hypothesis(rig, (spring,))
+    theta = np.array([0.7, 0.1])[: len(spring.parameters)]
+    simulator, found = Simulator(rig), linearise(Simulator(rig), hypothesis, theta, segments, path)
+    for k in range(len(theta)):
+        more = theta + 1e-3 * np.eye(len(theta))[k]
+        other = linearise(simulator, hypothesis, more, segments, path)
+        change = (other.predicted - found.predicted)[0] / 1e-3
+        assert np.abs(change[:, 1]).max() > 0.01
+        assert found.system.psi[0, ..., k] == pytest.approx(change, rel=1e-3, abs=1e-5)

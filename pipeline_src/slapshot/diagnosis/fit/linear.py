@@ -162,11 +162,23 @@ def linearise(
         for at, load, when in ((x, torque, time), (following, there, time + segments.interval))
     ]
 
+    read_forces = None
+    if _reads_accelerations(hypothesis.rig):
+        # What acts on a joint is read at once by a sensor of forces or accelerations.
+        sizes = np.eye(nv) * (np.ones(nv) if torque_scale is None else np.maximum(torque_scale, 1e-9))
+        read = [
+            (advance(hypothesis, theta, model, x, control[:, :1], np.tile(one, (n, 1)))[1] - y) / one.sum()
+            for one in sizes
+        ]
+        read_forces = np.stack(read, axis=-1)
+
     def law_column(k: int, effect: JointEffect, moved: Array, here: Array, step: float, late: float) -> None:
         """Late is the share of the interval's end in the mean force."""
         laws = [(effect.force(state, moved), effect.force(state, here)) for state in ends]
         first, last = (None if a is None or b is None else a - b for a, b in laws)
         if first is not None and last is not None:
+            if read_forces is not None:
+                psi[:, :, k] += np.einsum("ncv,nv->nc", read_forces, first) / step
             mean = (1 - late) * first + late * last
             for v in np.flatnonzero(mean.any(axis=0)):  # of most laws one joint
                 W[:, :, k] += B[:, :, v] * (mean[:, v, None] / step)
@@ -250,6 +262,12 @@ def _with_other_steps(
     model.opt.integrator = given
     change = tangent.subtract(advance(hypothesis, theta, model, x, control)[0], own)
     return tangent.add(own, change / 2)
+
+
+def _reads_accelerations(rig: Rig) -> bool:
+    """Whether an observation depends on accelerations, as that of a force sensor does."""
+    stage = rig.model.sensor_needstage[[rig.sensor_of(c) for c in range(len(rig.observations))]]
+    return bool(np.any(stage == int(mujoco.mjtStage.mjSTAGE_ACC)))
 
 
 def is_law(effect: JointEffect) -> bool:

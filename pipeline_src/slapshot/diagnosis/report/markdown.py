@@ -155,6 +155,11 @@ def _what(verdict: Verdict, augmented: bool) -> list[str]:
                 "rivals within a factor of 20 and those that explain more with more parameters; the named "
                 "effect is the simplest of those with nearly the same action, not the only possible one."
             )
+    if not verdict.converged:
+        parts.append(
+            "The fit of these values had not settled when it ended: its last step was more than a hundredth "
+            "of a standard deviation, so that intervals may be too narrow."
+        )
     if augmented:
         parts.append(
             f"[{AUGMENTED}/]({AUGMENTED}) holds the model with these values (`model.xml`), and notes "
