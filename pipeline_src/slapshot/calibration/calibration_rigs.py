@@ -148,7 +148,9 @@ def _simulated(simulated: CalibrationRig, motion: Motion, effect: JointEffect | 
         if effect is not None:
             rate = np.gradient(y, step, axis=0, edge_order=2)
             second_rate = np.gradient(rate, step, axis=0, edge_order=2)
-            added = effect.observe(Observed(y, rate, second_rate, np.full(len(y), order)), values)
+            third_rate = np.gradient(second_rate, step, axis=0, edge_order=2)
+            observed = Observed(y, rate, second_rate, np.full(len(y), order), third_rate)
+            added = effect.observe(observed, values)
             y = y if added is None else y + added
         seen.append(y[::substeps])
     return np.array(seen)

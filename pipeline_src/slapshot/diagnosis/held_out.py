@@ -128,7 +128,7 @@ def predict(
     quiet = replace(own, force=1e-6)
     floor = np.sqrt(innovations(system, quiet.covariances(windows.interval)).variance)
     whole = replace(fitter, segments=windows)
-    there = whole.linearise(hypothesis, theta, trajectory).system.without_columns()
+    there = whole.linearise(hypothesis, theta, trajectory, jacobian=found.system).system.without_columns()
     covariances = own.covariances(windows.interval)
     all_of_it, first = innovations(there, covariances), innovations(system, covariances)
     log_likelihoods = -0.5 * (
@@ -139,7 +139,7 @@ def predict(
     # Responses of all columns given the data before the windows: observations within them get no weight.
     blind = quiet.weight.copy()
     blind[:, half:] = _NO_WEIGHT
-    laws = problem.law_columns.on(fitter.simulator, hypothesis, theta, windows, trajectory)
+    laws = problem.law_columns.on(fitter.simulator, hypothesis, theta, windows, trajectory, found.system)
     drifts = problem.drifts(windows)
     wide = Fitter(fitter.simulator, windows, problem.torque, NUISANCE, problem.rig_motion, laws, drifts)
     columns, prior = wide.system(hypothesis, theta, trajectory, jacobian=system)

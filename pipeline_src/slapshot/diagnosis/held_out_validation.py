@@ -48,9 +48,13 @@ def predict_models(
     The search is truncated after the last step whose effect improves held-out predictions; pushes that came
     after it are looked for again.
     """
+    known = dict[int, tuple[Step, Prediction]]()  # with the steps, so that no other has the same address
 
     def predicted(step: Step) -> Prediction:
-        return predict_windows(step, step.scored.fit.theta, problem, windows, fitted=True)
+        if id(step) not in known:
+            theta = step.scored.fit.theta
+            known[id(step)] = step, predict_windows(step, theta, problem, windows, fitted=True)
+        return known[id(step)][1]
 
     first = found.nominal
     start = first.hypothesis.start

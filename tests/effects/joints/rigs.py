@@ -118,8 +118,9 @@ class RigSimulator:
         x, y = np.stack(trajectory, axis=1), np.stack(seen, axis=1)
         rate = np.gradient(y, s.interval, axis=1, edge_order=2)
         bend = np.gradient(rate, s.interval, axis=1, edge_order=2)
-        flat = [a.reshape(-1, y.shape[2]) for a in (y, rate, bend)]
-        added = hypothesis.observe(Observed(*flat, np.repeat(s.order, s.shape[1])), theta)
+        jerk = np.gradient(bend, s.interval, axis=1, edge_order=2)
+        *flat, third = (a.reshape(-1, y.shape[2]) for a in (y, rate, bend, jerk))
+        added = hypothesis.observe(Observed(*flat, np.repeat(s.order, s.shape[1]), third), theta)
         return Motion(self, x, y + added.reshape(y.shape), np.stack(load, axis=1))
 
 

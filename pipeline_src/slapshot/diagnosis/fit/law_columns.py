@@ -53,9 +53,10 @@ class LawColumns:
         theta: Array,
         segments: Segments,
         trajectory: Array,
+        known: Linear | None = None,
     ) -> Array:
-        """The same columns along another trajectory, (S, L, dim, k)."""
-        columns, known = [np.zeros((*segments.shape, simulator.tangent.dim, 0))], None
+        """The same columns along another trajectory, (S, L, dim, k); `known` is a system about it."""
+        columns = [np.zeros((*segments.shape, simulator.tangent.dim, 0))]
         for perturbations, mixture in zip(self.laws, self.mixtures, strict=True):
             W, known = _law_columns(
                 simulator, hypothesis, theta, segments, trajectory, perturbations, None, known

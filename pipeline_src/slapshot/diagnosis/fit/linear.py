@@ -289,8 +289,11 @@ def _observed(segments: Segments, y: Array) -> Observed:
     y = y.reshape(*segments.shape, -1)
     rate = segments.rate(y)
     second_rate = segments.rate(rate)
-    flat = [values.reshape(-1, y.shape[-1]) for values in (y, rate, second_rate)]
-    return Observed(flat[0], flat[1], flat[2], np.repeat(segments.order, segments.shape[1]))
+    third_rate = segments.rate(second_rate)
+    y, rate, second_rate, third_rate = (
+        values.reshape(-1, y.shape[-1]) for values in (y, rate, second_rate, third_rate)
+    )
+    return Observed(y, rate, second_rate, np.repeat(segments.order, segments.shape[1]), third_rate)
 
 
 def _at_sample_times(segments: Segments, observed: Observed) -> Array:

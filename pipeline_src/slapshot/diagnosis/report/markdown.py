@@ -22,7 +22,7 @@ from slapshot.diagnosis.report.presentation import (
     several,
     shown_models,
 )
-from slapshot.diagnosis.selection.steps import P_VALUE
+from slapshot.diagnosis.selection.steps import LEAST_P_VALUE, P_VALUE
 from slapshot.diagnosis.verdict import Errors, NamedEffect, Verdict
 from slapshot.plotting import STAND_IN
 from slapshot.text import markdown_table
@@ -121,9 +121,9 @@ def _mismatch(verdict: Verdict) -> str:
         )
     return (
         f"**Yes.** If the nominal model were complete, a mismatch this large would occur in a share of "
-        f"p = {mismatch.p_value:.2g} of recordings like this one (p < {P_VALUE:g} is significant). The "
-        "largest "
-        f"single score is that of {strongest}."
+        f"p = {mismatch.p_value:.2g} of recordings like this one (p < {P_VALUE:g} is significant"
+        f"{'; draws can give none that is smaller' if mismatch.p_value <= LEAST_P_VALUE else ''}). "
+        f"The largest single score is that of {strongest}."
     )
 
 

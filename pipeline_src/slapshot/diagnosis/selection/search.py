@@ -163,8 +163,14 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
         trials[ripple.effect.key] = ripple.trials
         candidates[ripple.effect.key] = ripple.effect, ripple.start
     leader = -np.inf
+    screened = {scored.effects[i].key: found[i].log_evidence for i in order}
+    most = max(
+        (screened[effect.key] for effect, _ in candidates.values() if effect.key in screened), default=0.0
+    )
     for effect, start, gain in _preselect(step, list(candidates.values())):
-        if gain < leader - max(REFIT_MARGIN_NATS, REFIT_MARGIN * leader) and not any(
+        # What columns do not tell apart is refitted, too: a preliminary fit may be far from its optimum.
+        as_good = _near(screened.get(effect.key, -np.inf), most)
+        if not (_near(gain, leader) or as_good) and not any(
             _may_simplify(effect, rival.effect) and gain > (1 - _SIMPLER_MARGIN) * leader for rival in rivals
         ):
             continue
@@ -193,6 +199,11 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
         report(f"not added: {best.effect.key}, on which segments disagree too much")
         return None
     return step_to(step, best.fit, best.effect, best.gain, rivals, rng)
+
+
+def _near(gain: float, leader: float) -> bool:
+    """Whether a gain is near the largest, as far as a linearisation tells."""
+    return gain >= leader - max(REFIT_MARGIN_NATS, REFIT_MARGIN * leader)
 
 
 def _may_simplify(effect: JointEffect, of: JointEffect) -> bool:

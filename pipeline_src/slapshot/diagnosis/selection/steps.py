@@ -195,6 +195,9 @@ def _refitted_to(step: Step, problem: Problem) -> Step:
     return replace(step, problem=problem, scored=replace(step.scored, fit=fit, residual_noise=left))
 
 
+LEAST_P_VALUE = 1 - (1 - 1 / (DRAWS + 1)) ** 2  # that draws can give
+
+
 def test_of(scored: ScoredFit, of: Scores, rng: np.random.Generator) -> MismatchTest:
     """Test of all groups of columns and of pushes; both p-values are combined (Šidák)."""
     found = mismatch_test(of, scored.columns, rng)

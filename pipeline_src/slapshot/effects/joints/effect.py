@@ -148,12 +148,14 @@ class Observed:
         rate: (n, ny) its derivative in 1/s.
         second_rate: (n, ny) its second derivative in 1/s².
         order: (n,) normalised position of the episode in the session, -1/2 to 1/2.
+        third_rate: (n, ny) its third derivative in 1/s³; None where it is neglected.
     """
 
     y: Array
     rate: Array
     second_rate: Array
     order: Array
+    third_rate: Array | None = None
 
 
 class JointEffect:

@@ -37,9 +37,11 @@ class EncoderDelay(JointEffect):
         self._columns = list(columns)
 
     def observe(self, seen: Observed, values: Array) -> Array:
-        """Second-order Taylor expansion, for delays that are short relative to the motion."""
-        added, own = np.zeros_like(seen.y), self._columns
-        added[:, own] = -values[0] * seen.rate[:, own] + values[0] ** 2 / 2 * seen.second_rate[:, own]
+        """Taylor expansion to the third order, for delays that are short relative to the motion."""
+        late, added, own = values[0], np.zeros_like(seen.y), self._columns
+        added[:, own] = -late * seen.rate[:, own] + late**2 / 2 * seen.second_rate[:, own]
+        if seen.third_rate is not None:
+            added[:, own] -= late**3 / 6 * seen.third_rate[:, own]
         return added
 
     def note(self, values: Array) -> str:
