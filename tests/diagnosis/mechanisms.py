@@ -82,6 +82,7 @@ HANGER = """
 </mujoco>
 """
 
+_FINE = 10  # steps in an interval, from which data are those of a robot, which takes none
 Law = Callable[[float, Array, Array], Array]  # time, qpos, qvel -> generalised force
 
 
@@ -118,7 +119,7 @@ def simulate(
     """States at times t, with controls that hold from each to the next.
 
     Args:
-        model: any; its time step does not matter, nor does its integrator where steps are finer.
+        model: any; its time step does not matter, nor does its integrator from ten finer steps on.
         t: (n,) s, evenly spaced.
         u: (n, nu).
         qpos, qvel: first state.
@@ -131,7 +132,8 @@ def simulate(
     model = mujoco.MjModel.from_xml_string(model) if isinstance(model, str) else model
     interval = float(t[1] - t[0])
     model.opt.timestep = interval / finer
-    model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_RK4) if finer > 1 else model.opt.integrator
+    if finer >= _FINE:
+        model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_RK4)
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = qpos, qvel
     found: list[tuple[Array, ...]] = []

@@ -29,7 +29,10 @@ def segments() -> Segments:
 
 
 def rig(of: Joint, episodes: int) -> RigMotion:
-    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><joint name='a'/><geom size='1'/></body></worldbody>"
+        "<actuator><motor joint='a'/></actuator></mujoco>"
+    )
     sensed = (SensedChannel(0, "angle", "position", of.name), SensedChannel(1, "rate", "velocity", of.name))
     return RigMotion(model, (of,), (), sensed, 0.1, episodes)
 

@@ -13,15 +13,19 @@ from slapshot.diagnosis.model.rig import Rig, bind
 from slapshot.diagnosis.model.rig_motion import rig_motion
 from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.diagnosis.model.structure import reindexed_motion, restructured, transferred_trajectory
+from slapshot.diagnosis.selection.free_forms import FreeForce, free_forms
+from slapshot.diagnosis.selection.problem import Problem
 from slapshot.effects.joints.backlash import Backlash
 from slapshot.effects.joints.base_compliance import BaseCompliance
 from slapshot.effects.joints.effect import JointEffect, RigMotion, State
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.joint_elasticity import JointElasticity
+from slapshot.effects.joints.parts import moving_bodies
 from slapshot.effects.joints.split import base_joint, deflection
-from slapshot.recordings.channels import Channel
+from slapshot.recordings.channels import QUATERNION, Channel
+from slapshot.recordings.signals import SignalRecording
 
-from .mechanisms import PENDULUM, control_channel, joint, recording, simulate
+from .mechanisms import PENDULUM, control_channel, joint, place, recording, simulate
 
 ROTOR, LINK, WEIGHT = 0.05, 1 / 12 + 0.25, 9.81 * 0.5  # kg m², kg m², N m at a right angle
 ROD = PENDULUM.replace('damping="0.05"', f'armature="{ROTOR}"').replace('timestep="0.01"', 'timestep="0.001"')
@@ -216,3 +220,89 @@ def test_pushes_act_on_the_same_joint_of_a_restructured_rig():
     push = still.copy()
     push[1, of.rig.model.joint("swing").dofadr[0]] = 3.0
     np.testing.assert_array_equal(moved.force(state, np.array([3.0])), push)
+
+
+# A turret of two driven hinges in one body, inside a frame, beside a weight that hangs on a ball joint.
+TURRET = """
+<mujoco>
+  <option timestep="0.005" integrator="RK4"/>
+  <worldbody>
+    <frame pos="0 0 1">
+      <body name="turret">
+        <joint name="pan" axis="0 0 1"/>
+        <frame euler="90 0 0"><joint name="elbow" axis="0 0 1"/></frame>
+        <inertial mass="0.2" pos="0.05 0 0" diaginertia="0.001 0.001 0.001"/>
+      </body>
+    </frame>
+    <body name="elbow" pos="1 0 1">
+      <joint name="hook" type="ball"/>
+      <inertial mass="3" pos="0 0 -0.4" diaginertia="0.02 0.02 0.02"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="a" joint="pan"/><motor name="elbow" joint="elbow" gear="50"/></actuator>
+</mujoco>
+"""
+
+
+def turret() -> tuple[Problem, SignalRecording]:
+    rng, t = np.random.default_rng(2), np.arange(200) * 0.01
+    u = np.stack([0.02 * np.sin(3 * t), 0.0004 * np.sin(4 * t)], axis=1)
+    q, *_ = simulate(TURRET, t, u, [0.1, 0.2, 0.966, 0.259, 0, 0], rng.normal(size=5))
+    turn = [Channel(
+        clock="encoder", role="observation", quantity="position", unit="1", joint="hook", component=c
+    ) for c in QUATERNION]  # fmt: skip
+    channels = {
+        "pan": (joint("pan"), q[:, 0]), "elbow": (joint("elbow"), q[:, 1]),
+        "body": (place("body", "elbow", "x"), np.ones(200)),
+        "a": (control_channel(actuator="a"), u[:, 0]), "b": (control_channel(actuator="elbow"), u[:, 1]),
+        **{f"hook_{c.component}": (c, q[:, 2 + k]) for k, c in enumerate(turn)},
+    }  # fmt: skip
+    taken = recording(t, channels)
+    rig = bind(MjSpec.from_string(TURRET), taken.channels)
+    return Problem.of(rig, taken.channels, segment_recording(taken, rig)), taken
+
+
+def test_a_joint_is_split_where_it_is_the_last_of_its_body_and_as_it_is_turned():
+    problem, _ = turret()
+    elastic = list(JointElasticity.instances(problem.rig_motion))
+    assert {effect.part for effect in elastic} == {"elbow"}
+    model = problem.restructured(elastic[0], problem.trajectory).rig.model
+    own, added = model.joint("elbow"), model.joint(deflection("elbow"))
+    assert added.axis == pytest.approx(own.axis, abs=1e-12)
+    assert own.axis == pytest.approx([0, -1, 0], abs=1e-9)
+
+
+def test_an_encoder_at_the_link_reads_its_joint_and_nothing_else_of_that_name():
+    problem, taken = turret()
+    elastic = list(JointElasticity.instances(problem.rig_motion))
+    (at_link,) = [effect for effect in elastic if effect.reads_link]
+    reading = restructured(problem.rig, at_link, taken.channels).reading
+    summed = {o.channel for o, row in zip(problem.rig.observations, reading, strict=True) if row.sum() == 2}
+    assert summed == {"elbow"}
+
+
+def test_process_forces_stay_what_they_are_beside_a_split_joint():
+    problem, _ = turret()
+    moved = problem.restructured(next(JointElasticity.instances(problem.rig_motion)), problem.trajectory)
+    kept = np.setdiff1d(np.arange(moved.rig.model.nv), moved.rig.added_dofs)
+    assert moved.torque[kept] == pytest.approx(problem.torque)
+    assert problem.torque[-3:].max() > 100 * problem.torque.min()
+
+
+def test_a_free_form_over_load_spans_what_acts_behind_the_gear():
+    problem, _ = turret()
+    (load,) = [e for e in free_forms(problem.rig_motion, problem.segments)
+               if isinstance(e, FreeForce) and e.part == "elbow" and e.variable == "load"]  # fmt: skip
+    assert load.high == pytest.approx(50 * 0.0004, rel=0.01)
+
+
+def test_a_base_gives_way_under_robots_in_frames():
+    problem, _ = turret()
+    (base,) = BaseCompliance.instances(problem.rig_motion)
+    model = problem.restructured(base, problem.trajectory).rig.model
+    nominal, new = mujoco.MjData(problem.rig.model), mujoco.MjData(model)
+    mujoco.mj_kinematics(problem.rig.model, nominal)
+    mujoco.mj_kinematics(model, new)
+    for name in ("turret", "elbow"):
+        assert new.body(name).xpos == pytest.approx(nominal.body(name).xpos)
+    assert "slapshot:base" not in {model.body(b).name for b in moving_bodies(model)}

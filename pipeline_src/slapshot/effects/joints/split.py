@@ -62,10 +62,12 @@ class SplitJoint(JointEffect):
 
 def split_joints(rig: RigMotion) -> Iterator[Joint]:
     """Driven joints that can be split: the last of their bodies, whose deflection moves the link alone."""
+    model = rig.model
+    own = [j for j in range(model.njnt) if not model.joint(j).name.startswith("slapshot:")]
+    last = {int(model.jnt_bodyid[j]): j for j in own}
     for joint in rig.joints:
-        body = rig.model.jnt_bodyid[rig.model.dof_jntid[joint.v]]
-        last = rig.model.body_jntadr[body] + rig.model.body_jntnum[body] - 1
-        if joint.actuators and rig.model.dof_jntid[joint.v] == last:
+        j = int(model.dof_jntid[joint.v])
+        if joint.actuators and last.get(int(model.jnt_bodyid[j])) == j:
             yield joint
 
 
