@@ -6,6 +6,8 @@ from mujoco import MjSpec
 from scipy.integrate import solve_ivp
 from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.model.rig import bind
+from slapshot.diagnosis.selection.free_forms import FreeForceAcross, FreeForceAlong
+from slapshot.effects.joints.effect import State
 
 from .mechanisms import place, recording
 
@@ -14,18 +16,23 @@ BALL = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody><body na
 MASS, DRAG, NOISE, FLIGHTS = 0.0027, 3.4e-4, 0.002, 10  # of a table tennis ball; drag in N s^2/m^2
 
 
-def flights(seed: int) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Times in s, and a (n, 3) array in m of each flight, too short for two windows of half a second."""
+def flights(seed: int, lift: float = 0.0) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Times in s, and a (n, 3) array in m of each flight, too short for two windows of half a second.
+
+    Each has a spin of its own, which lifts it by a multiple (1/s) of its speed.
+    """
     rng, t = np.random.default_rng(seed), np.arange(70) * 0.01
 
-    def change(_: float, state: np.ndarray) -> np.ndarray:
+    def change(_: float, state: np.ndarray, spin: np.ndarray) -> np.ndarray:
         v = state[3:]
-        return np.concatenate([v, [0, 0, -9.81] - DRAG / MASS * np.linalg.norm(v) * v])
+        air = np.cross(spin, v) - DRAG / MASS * np.linalg.norm(v) * v
+        return np.concatenate([v, np.array([0, 0, -9.81]) + air])
 
     found = []
     for _ in range(FLIGHTS):
+        spin = lift * rng.normal(size=3) if lift else np.zeros(3)
         start = [0, 0, 0.3, rng.uniform(4, 7), rng.uniform(-0.7, 0.7), rng.uniform(1.5, 3)]
-        known = solve_ivp(change, (0, t[-1]), start, t_eval=t, rtol=1e-10, atol=1e-10).y[:3].T
+        known = solve_ivp(change, (0, t[-1]), start, t_eval=t, args=(spin,), rtol=1e-10, atol=1e-10).y[:3].T
         found.append(known + rng.normal(0, NOISE, known.shape))
     return t, found
 
@@ -46,3 +53,34 @@ def test_air_drag_is_named_from_short_flights():
     rms = {arm: getattr(told.fit, arm).rms["body position"].value for arm in ("nominal", "augmented")}
     floor = told.fit.noise_floor.rms["body position"].value
     assert rms["augmented"] < 2 * floor < rms["nominal"]
+
+
+def test_spins_that_differ_from_flight_to_flight_are_a_force_across_the_motion():
+    """One spin of all flights is in the catalogue; many are unknown, but it is told how they act."""
+    t, found = flights(4, lift=0.4)
+    channels = {c: (place("body", "ball", c), [one[:, i] for one in found]) for i, c in enumerate("xyz")}
+    made = recording([t] * FLIGHTS, channels)
+    told = diagnose(made, bind(MjSpec.from_string(BALL), made.channels), seed=1).verdict
+    assert "spin_lift" not in [effect.name for effect in told.effects]
+    assert told.unknown.flagged
+    assert "across the motion of ball, another one in each episode" in told.unknown.description
+
+
+def test_a_force_of_each_flight_is_across_its_own_motion():
+    body, orders, rng = "ball", np.array([-0.5, 0.0, 0.5]), np.random.default_rng(0)
+    across = FreeForceAcross(body, 0, 0.0265, 5.0, orders)
+    values, v = rng.normal(size=9), rng.normal(size=(6, 6))
+    order = np.array([-0.5, 0.0, 0.5, 0.5, 0.25, -0.5])
+    state = State(np.zeros((6, 7)), v, np.zeros((6, 6)), np.zeros(6), order)
+    force = across.force(state, values)
+    assert np.einsum("ni,ni->n", force[:, :3], v[:, :3]) == pytest.approx(0, abs=1e-12)
+    assert force[2] == pytest.approx(np.append(np.cross(values[6:], v[2, :3]) / 5.0, np.zeros(3)))
+    assert not force[4].any()  # of an episode that has none
+
+
+def test_a_force_along_the_motion_brakes_by_what_its_bumps_say():
+    along = FreeForceAlong("ball", 0, 0.0265, 5.0)
+    v = np.random.default_rng(1).normal(size=(5, 6)) * 3
+    force = along.force(State(np.zeros((5, 7)), v, np.zeros((5, 6)), np.zeros(5), np.zeros(5)), np.ones(6))
+    assert np.cross(force[:, :3], v[:, :3]) == pytest.approx(0, abs=1e-12)
+    assert (np.einsum("ni,ni->n", force[:, :3], v[:, :3]) < 0).all()

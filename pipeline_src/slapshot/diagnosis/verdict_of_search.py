@@ -246,7 +246,8 @@ def estimated_parameter(parameter: Parameter, value: float, sd: float) -> NamedP
 
 
 def _phrase(effect: JointEffect) -> str:
-    return effect.phrase.format(part=effect.part) + (f" {effect.variant}" if is_free(effect) else "")
+    variant = f" {effect.variant}" if is_free(effect) and effect.variant else ""
+    return effect.phrase.format(part=effect.part) + variant
 
 
 def _location(step: Step) -> Location:

@@ -85,7 +85,7 @@ def _refits(step: Step) -> pd.DataFrame:
 def _name(effect: JointEffect) -> str:
     phrase = effect.phrase.format(part=effect.part)
     if is_free(effect):
-        return f"{phrase} {effect.variant}"
+        return f"{phrase} {effect.variant}".strip()
     return f"{phrase} ({effect.variant})" if effect.variant else phrase
 
 

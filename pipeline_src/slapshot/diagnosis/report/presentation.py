@@ -26,6 +26,7 @@ VARIABLES = {
     "load": "the torque of its actuator",
     "time": "the time since the episode began",
     "session": "the course of the session, episode by episode",
+    "episode": "no one law: it is another in each episode",
 }
 _FEW_PUSHES = 3  # that a headline names one by one
 _PREFIXES = ((1e-4, "µ", 1e6), (0.1, "m", 1e3))  # below the first number; the prefix, its factor

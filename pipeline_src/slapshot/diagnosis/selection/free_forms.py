@@ -20,10 +20,14 @@ from slapshot.effects.joints.effect import (
     State,
     on_joint,
 )
+from slapshot.effects.joints.parts import weight
 
 BUMPS = 6
 FREE = "free_"  # names of free forms begin so
 _WIDTH = 1.2  # of a bump, in distances between bumps
+_SLOWEST = 1e-3  # of the largest speed, below which a motion has no direction
+_FEWEST_EPISODES = 4  # for what differs between episodes
+_MOST_EPISODES = 40  # which have forces of their own: these tell whether any has
 
 
 def is_free(effect: JointEffect) -> bool:
@@ -92,10 +96,60 @@ class FreeReading(JointEffect):
         return added
 
 
+class FreeForceAlong(JointEffect):
+    """A force on a free body along its motion, as a sum of bumps over its speed."""
+
+    name = FREE + "force_along"
+    physics = "A force along the motion, of unknown shape."
+    source = FreeForce.source
+    phrase = "a force along the motion of {part} of unknown shape"
+    variable = "velocity"
+
+    def __init__(self, body: str, v: int, weight: float, speed: float) -> None:
+        weights = [Parameter(f"weight_{i}", "N", 0.3 * weight, probe=3e-3 * weight) for i in range(BUMPS)]
+        super().__init__(body, weights, "over its speed")
+        self._v, self._fastest = v, 2.2 * speed
+
+    def force(self, state: State, values: Array) -> Array:
+        """The sum of all bumps, against the motion."""
+        force, velocity = np.zeros_like(state.v), state.v[:, self._v : self._v + 3]
+        speed = np.linalg.norm(velocity, axis=1)
+        size = _bumps(speed, 0.0, self._fastest) @ values
+        force[:, self._v : self._v + 3] = (
+            -velocity * (size / np.maximum(speed, _SLOWEST * self._fastest))[:, None]
+        )
+        return force
+
+
+class FreeForceAcross(JointEffect):
+    """A force on a free body across its motion, as spin makes, another one in each episode."""
+
+    name = FREE + "force_across"
+    physics = "A force across the motion that differs from one episode to the next, as by spin."
+    source = "Mehta (1985), Annual Review of Fluid Mechanics 17"
+    phrase = "a force across the motion of {part}, another one in each episode"
+    variable = "episode"
+
+    def __init__(self, body: str, v: int, weight: float, speed: float, orders: Array) -> None:
+        names = [f"{axis}_{episode}" for episode in range(len(orders)) for axis in "xyz"]
+        super().__init__(body, [Parameter(name, "N", 0.3 * weight, probe=3e-3 * weight) for name in names])
+        self._v, self._speed, self._orders = v, max(speed, 1e-9), orders
+
+    def force(self, state: State, values: Array) -> Array:
+        """An axis of each episode times the velocity; 0 in others."""
+        force, velocity = np.zeros_like(state.v), state.v[:, self._v : self._v + 3]
+        episode = np.clip(np.searchsorted(self._orders, state.order), 0, len(self._orders) - 1)
+        known = np.isclose(self._orders[episode], state.order)
+        axes = values.reshape(-1, 3)[episode] * known[:, None]
+        force[:, self._v : self._v + 3] = np.cross(axes, velocity) / self._speed
+        return force
+
+
 def free_forms(rig: RigMotion, segments: Segments) -> Iterator[JointEffect]:
-    """All free forms of a rig's joints."""
+    """All free forms of a rig's joints and free bodies."""
+    yield from _of_free_bodies(rig, np.unique(segments.order)[:_MOST_EPISODES])
     longest = float(segments.time[segments.inside].max(initial=0.0))
-    several = rig.episodes >= 4
+    several = rig.episodes >= _FEWEST_EPISODES
     for joint in rig.joints:
         span = 2.2 * joint.travel
         yield FreeForce(joint, "position", joint.middle - span, joint.middle + span)
@@ -113,6 +167,14 @@ def free_forms(rig: RigMotion, segments: Segments) -> Iterator[JointEffect]:
             yield FreeReading(joint, columns, "velocity", -2.2 * joint.speed, 2.2 * joint.speed)
             if several:
                 yield FreeReading(joint, columns, "session", -0.5, 0.5)
+
+
+def _of_free_bodies(rig: RigMotion, orders: Array) -> Iterator[JointEffect]:
+    for body, v in rig.free_bodies:
+        name, own = rig.model.body(body).name, weight(rig.model, body)
+        yield FreeForceAlong(name, v, own, rig.speed)
+        if rig.episodes >= _FEWEST_EPISODES:
+            yield FreeForceAcross(name, v, own, rig.speed, orders)
 
 
 def _bumps(at: Array, low: float, high: float) -> Array:
