@@ -30,7 +30,7 @@ from slapshot.diagnosis.selection.steps import (
     refit,
     rival_overdispersion,
 )
-from slapshot.diagnosis.selection.steps import test_of as of_columns
+from slapshot.diagnosis.selection.steps import mismatch_and_push_test as of_columns
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 

@@ -229,7 +229,8 @@ class MismatchTest:
     """Outcome.
 
     Attributes:
-        p_value: of the largest statistic of all groups.
+        p_value: of the largest statistic of all groups; of a step's test (`selection/steps.py`) with that of
+            pushes.
         statistics: (groups,) -log p of each group by itself.
         largest: index of the group with the largest.
         push_p_value: of the largest force in a short window; 1 if not tested.

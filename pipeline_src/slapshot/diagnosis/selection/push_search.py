@@ -31,9 +31,9 @@ from slapshot.diagnosis.selection.steps import (
     Search,
     Step,
     least_gain,
+    mismatch_and_push_test,
     refit,
     step_to,
-    test_of,
 )
 from slapshot.effects.joints.effect import Joint
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
@@ -77,7 +77,7 @@ def with_windows(step: Step, set_aside: Array | None, rng: np.random.Generator) 
     fit, noise = step.scored.fit, replace(step.scored.noise, set_aside=set_aside)
     near = set_aside is not None
     scored, of = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=near)
-    return replace(step, scored=scored, test=test_of(scored, of, rng))
+    return replace(step, scored=scored, test=mismatch_and_push_test(scored, of, rng))
 
 
 def has_windows_set_aside(step: Step) -> bool:

@@ -36,13 +36,13 @@ from slapshot.diagnosis.selection.steps import (
     Step,
     has_no_effect,
     least_gain,
+    mismatch_and_push_test,
     nominal_motion,
     nominal_step,
     one_step_values,
     refit,
     rival_overdispersion,
     step_to,
-    test_of,
 )
 from slapshot.diagnosis.selection.structural_search import structural_step
 from slapshot.effects.joints.effect import JointEffect
@@ -296,4 +296,4 @@ def _backward_elimination(
         scored, of = fit_and_score(
             step.problem, best.hypothesis, best.theta, best.trajectory, step.scored.noise
         )
-        step = replace(step, scored=scored, test=test_of(scored, of, rng))
+        step = replace(step, scored=scored, test=mismatch_and_push_test(scored, of, rng))

@@ -170,13 +170,13 @@ def nominal_step(motion: NominalMotion, rng: np.random.Generator, may_set_aside:
         problem, base, motion.theta, trajectory, known.noise, may_set_aside=may_set_aside, known=known
     )
     if scored.noise.law_error <= _LARGE_LAW_ERROR:
-        return Step(problem, scored, test_of(scored, of, rng))
+        return Step(problem, scored, mismatch_and_push_test(scored, of, rng))
     fine = problem.along(trajectory, fine=True)
     # With few shapes, errors of laws at speeds and loads that are rare look like pushes.
     scored, of = fit_and_score(
         fine, base, scored.fit.theta, trajectory, scored.noise, may_set_aside=may_set_aside
     )
-    step = Step(fine, scored, test_of(scored, of, rng))
+    step = Step(fine, scored, mismatch_and_push_test(scored, of, rng))
     if step.test.p_value >= P_VALUE:
         return step
     # Refits with all shapes are slow: from here only the identifiable ones are used.
@@ -198,7 +198,7 @@ def _refitted_to(step: Step, problem: Problem) -> Step:
 LEAST_P_VALUE = 1 - (1 - 1 / (DRAWS + 1)) ** 2  # that draws can give
 
 
-def test_of(scored: ScoredFit, of: Scores, rng: np.random.Generator) -> MismatchTest:
+def mismatch_and_push_test(scored: ScoredFit, of: Scores, rng: np.random.Generator) -> MismatchTest:
     """Test of all groups of columns and of pushes; both p-values are combined (Šidák)."""
     found = mismatch_test(of, scored.columns, rng)
     pushed = scored.pulses.p_value(rng, DRAWS)
@@ -290,4 +290,4 @@ def step_to(
         first = fit_with_noise(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise)
         fit, noise, near = first.fit, first.noise, False
     scored, of = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=near)
-    return Step(step.problem, scored, test_of(scored, of, rng), effect, gain, tuple(rivals))
+    return Step(step.problem, scored, mismatch_and_push_test(scored, of, rng), effect, gain, tuple(rivals))

@@ -12,7 +12,7 @@ from slapshot.diagnosis.fit.noise import Noise, fit_noise, fit_process_force
 from slapshot.diagnosis.fit.shooting import shoot, simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score
-from slapshot.diagnosis.selection.steps import Report, Rival, Step, test_of
+from slapshot.diagnosis.selection.steps import Report, Rival, Step, mismatch_and_push_test
 from slapshot.effects.joints.effect import JointEffect
 
 _JOINTS = 3  # with the largest scores
@@ -83,7 +83,7 @@ def structural_step(
     gain = evidence - level + sum(step.gain for step in laws)
     # Laws that it does not explain more than are told apart by held-out data, if at all.
     rivals = (Rival(whole.effect, gain, fit), *(rival.rivals if laws and evidence >= level else ()))
-    return Step(whole.problem, scored, test_of(scored, of, rng), whole.effect, gain, rivals)
+    return Step(whole.problem, scored, mismatch_and_push_test(scored, of, rng), whole.effect, gain, rivals)
 
 
 @dataclass(frozen=True)
