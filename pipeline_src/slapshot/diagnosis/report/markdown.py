@@ -96,8 +96,8 @@ def _recording(verdict: Verdict) -> str:
     if verdict.episodes < HELD_OUT:
         held = f"Parts of {held[0].lower()}{held[1:]}"
     return (
-        f"{text}. {held} took no part in fitting: predictions are evaluated on them, and effects that do "
-        "not improve these are not named. Ranges in brackets are 90 % intervals."
+        f"{text}. {held} took no part in fitting: models are judged by how they predict them, which "
+        "decides what is named, too. Ranges in brackets are 90 % intervals."
     )
 
 
