@@ -20,7 +20,7 @@ from slapshot.effects.joints.base_compliance import BaseCompliance
 from slapshot.effects.joints.effect import JointEffect, RigMotion, State
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.joint_elasticity import JointElasticity
-from slapshot.effects.joints.parts import moving_bodies
+from slapshot.effects.joints.parts import carriers, moving_bodies
 from slapshot.effects.joints.split import base_joint, deflection
 from slapshot.recordings.channels import QUATERNION, Channel
 from slapshot.recordings.signals import SignalRecording
@@ -305,4 +305,5 @@ def test_a_base_gives_way_under_robots_in_frames():
     mujoco.mj_kinematics(model, new)
     for name in ("turret", "elbow"):
         assert new.body(name).xpos == pytest.approx(nominal.body(name).xpos)
+        assert model.body("slapshot:base").id in carriers(model, model.body(name).id)
     assert "slapshot:base" not in {model.body(b).name for b in moving_bodies(model)}
