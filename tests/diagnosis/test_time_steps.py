@@ -4,11 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import MjSpec
+from slapshot.diagnosis import diagnose as diagnosis
 from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.fit.time_steps import step_error
 from slapshot.diagnosis.model.hypothesis import Simulator
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection.problem import Problem
 
 from .mechanisms import ARM, CART, control_channel, joint, recording, simulate
 
@@ -69,3 +71,16 @@ def test_the_error_of_euler_steps_is_that_of_a_parabola():
     inside = segments.inside[:, :nodes]
     expected = np.where(inside, 7 / 8 * segments.step * 2.0 * late / 2, 0.0)
     assert error == pytest.approx([np.sqrt(np.mean(expected**2))], rel=1e-6)
+
+
+def test_a_model_that_diverges_is_left_to_the_search(monkeypatch):
+    made = swings(40, "RK4", 6)
+    rig = bind(MjSpec.from_string(COARSE), made.channels)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    assert diagnosis._accurate_problem(problem) is not None
+
+    def diverges(*_: object) -> None:
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(diagnosis, "initial_fit", diverges)
+    assert diagnosis._accurate_problem(problem) is None

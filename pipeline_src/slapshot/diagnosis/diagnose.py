@@ -145,8 +145,11 @@ def _accurate_problem(problem: Problem) -> tuple[Problem, str] | None:
     found = with_accurate_steps(problem.rig, problem.channels, problem.segments, problem.trajectory, noise)
     if found is None:
         return None
-    problem, fit, first = initial_fit(problem, problem.base(()))
-    seen = noise_with_candidates(problem, fit.hypothesis, fit.theta, fit.trajectory, first)
+    try:
+        problem, fit, first = initial_fit(problem, problem.base(()))
+        seen = noise_with_candidates(problem, fit.hypothesis, fit.theta, fit.trajectory, first)
+    except np.linalg.LinAlgError:
+        return None  # the model diverges, of which the search says so
     system, prior = seen.explaining
     if prefers_its_steps(system, prior, seen.noise, problem.segments.interval, len(fit.theta)):
         return None
