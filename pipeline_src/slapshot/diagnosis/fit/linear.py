@@ -225,7 +225,7 @@ def linearise(
     for k, perturbation in enumerate(perturbations, start=p):
         if perturbation.effect is None:
             if halved is None:
-                moved = _with_other_steps(hypothesis, theta, segments.step, control, x, advance)
+                moved = _with_other_steps(hypothesis, theta, segments.step, control, x, base, advance)
                 halved = tangent.subtract(moved, base).reshape(S, L, dim)
             W[:, :, k] = halved.reshape(n, dim)
         elif is_law(perturbation.effect):
@@ -250,18 +250,23 @@ def linearise(
 
 
 def _with_other_steps(
-    hypothesis: Hypothesis, theta: Array, step: float, control: Array, x: Array, advance: Callable[..., Any]
+    hypothesis: Hypothesis,
+    theta: Array,
+    step: float,
+    control: Array,
+    x: Array,
+    base: Array,
+    advance: Callable[..., Any],
 ) -> Array:
-    """Next states by steps half as long, or halfway to those by the integrator that was given."""
+    """Next states by steps half as long, or halfway from `base` to those by the integrator that was given."""
     given = hypothesis.rig.given_integrator
     if given is None:
         finer = hypothesis.compiled(theta, step / 2)
         return np.asarray(advance(hypothesis, theta, finer, x, np.repeat(control, 2, axis=1))[0])
     model, tangent = hypothesis.compiled(theta, step), hypothesis.tangent
-    own = advance(hypothesis, theta, model, x, control)[0]
     model.opt.integrator = given
-    change = tangent.subtract(advance(hypothesis, theta, model, x, control)[0], own)
-    return tangent.add(own, change / 2)
+    change = tangent.subtract(advance(hypothesis, theta, model, x, control)[0], base)
+    return tangent.add(base, change / 2)
 
 
 def _reads_accelerations(rig: Rig) -> bool:

@@ -181,6 +181,8 @@ def _solve_positions(rig: Rig, segments: Segments, x: Array, unseen: list[int], 
             better = np.sum(missed**2, axis=1) < np.sum(error**2, axis=1)
             states, error = np.where(better[:, None], tried, states), np.where(better[:, None], missed, error)
             damping = np.where(better, damping / 4, damping * 8)
+            if np.abs(step).max() < _STEP:
+                break
         return states, float(np.sum(error**2))
 
     # A stretched arm, as models often begin, gives no direction.
