@@ -157,8 +157,7 @@ def _what(verdict: Verdict, augmented: bool) -> list[str]:
             )
     if not verdict.converged:
         parts.append(
-            "The fit of these values had not settled when it ended: its last step was more than a hundredth "
-            "of a standard deviation, so that intervals may be too narrow."
+            "The fit of these values had not fully converged when it ended: intervals may be too narrow."
         )
     if augmented:
         parts.append(
