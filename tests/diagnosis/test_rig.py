@@ -480,3 +480,15 @@ def test_what_cannot_be_bound_is_refused_in_one_line(case):
         bind(spec(text), channels)
     assert message in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def test_a_force_and_a_torque_along_one_axis_of_a_free_body_are_two_motors():
+    along = {"joint": "flight", "component": "x", "clock": "t", "role": "control", "hold": "previous"}
+    channels = {
+        "fx": Channel(quantity="force", unit="N", **along),
+        "tx": Channel(quantity="torque", unit="N m", **along),
+        "x": place("body", "brick", "x"),
+    }
+    model = bind(spec(BRICK), channels).model
+    assert model.actuator_gear[:, 0].tolist() == [1, 0]
+    assert model.actuator_gear[:, 3].tolist() == [0, 1]
