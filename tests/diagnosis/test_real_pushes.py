@@ -60,12 +60,14 @@ def concealed_pushes(folder: Path) -> list[Push]:
 
 
 def named_pushes(notes: str) -> list[Push]:
-    """Pushes in the notes beside the augmented model."""
+    """Pushes in the notes beside the augmented model, with their largest torques."""
     number = r"(-?[\d.e-]+)"
+    values = r"(-?[\d.e-]+(?:, -?[\d.e-]+)*)"
     found = []
     for joint, text in re.findall(r"^- Apply as qfrc_applied at joint Joint(\d): (.*)$", notes, re.MULTILINE):
-        for groups in re.findall(rf"{number} from {number} to {number} s of episode (\d+)", text):
-            torque, begin, end = map(float, groups[:3])
+        for groups in re.findall(rf"{values} from {number} to {number} s of episode (\d+)", text):
+            torque = max(map(float, groups[0].split(", ")), key=abs)
+            begin, end = map(float, groups[1:3])
             found.append(Push(int(joint), int(groups[3]), begin, end, torque))
     return found
 

@@ -68,6 +68,15 @@ def test_a_push_says_when_and_how_much():
         "Apply as qfrc_applied at joint shoulder: 1.5 from 0.25 to 0.5 s of episode 3; -2 from 1 to 1.125 s "
         "of episode 4 (in N m; position q in rad, velocity v in rad/s)."
     )
+    push = ExternalPulse(joint, [Pulse(3, 0.5, 0.25, 0.5, knots=3), pulses[1]])
+    assert [p.name for p in push.parameters] == [
+        "push_0 at 0.25 s", "push_0 at 0.38 s", "push_0 at 0.50 s", "push_1",
+    ]  # fmt: skip
+    assert push.note(np.array([0.0, 1.5, 0.5, -2.0])) == (
+        "Apply as qfrc_applied at joint shoulder: 0, 1.5, 0.5 from 0.25 to 0.5 s of episode 3, linear "
+        "between evenly spaced times; -2 from 1 to 1.125 s of episode 4 (in N m; position q in rad, velocity "
+        "v in rad/s)."
+    )
 
 
 def test_parameters_hold_together(any_bench):

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Linear
@@ -231,26 +232,39 @@ class Friction:
             (S, L) deficit: sliding friction less presliding friction, from the first node on; and the share
             (S, L) that remains of the deficit at the first node.
         """
-        speed = self.speed
-        following = np.concatenate([speed[:, 1:], speed[:, -1:]], axis=1)
-        forwards, backwards = self.forwards[:, 0], -self.backwards[:, 0]
-
-        def sliding(speed: Array) -> Array:
-            return np.where(speed > 0, forwards, np.where(speed < 0, backwards, 0.0))
-
-        presliding, remaining = sliding(speed[:, 0]), np.ones(len(speed))
-        deficit, share = np.zeros_like(speed), np.zeros_like(speed)
-        # A reversal takes less than an interval, within which the speed is interpolated linearly.
-        for t in range(speed.shape[1]):
-            for part in (np.arange(_SUBINTERVALS) + 0.5) / _SUBINTERVALS:
-                there = (1 - part) * speed[:, t] + part * following[:, t]
-                deficit_now = sliding(there) - presliding
-                deficit[:, t] += deficit_now / _SUBINTERVALS
-                share[:, t] += remaining / _SUBINTERVALS
-                decay = np.exp(-np.abs(there) * interval / _SUBINTERVALS / distance)
-                presliding = sliding(there) - deficit_now * decay
-                remaining = remaining * decay
+        deficit, share = _before_slip(
+            np.ascontiguousarray(self.speed), self.forwards[:, 0], self.backwards[:, 0], interval / distance
+        )
         return deficit, share
+
+
+@njit(cache=True)
+def _sliding(speed, forwards, backwards):  # type: ignore[no-untyped-def]
+    if speed == 0:
+        return 0.0
+    return forwards if speed > 0 else -backwards
+
+
+@njit(cache=True)
+def _before_slip(speed, forwards, backwards, seconds_over_distance):  # type: ignore[no-untyped-def]
+    S, L = speed.shape
+    deficit, share = np.zeros((S, L)), np.zeros((S, L))
+    for s in range(S):
+        presliding, remaining = _sliding(speed[s, 0], forwards[s], backwards[s]), 1.0
+        # A reversal takes less than an interval, within which the speed is interpolated linearly.
+        for t in range(L):
+            following = speed[s, min(t + 1, L - 1)]
+            for k in range(_SUBINTERVALS):
+                part = (k + 0.5) / _SUBINTERVALS
+                there = (1 - part) * speed[s, t] + part * following
+                level = _sliding(there, forwards[s], backwards[s])
+                now = level - presliding
+                deficit[s, t] += now / _SUBINTERVALS
+                share[s, t] += remaining / _SUBINTERVALS
+                decay = np.exp(-abs(there) * seconds_over_distance / _SUBINTERVALS)
+                presliding = level - now * decay
+                remaining *= decay
+    return deficit, share
 
 
 def presliding(

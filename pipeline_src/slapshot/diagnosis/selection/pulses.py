@@ -28,13 +28,14 @@ _MAX_PUSHES = 40  # maximum number of pushes of a joint
 # Robust standard deviations beyond which a window's force is no part of the model's error, or beyond half of
 # which that of a window set aside before is none; largest share of windows, beyond which the model is wrong
 # rather than pushed; rounds, in which the spread decreases.
-_ENORMOUS_SD, _MAX_SHARE_SET_ASIDE, SET_ASIDE_ROUNDS = 5.0, 0.1, 6
+_ENORMOUS_SD, MAX_SHARE_SET_ASIDE, SET_ASIDE_ROUNDS = 5.0, 0.1, 6
 # Share of the largest force in adjacent windows set aside, below which the sign of a window's force is
 # uncertain, and of the rms torque of a joint, below which what acts where it turns around may be friction.
 _STRONG = 0.25
 _TURNING = 0.1  # share of that torque by which friction errs there
 # Rms share by which a push differs from a constant one, for windows at a time: that of a trapezium of which
-# half is flat, or of half a sine wave.
+# half is flat, or of half a sine wave. Of a force that is linear between knots it falls with their number: an
+# edge errs in but one interval.
 _SHAPE_ERROR = 0.4
 _EDGES = 2  # windows within which each edge of a push is fitted
 _SIDE_LOBE = 0.25  # share of a push below which another that touches it is an error of its shape
@@ -120,13 +121,25 @@ def push_error(
     error = np.zeros(segments.shape)
     v = {joint.name: joint.v for joint in rig.joints}
     for push, values in pushes:
-        for pulse, value in zip(push.pulses, values, strict=True):
-            same = (segments.ids[segments.episode] == pulse.episode)[:, None]
-            margin = WINDOW_S + _ROUNDING_S
-            near = same & (segments.time > pulse.begin - margin) & (segments.time < pulse.end + margin)
-            size = _SHAPE_ERROR * abs(value) / torque[v[push.part]] * np.sqrt(WINDOW_S / FORCE_HOLD_S)
-            error[near] = np.maximum(error[near], size)
+        for pulse, own in push.by_pulse(values):
+            size = shape_error(pulse, float(np.abs(own).max()), segments) / torque[v[push.part]]
+            error = np.maximum(error, size)
     return error if error.any() else None
+
+
+def shape_error(pulse: Pulse, largest: float, segments: Segments) -> Array:
+    """(S, L) by which a push may differ from its shape, in the unit of a force, as if held for `HELD_S`.
+
+    Args:
+        pulse: push.
+        largest: force.
+        segments: data.
+    """
+    same = (segments.ids[segments.episode] == pulse.episode)[:, None]
+    margin = WINDOW_S + _ROUNDING_S
+    near = same & (segments.time > pulse.begin - margin) & (segments.time < pulse.end + margin)
+    share = _SHAPE_ERROR / max(pulse.knots - 1, 1)
+    return np.asarray(np.where(near, share * largest * np.sqrt(WINDOW_S / FORCE_HOLD_S), 0.0))
 
 
 def _turning(
@@ -240,15 +253,29 @@ def _forces(windows: _Windows, noise: Noise, segments: Segments, rig: RigMotion)
     return np.asarray(windows.score / information)
 
 
-def _forces_set_aside(windows: _Windows, forces: Array, set_aside: NDArray[np.bool_]) -> Array:
+def _forces_set_aside(
+    windows: _Windows, forces: Array, set_aside: NDArray[np.bool_], segments: Segments
+) -> Array:
     """(S, windows, joints) force in windows set aside, on the joint on which it stands out most."""
     information = np.where(windows.observable, windows.information, np.inf)
     strength = np.abs(windows.score) / np.sqrt(information)
     own = strength == strength.max(-1, keepdims=True)
     force = np.where(own & set_aside[..., None], forces, 0.0)
-    for s, j in np.ndindex(len(force), force.shape[-1]):
-        force[s, :, j] = _with_signs_of_strong(force[s, :, j])
+    for following in _in_a_row(segments):
+        for j in range(force.shape[-1]):
+            whole = _with_signs_of_strong(force[following, :, j].reshape(-1))
+            force[following, :, j] = whole.reshape(len(following), -1)
     return force
+
+
+def _in_a_row(segments: Segments) -> list[NDArray[np.intp]]:
+    """Indices of segments that follow each other without a gap, in the order of time."""
+    begin = segments.time[:, 0]
+    order = np.lexsort((begin, segments.episode))
+    end = begin + segments.shape[1] * segments.interval
+    gap = np.abs(begin[order[1:]] - end[order[:-1]]) > _ROUNDING_S
+    gap |= segments.episode[order[1:]] != segments.episode[order[:-1]]
+    return np.split(order, np.flatnonzero(gap) + 1)
 
 
 def _with_signs_of_strong(force: Array) -> Array:
@@ -266,7 +293,13 @@ def _with_signs_of_strong(force: Array) -> Array:
 
 
 def windows_set_aside(
-    system: Linear, values: Array, speed: Array, noise: Noise, segments: Segments, rig: RigMotion
+    system: Linear,
+    values: Array,
+    speed: Array,
+    noise: Noise,
+    segments: Segments,
+    rig: RigMotion,
+    max_share: float = MAX_SHARE_SET_ASIDE,
 ) -> Array | None:
     """Further process force in the few windows of enormous pushes.
 
@@ -280,6 +313,7 @@ def windows_set_aside(
         noise: of the data; some windows may be set aside already.
         segments: data.
         rig: whose joints may be pushed.
+        max_share: of windows, beyond which these are no pushes.
 
     Returns:
         (S, L), 0 elsewhere; None where there are no such pushes, or too many to be pushes.
@@ -312,7 +346,7 @@ def windows_set_aside(
             at = _nodes_of(int(w), count, windows.nodes, segments.shape[1])
             size = before[s, at] if held[s, w] else _held_force(abs(force[s, w]), joint.v, noise, segments)
             further[s, at] = np.maximum(further[s, at], size)
-    return further if 0 < pushed.mean() <= _MAX_SHARE_SET_ASIDE else None
+    return further if 0 < pushed.mean() <= max_share else None
 
 
 def _continued(pushed: NDArray[np.bool_], held: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -387,7 +421,7 @@ def pushes_set_aside(
         return []
     windows = _windows(system, noise, segments, rig)
     forces = _forces(windows, noise, segments, rig)
-    force = _forces_set_aside(windows, forces, _windows_with(noise.set_aside, segments))
+    force = _forces_set_aside(windows, forces, _windows_with(noise.set_aside, segments), segments)
     force[_overlapping(known, windows, segments)] = 0
     found: list[tuple[ExternalPulse, Array]] = []
     for j, push, size in _effects(force, windows.nodes, segments, rig, 1e-300):

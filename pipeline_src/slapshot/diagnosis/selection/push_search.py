@@ -17,12 +17,14 @@ from slapshot.diagnosis.fit.noise import Noise, fit_process_force, posterior_mea
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.problem import fit_and_score, largest_law_error
 from slapshot.diagnosis.selection.pulses import (
+    MAX_SHARE_SET_ASIDE,
     WINDOW_S,
     pushes,
     pushes_set_aside,
     window_nodes,
     windows_set_aside,
 )
+from slapshot.diagnosis.selection.push_shapes import shaped
 from slapshot.diagnosis.selection.steps import (
     P_VALUE,
     REFIT_MARGIN,
@@ -42,6 +44,8 @@ _LEAST_PUSH = 0.1  # share of a joint's largest push
 # Edges of pushes while friction holds a joint: share of its response to a force below which it is held; how
 # near an edge that must be; moves that are tried; rounds of fits.
 _HELD, _NEAR_EDGE_S, _EDGE_STEPS_S, _EDGE_ROUNDS = 0.5, 0.01, (0.04, 0.01, 0.005), 6
+# Largest share of windows that stand out beside laws that explain the others.
+_MAX_SHARE_BESIDE_LAWS = 0.3
 _ANY_FORCE = 30.0  # factor on the process force of windows set aside, in which any force may act then
 
 
@@ -69,7 +73,8 @@ def pushed_windows(fitter: Fitter, fit: Fit, noise: Noise) -> Array | None:
     seen, tangent = innovations(system, noise.covariances(fitter.segments.interval)), fitter.simulator.tangent
     values = posterior_means(seen, prior.at(noise))
     speed = fit.trajectory[..., tangent.nq : tangent.nq + tangent.nv]
-    return windows_set_aside(system, values, speed, noise, fitter.segments, fitter.rig)
+    share = _MAX_SHARE_BESIDE_LAWS if fit.hypothesis.effects else MAX_SHARE_SET_ASIDE
+    return windows_set_aside(system, values, speed, noise, fitter.segments, fitter.rig, share)
 
 
 def with_windows(step: Step, set_aside: Array | None, rng: np.random.Generator) -> Step:
@@ -143,7 +148,11 @@ def refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
         return rivals
     for push, promise in pushes(step.scored.pulses, problem.segments, problem.rig_motion):
         if push.key not in present and promise > REFIT_MARGIN * leader:
-            refitted = _refitted_push(step, push, np.zeros(len(push.parameters)))
+            push, start = shaped(
+                step.scored.system, push, np.zeros(len(push.pulses)), step.scored.residual_noise,
+                problem.segments, problem.rig_motion,
+            )  # fmt: skip
+            refitted = _refitted_push(step, push, start)
             if refitted is None:
                 continue
             push, fit = refitted
@@ -158,15 +167,16 @@ def _refitted_push(step: Step, push: ExternalPulse, start: Array) -> tuple[Exter
     The others are errors of their shape, or of the joint's friction where it turns around.
     """
     fit = refit(step, push, start)
-    values = fit.theta[len(fit.theta) - len(push.parameters) :]
-    size = np.abs(values)
+    own = push.by_pulse(fit.theta[len(fit.theta) - len(push.parameters) :])
+    size = np.array([np.abs(values).max() for _, values in own])
     large = size > _LEAST_PUSH * max(size.max(), _largest_push(step, push.part))
     if large.all():
         return push, fit
     if not large.any():
         return None
+    left = [values for (_, values), keep in zip(own, large, strict=True) if keep]
     push = push.only(large)
-    return push, refit(step, push, values[large])
+    return push, refit(step, push, np.concatenate(left))
 
 
 def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Rival]:
@@ -178,7 +188,9 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
     rivals: list[Rival] = []
     for push, force in found:
         # From about their forces: without any, friction may hold the joint, and motion tells of none.
-        refitted = _refitted_push(step, _with_edges_while_held(step, system, push, force), force)
+        push, force = _with_edges_while_held(step, system, push, force)
+        push, start = shaped(system, push, force, noise, problem.segments, problem.rig_motion)
+        refitted = _refitted_push(step, push, start)
         if refitted is None:
             continue
         push, fit = refitted
@@ -190,22 +202,43 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
     return rivals
 
 
-def _with_edges_while_held(step: Step, system: Linear, push: ExternalPulse, force: Array) -> ExternalPulse:
-    """The pushes, with those edges at which friction holds the joint where models explain most.
+def _with_edges_while_held(
+    step: Step, system: Linear, push: ExternalPulse, force: Array
+) -> tuple[ExternalPulse, Array]:
+    """The pushes, with those edges at which friction holds the joint where models explain most; their forces.
 
     About a trajectory at rest a linear system tells nothing of a force that would move the joint.
     """
     if system.process is None:
-        return push
+        return push, force
     problem = step.problem
     joint = next(joint for joint in problem.rig_motion.joints if joint.name == push.part)
     free = np.linalg.norm(system.process[..., joint.v], axis=-1)
     held = np.linalg.norm(system.B[..., joint.v], axis=-1) < _HELD * free
+    push, force = _joined_while_held(push, force, held, problem.segments)
     pulses = list(push.pulses)
     for i in range(len(pulses)):
         if _near_an_edge(held, pulses[i], problem.segments):
             pulses[i] = _best_edges(step, joint, pulses, i, float(force[i]))
-    return ExternalPulse(joint, pulses)
+    return ExternalPulse(joint, pulses), force
+
+
+def _joined_while_held(
+    push: ExternalPulse, force: Array, held: NDArray[np.bool_], segments: Segments
+) -> tuple[ExternalPulse, Array]:
+    """Pushes of one direction as one, where friction holds the joint between them, and their larger force."""
+    pulses, sizes = list[Pulse](), list[float]()
+    for pulse, size in zip(push.pulses, force, strict=True):
+        if pulses and pulses[-1].episode == pulse.episode and sizes[-1] * size > 0:
+            own = (segments.ids[segments.episode] == pulse.episode)[:, None]
+            between = own & (segments.time > pulses[-1].end) & (segments.time < pulse.begin)
+            if not between.any() or held[between].all():
+                pulses[-1] = replace(pulses[-1], end=pulse.end)
+                sizes[-1] = max(sizes[-1], size, key=abs)
+                continue
+        pulses.append(pulse)
+        sizes.append(float(size))
+    return push.of(pulses), np.array(sizes)
 
 
 def _near_an_edge(nodes: NDArray[np.bool_], pulse: Pulse, segments: Segments) -> bool:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
+_SAME_TIME_S = 1e-9
+
 
 @dataclass(frozen=True)
 class Pulse:
@@ -19,12 +21,28 @@ class Pulse:
         order: normalised position of the episode in the session, -1/2 to 1/2.
         begin: s from the episode's start.
         end: s from the episode's start.
+        knots: evenly spaced times, from begin to end, between which the force is linear; 1 for a constant.
     """
 
     episode: int
     order: float
     begin: float
     end: float
+    knots: int = 1
+
+    @property
+    def times(self) -> Array:
+        """(knots,) s."""
+        return np.linspace(self.begin, self.end, self.knots)
+
+    def shape(self, time: Array) -> Array:
+        """(..., knots) what a unit value of each knot is at some times (...) in s of the episode."""
+        during = (time >= self.begin - _SAME_TIME_S) & (time < self.end - _SAME_TIME_S)
+        if self.knots == 1:
+            return during[..., None].astype(float)
+        spacing = (self.end - self.begin) / (self.knots - 1)
+        hats = np.maximum(1 - np.abs(time[..., None] - self.times) / spacing, 0.0)
+        return np.asarray(hats * during[..., None])
 
 
 class ExternalPulse(JointEffect):
@@ -42,8 +60,9 @@ class ExternalPulse(JointEffect):
         super().__init__(
             joint.name,
             [
-                Parameter(f"push_{i}", joint.unit, joint.torque, probe=0.01 * joint.torque)
-                for i in range(len(pulses))
+                Parameter(name, joint.unit, joint.torque, probe=0.01 * joint.torque)
+                for i, pulse in enumerate(pulses)
+                for name in self._names(i, pulse)
             ],
             self._when(pulses),
         )
@@ -53,11 +72,24 @@ class ExternalPulse(JointEffect):
         """The same pushes at the joint of that name."""
         return ExternalPulse({joint.name: joint for joint in rig.joints}[self.part], self.pulses)
 
+    def by_pulse(self, values: Array) -> list[tuple[Pulse, Array]]:
+        """Each push with the values of its knots."""
+        ends = np.cumsum([pulse.knots for pulse in self.pulses])
+        return list(zip(self.pulses, np.split(values, ends[:-1]), strict=True))
+
     def only(self, kept: NDArray[np.bool_]) -> "ExternalPulse":
         """Some of the pushes."""
-        return ExternalPulse(
-            self._joint, [pulse for pulse, keep in zip(self.pulses, kept, strict=True) if keep]
-        )
+        return self.of([pulse for pulse, keep in zip(self.pulses, kept, strict=True) if keep])
+
+    def of(self, pulses: Sequence[Pulse]) -> "ExternalPulse":
+        """Other pushes of the same joint."""
+        return ExternalPulse(self._joint, pulses)
+
+    @staticmethod
+    def _names(number: int, pulse: Pulse) -> list[str]:
+        if pulse.knots == 1:
+            return [f"push_{number}"]
+        return [f"push_{number} at {time:.2f} s" for time in pulse.times]
 
     @staticmethod
     def _when(pulses: Sequence[Pulse]) -> str:
@@ -66,22 +98,19 @@ class ExternalPulse(JointEffect):
         return ", ".join(texts) + more
 
     def force(self, state: State, values: Array) -> Array:
-        """A constant force in each interval."""
+        """A force in each interval, constant or linear between knots."""
         push = np.zeros(len(state.v))
-        for pulse, value in zip(self.pulses, values, strict=True):
-            during = (
-                (np.abs(state.order - pulse.order) < 1e-9)
-                & (state.time >= pulse.begin - 1e-9)
-                & (state.time < pulse.end - 1e-9)
-            )
-            push[during] += value
+        for pulse, own in self.by_pulse(values):
+            during = np.abs(state.order - pulse.order) < _SAME_TIME_S
+            push[during] += pulse.shape(np.broadcast_to(state.time, during.shape)[during]) @ own
         return on_joint(self._joint, push, state.v.shape[1])
 
     def note(self, values: Array) -> str:
         """Sizes and times."""
-        pushes = zip(self.pulses, values, strict=True)
-        return self._joint.note(
-            "; ".join(
-                f"{v:.4g} from {p.begin:.4g} to {p.end:.4g} s of episode {p.episode}" for p, v in pushes
-            )
-        )
+        return self._joint.note("; ".join(self._told(*one) for one in self.by_pulse(values)))
+
+    @staticmethod
+    def _told(pulse: Pulse, values: Array) -> str:
+        size = ", ".join(f"{value:.4g}" for value in values)
+        between = ", linear between evenly spaced times" if pulse.knots > 1 else ""
+        return f"{size} from {pulse.begin:.4g} to {pulse.end:.4g} s of episode {pulse.episode}{between}"
