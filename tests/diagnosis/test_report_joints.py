@@ -527,6 +527,20 @@ def test_many_pushes_are_counted_in_the_headline():
     assert "from outside" not in headline(many)
 
 
+def test_of_a_push_with_knots_the_largest_force_is_told():
+    """The others are in verdict.json: on the page there would be dozens of rows."""
+    own = [("push_0 at 1.20 s", 0.5), ("push_0 at 2.10 s", 9.0), ("push_0 at 3.00 s", 1.5), ("push_1", 4.0)]
+    push = BACKLASH.model_copy(
+        update={"name": "external_pulse", "parameters": [parameter(name, v, "N") for name, v in own]}
+    )
+    found = FOUND.model_copy(update={"effects": [push]})
+    page, lines = re.sub(r"\\(.)", r"\1", markdown(found)), " ".join(terminal_text(found).split())
+    assert "| push 0, largest at 2.10 s | 9.0 N (8.1 to 9.9) |" in page
+    assert "push 0, largest at 2.10 s 9.0 N (8.1 to 9.9); push 1 4.00 N (3.60 to 4.40)" in lines
+    assert "| push 1 | 4.00 N (3.60 to 4.40) |" in page
+    assert "1.20 s" not in page + lines
+
+
 def test_what_else_a_law_is_called_is_told():
     other = "Coulomb friction of 0.8 N m and a constant offset of -0.4 N m"
     found = FOUND.model_copy(update={"effects": [BACKLASH.model_copy(update={"same_as": other})]})

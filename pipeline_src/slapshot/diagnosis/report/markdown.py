@@ -20,6 +20,7 @@ from slapshot.diagnosis.report.presentation import (
     rivals_text,
     sentence,
     several,
+    shown,
     shown_models,
 )
 from slapshot.diagnosis.selection.steps import LEAST_P_VALUE, P_VALUE
@@ -168,13 +169,13 @@ def _what(verdict: Verdict, augmented: bool) -> list[str]:
 
 
 def _parameters(effect: NamedEffect) -> str:
-    rows = [[escaped(label(p)), escaped(between(p))] for p in effect.parameters]
+    rows = [[escaped(label(p)), escaped(between(p))] for p in shown(effect)]
     return markdown_table(["parameter", "value (90 % interval)"], rows)
 
 
 def _state(effect: NamedEffect) -> str:
-    flat = [label(p) for p in effect.parameters if p.state == "flat"]
-    bound = [label(p) for p in effect.parameters if p.state == "at a bound"]
+    flat = [label(p) for p in shown(effect) if p.state == "flat"]
+    bound = [label(p) for p in shown(effect) if p.state == "at a bound"]
     texts = []
     if flat:
         texts.append(

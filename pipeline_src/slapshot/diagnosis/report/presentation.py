@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from slapshot.diagnosis.verdict import ChannelNoise, Interval, NamedEffect, NamedParameter, Verdict
 from slapshot.effects.joints.catalogue import joint_effects
-from slapshot.effects.joints.external_pulse import ExternalPulse
+from slapshot.effects.joints.external_pulse import AT_KNOT, ExternalPulse
 from slapshot.plotting import METHOD_COLOURS, OTHER_COLOURS, STAND_IN
 from slapshot.text import printable
 
@@ -176,9 +176,19 @@ def noise_text(noise: ChannelNoise) -> str:
     return ", ".join(parts)
 
 
+def shown(effect: NamedEffect) -> list[NamedParameter]:
+    """Parameters on a page: of a push with knots, which `verdict.json` lists, the largest force."""
+    found: dict[str, NamedParameter] = {}
+    for parameter in effect.parameters:
+        push = parameter.name.partition(AT_KNOT)[0]
+        if push not in found or abs(parameter.value) > abs(found[push].value):
+            found[push] = parameter
+    return list(found.values())
+
+
 def label(parameter: NamedParameter) -> str:
     """Name of a parameter in a table."""
-    return parameter.name.replace("_", " ")
+    return parameter.name.replace(AT_KNOT, ", largest at ").replace("_", " ")
 
 
 def rivals_text(rivals: Mapping[str, float]) -> str:

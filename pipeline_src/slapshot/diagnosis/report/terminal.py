@@ -13,6 +13,7 @@ from slapshot.diagnosis.report.presentation import (
     quantity,
     rivals_text,
     several,
+    shown,
 )
 from slapshot.diagnosis.selection.steps import P_VALUE
 from slapshot.diagnosis.verdict import Verdict
@@ -45,7 +46,7 @@ def terminal_text(verdict: Verdict) -> str:
         yes = "yes, by held-out data"
     lines.append(_line("mismatch", f"{yes}, p = {mismatch.p_value:.2g}; largest score: {mismatch.strongest}"))
     for effect in verdict.effects:
-        values = "; ".join(f"{label(p)} {between(p)}{_state(p.state)}" for p in effect.parameters)
+        values = "; ".join(f"{label(p)} {between(p)}{_state(p.state)}" for p in shown(effect))
         lines.append(_line("what", f"{named(effect)}: {values}"))
         if effect.same_as:
             lines.append(_line("same as", effect.same_as))

@@ -10,6 +10,7 @@ from slapshot.arrays import Array
 from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
 _SAME_TIME_S = 1e-9
+AT_KNOT = " at "  # in the name of a knot's force, after that of its push
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ class ExternalPulse(JointEffect):
     def _names(number: int, pulse: Pulse) -> list[str]:
         if pulse.knots == 1:
             return [f"push_{number}"]
-        return [f"push_{number} at {time:.2f} s" for time in pulse.times]
+        return [f"push_{number}{AT_KNOT}{time:.2f} s" for time in pulse.times]
 
     @staticmethod
     def _when(pulses: Sequence[Pulse]) -> str:
