@@ -1,0 +1,154 @@
+"""Positions of joints that have no encoder: of those that are seen by places or by their velocity alone."""
+
+import mujoco
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from slapshot.arrays import Array
+from slapshot.diagnosis.model.hypothesis import Simulator, actuator_torque
+from slapshot.diagnosis.model.rig import Rig
+from slapshot.diagnosis.model.segments import Segments
+from slapshot.diagnosis.model.smoothed_readings import assign, smoothed
+from slapshot.diagnosis.model.tangent import Tangent
+
+_DAMPING, _ROUNDS, _STEP, _LONGEST, _STARTS = 1e-3, 30, 1e-5, 0.5, 3  # of inverse kinematics; in rad or m
+# First angles that are tried, at how many nodes, and the share of the usual error that one must be below.
+_ANGLES, _NODES, _CLEARLY = 24, 60, 0.9
+
+
+def unseen_joints(rig: Rig, seen: set[int]) -> list[int]:
+    """Degrees of freedom of hinges and slides whose position is not observed."""
+    scalar = np.isin(rig.model.jnt_type, [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)])
+    return [int(v) for v in rig.model.jnt_dofadr[scalar] if int(v) not in seen]
+
+
+def integrate_velocity(rig: Rig, segments: Segments, x: Array, v: int) -> bool:
+    """Let a joint follow the integral of its recorded velocity, from its initial position, if it has one."""
+    own = [c for c, o in enumerate(rig.observations) if o.dof == v and o.quantity == "velocity"]
+    if not own:
+        return False
+    nq, q = rig.model.nq, int(rig.model.jnt_qposadr[rig.model.dof_jntid[v]])
+    for run in segments.runs():
+        speed = smoothed(segments, run, own[:1])[0][:, 0:1].ravel()
+        if len(speed):
+            steps = segments.interval * (speed[1:] + speed[:-1]) / 2
+            way = x[run[0], 0, q] + np.concatenate([[0.0], np.cumsum(steps)])
+            x[run, :, q] = way[-1]
+            assign(x, run, segments.inside[run], q, way)
+            assign(x, run, segments.inside[run], nq + v, speed)
+    return True
+
+
+def find_first_angles(rig: Rig, segments: Segments, x: Array, v: int) -> None:
+    """Turn a joint of which the velocity is known, episode by episode, so that its loads explain the motion.
+
+    Of all angles at which it may have begun, that of least forces that no actuator, damping or weight makes.
+    Where none is better, as of a wheel, it stays.
+    """
+    model, data = rig.model, mujoco.MjData(rig.model)
+    nq, nv, q = model.nq, model.nv, int(model.jnt_qposadr[model.dof_jntid[v]])
+    control, full = segments.control(), np.zeros((nv, nv))
+    rates = segments.rate(x[..., nq : nq + nv])
+    for run in segments.runs():
+        nodes = np.argwhere(segments.inside[run])[1:-1]
+        if not len(nodes):
+            continue
+        nodes = nodes[np.unique(np.linspace(0, len(nodes) - 1, _NODES).astype(int))]
+        states = x[run][nodes[:, 0], nodes[:, 1]]
+        rate = rates[run][nodes[:, 0], nodes[:, 1]]
+        u = control[run][nodes[:, 0], nodes[:, 1], 0]
+
+        def unexplained(angle: float, states: Array = states, rate: Array = rate, u: Array = u) -> float:
+            turned = states.copy()
+            turned[:, q] += angle
+            driven, total = actuator_torque(model, turned, u, rig.load), 0.0
+            for state, change, torque in zip(turned, rate, driven, strict=True):
+                data.qpos[:], data.qvel[:] = state[:nq], state[nq : nq + nv]
+                mujoco.mj_fwdPosition(model, data)
+                mujoco.mj_fwdVelocity(model, data)
+                mujoco.mj_fullM(model, data, full)
+                left = full @ change + data.qfrc_bias - data.qfrc_passive - torque
+                total += float(left[v] ** 2)
+            return total
+
+        angles = np.linspace(-np.pi, np.pi, _ANGLES, endpoint=False)
+        errors = np.array([unexplained(angle) for angle in angles])
+        if errors.min() > _CLEARLY * np.median(errors):
+            continue
+        width = 2 * np.pi / _ANGLES
+        best = angles[int(np.argmin(errors))]
+        found = minimize_scalar(unexplained, bounds=(best - width, best + width), method="bounded")
+        x[run, :, q] += found.x
+
+
+def is_place(rig: Rig, column: int) -> bool:
+    """Whether an observation is a coordinate of a site or body."""
+    kind = rig.model.sensor_type[rig.sensor_of(column)]
+    return rig.observations[column].quantity == "position" and kind == int(mujoco.mjtSensor.mjSENS_FRAMEPOS)
+
+
+def solve_positions(rig: Rig, segments: Segments, x: Array, unseen: list[int], places: list[int]) -> None:
+    """Inverse kinematics by Levenberg and Marquardt's method, on all nodes at once.
+
+    All nodes begin at the model's initial position, or at the same distance from it where that leads to no
+    solution, so that of several all take the same. What places do not tell stays there.
+    """
+    (S, L), model = segments.shape, rig.model
+    inside, nq = segments.inside, model.nq
+    wanted = np.full((S, L, len(places)), np.nan)
+    for run in segments.runs():
+        for k, column in enumerate(places):
+            smooth, _ = smoothed(segments, run, [column])
+            if len(smooth):
+                assign(wanted, run, inside[run], k, smooth[:, 0])
+    at = np.argwhere(inside & np.isfinite(wanted).all(axis=2))
+    if not len(at):
+        return
+    simulator, tangent = Simulator(rig), Tangent(model)
+    first, target = x[at[:, 0], at[:, 1]].copy(), wanted[at[:, 0], at[:, 1]]
+    controls = segments.control()[at[:, 0], at[:, 1], :1]
+
+    def miss(states: Array) -> Array:
+        return np.asarray(target - simulator.run(model, states, controls)[1][:, places])
+
+    def moved(states: Array, change: Array) -> Array:
+        delta = np.zeros((len(states), tangent.dim))
+        delta[:, unseen] = change
+        return tangent.add(states, delta)
+
+    def solved(states: Array) -> tuple[Array, float]:
+        error, damping = miss(states), np.full(len(at), _DAMPING)
+        for _ in range(_ROUNDS):
+            steps = _STEP * np.eye(len(unseen))
+            J = np.stack([(error - miss(moved(states, step))) / _STEP for step in steps], axis=-1)
+            gram = np.einsum("npk,npl->nkl", J, J)
+            size = np.einsum("nkk->n", gram)[:, None, None] / len(unseen) + 1e-12
+            stiff = gram + damping[:, None, None] * size * np.eye(len(unseen))
+            step = np.linalg.solve(stiff, np.einsum("npk,np->nk", J, error)[..., None])[..., 0]
+            tried = moved(states, np.clip(step, -_LONGEST, _LONGEST))
+            missed = miss(tried)
+            better = np.sum(missed**2, axis=1) < np.sum(error**2, axis=1)
+            states, error = np.where(better[:, None], tried, states), np.where(better[:, None], missed, error)
+            damping = np.where(better, damping / 4, damping * 8)
+            if np.abs(step).max() < _STEP:
+                break
+        return states, float(np.sum(error**2))
+
+    # A stretched arm, as models often begin, gives no direction.
+    bends = [np.zeros(len(unseen)), *np.random.default_rng(0).uniform(-1, 1, (_STARTS, len(unseen)))]
+    ways = [solved(moved(first, bend)) for bend in bends]
+    least = min(error for _, error in ways)
+    states = next(states for states, error in ways if error <= 2 * least + 1e-12)
+    found = x.copy()
+    found[at[:, 0], at[:, 1]] = states
+    for v in unseen:
+        q = int(model.jnt_qposadr[model.dof_jntid[v]])
+        for run in segments.runs():
+            there = inside[run]
+            way = found[run, :, q][there]
+            if model.jnt_type[model.dof_jntid[v]] == int(mujoco.mjtJoint.mjJNT_HINGE):
+                way = np.unwrap(way)
+            if len(way) > 1:
+                x[run, :, q] = way[-1]
+                assign(x, run, there, q, way)
+                assign(x, run, there, nq + v, np.gradient(way, segments.interval))
