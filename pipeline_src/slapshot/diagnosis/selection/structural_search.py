@@ -57,7 +57,7 @@ def structural_step(
         if not effect.hidden_state or (effect.part in statistic and effect.part not in parts):
             continue
         report(f"trying {effect.key}")
-        candidate = _fit_structure(before, effect)
+        candidate = _fit_structure(before, effect, report)
         if candidate is not None:
             candidates.append(candidate)
     candidates.sort(key=lambda candidate: -candidate.fit.log_evidence)
@@ -109,7 +109,7 @@ class StructuralFit:
 
 def structural_fit(before: Step, effect: JointEffect) -> ScoredFit | None:
     """Fit an effect with hidden states; None where the model cannot be restructured."""
-    candidate = _fit_structure(before, effect)
+    candidate = _fit_structure(before, effect, lambda text: None)
     if candidate is None:
         return None
     _, whole = _refit_all_segments(candidate)
@@ -119,13 +119,14 @@ def structural_fit(before: Step, effect: JointEffect) -> ScoredFit | None:
     return scored
 
 
-def _fit_structure(before: Step, effect: JointEffect) -> StructuralFit | None:
-    """Fit an effect with hidden states to a subset of segments; None where restructuring fails."""
+def _fit_structure(before: Step, effect: JointEffect, report: Report) -> StructuralFit | None:
+    """Fit an effect with hidden states to a subset of segments; None where there is no such model."""
     problem, scored = before.problem, before.scored
     try:
         moved = problem.restructured(effect, scored.fit.trajectory)
         present = tuple(e.on(moved.rig_motion) for e in (*before.hypothesis.effects, effect))
-    except (ValueError, KeyError):
+    except (ValueError, KeyError) as error:
+        report(f"{effect.key} cannot be tried on this model: {error}")
         return None
     hypothesis = Hypothesis(moved.rig, present)
     own = replace(scored.noise, torque=moved.torque, initial=moved.initial_noise.initial)
