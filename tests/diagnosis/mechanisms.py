@@ -1,6 +1,7 @@
 """Small mechanisms and recordings of them, simulated by MuJoCo's plain step, at finer steps than any fit."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -153,3 +154,21 @@ def recording(
 ) -> SignalRecording:
     """A recording with one clock."""
     return SignalRecording.from_arrays(t, channels, "mechanism", stand_in=True)
+
+
+def with_stamps(made: SignalRecording, names: Sequence[str], error: Array) -> SignalRecording:
+    """The recording with some channels on a clock of their own, whose stamps err.
+
+    Args:
+        made: with one clock.
+        names: of channels.
+        error: (rows,) s, added to the times.
+    """
+    ((clock, table),) = made.signals.items()
+    own = table[["episode", "t", *names]].assign(t=table["t"] + error).sort_values(["episode", "t"])
+    own = own[own["t"] >= 0].reset_index(drop=True)
+    channels = {
+        name: channel.model_copy(update={"clock": "stamped"}) if name in names else channel
+        for name, channel in made.channels.items()
+    }
+    return replace(made, channels=channels, signals={clock: table.drop(columns=names), "stamped": own})

@@ -9,7 +9,7 @@ from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.recordings.signals import SignalRecording
 
-from .mechanisms import control_channel, joint, recording
+from .mechanisms import control_channel, joint, recording, with_stamps
 
 INTERVAL, SECONDS, NOISE = 0.004, 2.0, 3e-4
 LENGTH, MASS, CENTRE, INERTIA = 0.35, (3.0, 1.8), (0.18, 0.15), (0.04, 0.02)
@@ -48,8 +48,11 @@ def acceleration(q: Array, v: Array, torque: Array) -> Array:
     return np.linalg.solve(mass, torque - DAMPING * v - bias - weight)
 
 
-def recorded(late: int = 0, steps: int = 4) -> SignalRecording:
-    """Eight episodes; torques act some samples late. By Runge and Kutta's method in steps of 1 ms."""
+def recorded(late: int = 0, steps: int = 4, jitter: float = 0.0) -> SignalRecording:
+    """Eight episodes; torques act some samples late, and their stamps err by a standard deviation in s.
+
+    By Runge and Kutta's method in steps of 1 ms.
+    """
     rng, count, h = np.random.default_rng(5), round(SECONDS / INTERVAL), INTERVAL / steps
     t = np.arange(count) * INTERVAL
     torques, angles = [], []
@@ -75,7 +78,7 @@ def recorded(late: int = 0, steps: int = 4) -> SignalRecording:
                 state = state + h / 6 * (a + 2 * b + 2 * c + rate(state + h * c))
         torques.append(u)
         angles.append(np.array(seen) + NOISE * rng.standard_normal((count, 2)))
-    return recording(
+    made = recording(
         [t] * 8,
         {
             "u1": (control_channel(actuator="m1"), [u[:, 0] for u in torques]),
@@ -84,6 +87,7 @@ def recorded(late: int = 0, steps: int = 4) -> SignalRecording:
             "elbow": (joint("elbow"), [q[:, 1] for q in angles]),
         },
     )
+    return with_stamps(made, ["u1", "u2"], jitter * rng.standard_normal(8 * count)) if jitter else made
 
 
 def verdict_on(made: SignalRecording) -> Verdict:
@@ -97,6 +101,16 @@ def test_an_arm_that_lacks_nothing_is_no_mismatch_of_a_model_with_coarse_steps()
         found.fit.nominal.rms["joint position"].value
         < 1.1 * found.fit.noise_floor.rms["joint position"].value
     )
+
+
+def test_stamps_of_torques_that_err_are_no_mismatch():
+    """By 0.4 ms of 4: torques then change at other times than they say, which no missing physics is."""
+    found = verdict_on(recorded(jitter=4e-4))
+    assert found.headline == "nothing_found"
+    assert found.mismatch is not None
+    assert found.mismatch.p_value > 0.1
+    predicted, floor = (of.rms["joint position"].value for of in (found.fit.nominal, found.fit.noise_floor))
+    assert 0.8 * floor < predicted < 1.15 * floor
 
 
 def test_torques_that_act_late_are_told():

@@ -21,7 +21,7 @@ from slapshot.errors import InputError
 from slapshot.recordings.channels import Channel
 from slapshot.recordings.signals import SignalRecording
 
-from .mechanisms import CART, PENDULUM, control_channel, joint, recording
+from .mechanisms import CART, PENDULUM, control_channel, joint, recording, with_stamps
 
 times = st.lists(st.floats(0, 10, width=32), min_size=1, max_size=8, unique=True).map(sorted)
 
@@ -307,3 +307,26 @@ def test_a_later_part_has_the_controls_of_its_own_times():
     np.testing.assert_array_equal(later.time, segments.time[:, 15:])
     there = later.inside
     np.testing.assert_array_equal(later.control()[there], segments.control()[:, 15:][there])
+
+
+def test_stamps_of_controls_err_as_their_intervals_scatter():
+    """Where they are meant to be regular: those written when they change, or at regular times, do not err."""
+    rng, t = np.random.default_rng(3), np.arange(2000) * 0.01
+    made = swinging([t, t], control=[np.sin(3 * t)] * 2)
+    error = 8e-4 * rng.standard_normal(4000)
+    found = segment_recording(stamped := with_stamps(made, ["drive"], error), rig_of(stamped)).stamp_error
+    # The standard deviation of 4000 draws is known to 1.1 %, that of differences to a little more.
+    assert found == pytest.approx([8e-4], rel=0.05)
+    assert segment_recording(made, rig_of(made)).stamp_error is None
+    rare = with_stamps(made, ["drive"], np.tile(np.sort(rng.uniform(0, 20, 2000)) - t, 2))
+    assert segment_recording(rare, rig_of(rare)).stamp_error is None
+
+
+def test_of_several_changes_between_nodes_each_stamp_errs_by_itself():
+    """Readings at 100 Hz, torques at 400 Hz: the change over an interval is that of four."""
+    rng, t = np.random.default_rng(4), np.arange(4000) * 0.0025
+    made = swinging(t, control=np.sin(3 * t))
+    ((clock, table),) = made.signals.items()
+    made = with_stamps(made, ["drive"], 2e-4 * rng.standard_normal(4000))
+    made = replace(made, signals={**made.signals, clock: table.drop(columns="drive").iloc[::4]})
+    assert segment_recording(made, rig_of(made)).stamp_error == pytest.approx([2e-4 / 2], rel=0.05)

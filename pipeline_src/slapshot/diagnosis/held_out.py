@@ -114,7 +114,7 @@ def predict(
     masked = windows.y.copy()
     masked[:, half:] = np.nan
     before = replace(windows, y=masked)
-    own = noise.elsewhere(problem.rates(windows, trajectory), windows.order)
+    own = problem.noise_on(windows, trajectory, noise)
     fitter = Fitter(problem.fitter.simulator, before, problem.torque)
     if _has_hidden_state(hypothesis):
         trajectory = _shooting_fit(fitter, hypothesis, theta, trajectory, own)
@@ -173,7 +173,7 @@ def without_wrong_readings(
     for _ in range(_READING_ROUNDS):
         fine = problem.in_steps(windows)
         trajectory = recorded_trajectory(problem.rig, fine)
-        own = noise.elsewhere(problem.rates(fine, trajectory), fine.order)
+        own = problem.noise_on(fine, trajectory, noise)
         covering = replace(own, force=max(1.0, own.force))
         fitter = Fitter(problem.simulator, fine, problem.torque)
         trajectory, _ = _smoothed(fitter, hypothesis, theta, trajectory, covering)
@@ -234,7 +234,7 @@ def pushes_in(
         trajectory: (S, L, nx) initial guess.
     """
     segments = problem.in_steps(segments)
-    own = noise.elsewhere(problem.rates(segments, trajectory), segments.order)
+    own = problem.noise_on(segments, trajectory, noise)
     plain = Fitter(problem.simulator, segments, problem.torque)
     trajectory, _ = _smoothed(plain, hypothesis, fit.theta, trajectory, own)
     laws = problem.law_columns.on(problem.simulator, hypothesis, fit.theta, segments, trajectory)

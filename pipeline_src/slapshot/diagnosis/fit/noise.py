@@ -69,6 +69,8 @@ class Noise:
             None without any.
         push_error: (S, L) process force by which named pushes may differ from constant ones, as `force`; None
             for none.
+        control_error: (S, L) process force by which controls act earlier or later than their stamps say, as
+            `force`; None for none.
     """
 
     white: Array
@@ -88,6 +90,7 @@ class Noise:
     order: Array | None = None
     set_aside: Array | None = None
     push_error: Array | None = None
+    control_error: Array | None = None
 
     @property
     def single(self) -> Array:
@@ -139,15 +142,19 @@ class Noise:
         rate = None if self.rate is None else self.rate[segments]
         set_aside = None if self.set_aside is None else self.set_aside[segments]
         error = None if self.push_error is None else self.push_error[segments]
+        late = None if self.control_error is None else self.control_error[segments]
         order = None if self.order is None else self.order[segments]
         return replace(
-            self, weight=self.weight[segments], rate=rate, order=order, set_aside=set_aside, push_error=error
-        )
+            self, weight=self.weight[segments], rate=rate, order=order, set_aside=set_aside, push_error=error,
+            control_error=late,
+        )  # fmt: skip
 
-    def elsewhere(self, rate: Array, order: Array) -> "Noise":
-        """The noise for other segments with known rates, without outliers or pushes."""
-        weight = np.ones_like(rate)
-        return replace(self, weight=weight, rate=rate, order=order, set_aside=None, push_error=None)
+    def elsewhere(self, rate: Array, order: Array, control_error: Array | None) -> "Noise":
+        """The noise for other segments with rates and errors of controls of their own, without outliers or pushes."""
+        return replace(
+            self, weight=np.ones_like(rate), rate=rate, order=order, set_aside=None, push_error=None,
+            control_error=control_error,
+        )  # fmt: skip
 
     @property
     def without_set_aside(self) -> "Noise":
@@ -161,7 +168,8 @@ class Noise:
 
     def covariances(self, interval: float) -> Covariances:
         """What the filter takes."""
-        further = [of for of in (self.set_aside, self.push_error) if of is not None]
+        all_further = self.set_aside, self.push_error, self.control_error
+        further = [of for of in all_further if of is not None]
         inflation = 1 + np.sum(np.square(further), axis=0) / self.force**2 if further else None
         return Covariances(
             self.initial,

@@ -14,12 +14,16 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.model.rig import Control, Rig
 from slapshot.errors import InputError
+from slapshot.recordings.signal_quality import clock_sampling
 from slapshot.recordings.signal_statistics import channel_statistics
 from slapshot.recordings.signals import SignalRecording
 
 # Several faster samples are averaged to a node: mechanics are slower, and every node costs time.
 LONGEST_AVERAGE_S = 5e-3
 SEGMENT_S = 0.5
+# Scatter of the intervals of controls, in median ones, above which stamps err, and above which they are
+# written when they change.
+_REGULAR, _UNEVEN = 1e-3, 0.5
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,8 @@ class Segments:
         controls: one (nodes * substeps, nu) array for each episode: means over model steps.
         ids: identifiers of the episodes, as recorded.
         quantisation: (ny,) step of each channel's samples; 0 where they have none.
+        stamp_error: (nu,) s by which stamps of controls may err: the change of an input from node to node,
+            times this, is the sd of its integral over an interval. None where stamps are regular.
     """
 
     interval: float
@@ -95,6 +101,7 @@ class Segments:
     controls: tuple[Array, ...]
     ids: NDArray[np.int64]
     quantisation: Array
+    stamp_error: Array | None = None
 
     @property
     def step(self) -> float:
@@ -242,7 +249,21 @@ def segment_recording(
         np.array(time), np.array(owner), np.array(first), np.array(order), tuple(controls),
         np.array(ids, np.int64),
         np.array([channel_statistics(recording, o.channel).grid for o in rig.observations]),
+        _stamp_error(recording, rig, interval),
     )  # fmt: skip
+
+
+def _stamp_error(recording: SignalRecording, rig: Rig, interval: float) -> Array | None:
+    """See `Segments`; from how the intervals of a clock of controls scatter that is meant to be regular."""
+    error = np.zeros(len(rig.controls))
+    for k, control in enumerate(rig.controls):
+        if control.channel is not None:
+            found = clock_sampling(recording, recording.channels[control.channel].clock)
+            if _REGULAR < found.jitter < _UNEVEN:
+                # Of several changes in an interval each errs by itself.
+                changes = max(1.0, interval / found.interval_s)
+                error[k] = found.jitter * found.interval_s / np.sqrt(2 * changes)
+    return error if error.any() else None
 
 
 def _pieces(first: int, count: int, length: int) -> Iterator[tuple[int, int]]:

@@ -51,7 +51,7 @@ def predicted_motion(outcome: Outcome, model_name: str, some: NDArray[np.intp]) 
     halves = predicted_half(outcome.windows.select(some))
     halves = problem.in_steps(replace(halves, y=prediction.predictions.predicted[some]))
     fitter = Fitter(problem.fitter.simulator, halves, problem.torque)
-    noise = step.scored.noise.elsewhere(np.zeros_like(halves.y), halves.order)
+    noise = step.scored.noise.elsewhere(np.zeros_like(halves.y), halves.order, None)
     # Predicted readings have negligible noise, and no process force acts.
     noise = replace(
         noise, white=_SHARE * noise.white, coloured=0 * noise.coloured, force=_NO_FORCE, jitter_s=0.0

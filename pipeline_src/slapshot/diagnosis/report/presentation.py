@@ -17,7 +17,7 @@ MODELS = {
     "nominal": "nominal model, as it was given",
     "refitted": "nominal model, its free parameters refitted",
     "augmented": "model with what was found",
-    "noise_floor": "noise floor: what noise of the readings alone leaves",
+    "noise_floor": "noise floor: what noise of the readings and stamps alone leaves",
 }
 # Variable that a mismatch follows -> how a sentence says it.
 VARIABLES = {

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
+from slapshot.diagnosis.fit.control_errors import control_errors
 from slapshot.diagnosis.fit.filter import Innovations, Linear, innovations, smooth
 from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.law_columns import LawColumns, law_columns
@@ -198,7 +199,7 @@ class Problem:
         first = initial_noise(self.segments, self.torque, dim, self._position_spread, _SPEED_SPREAD * speed)
         clocks = [self.channels[observation.channel].clock for observation in self.rig.observations]
         first = replace(first, clock=np.unique(clocks, return_inverse=True)[1])
-        return first.elsewhere(self.rates(self.segments, self.trajectory), self.segments.order)
+        return self.noise_on(self.segments, self.trajectory, first)
 
     @property
     def _position_spread(self) -> Array:
@@ -242,6 +243,11 @@ class Problem:
             self.rig.model, trajectory.reshape(S * L, -1), u.reshape(S * L, 1, u.shape[-1])
         )
         return segments.rate(y.reshape(S, L, -1))
+
+    def noise_on(self, segments: Segments, trajectory: Array, noise: Noise) -> Noise:
+        """A noise for segments along a trajectory, without outliers or pushes."""
+        errors = control_errors(self.rig, segments, trajectory, self.torque)
+        return noise.elsewhere(self.rates(segments, trajectory), segments.order, errors)
 
     def base(self, free: Sequence[JointEffect]) -> Hypothesis:
         """The nominal rig with its free parameters."""
