@@ -39,8 +39,11 @@ def test_impulses_are_those_of_changes_at_other_times(gear):
     assert found is not None
     h, sigma = of.segments.interval, of.segments.stamp_error
     assert sigma is not None
-    u = of.segments.control()[:, :, -1, 0]
-    change = np.abs(np.diff(u, axis=1, prepend=u[:, :1]))
+    # The command of each node less that of the node before, over segments; nothing is known before the first.
+    u = of.segments.controls[0][of.segments.substeps - 1 :: of.segments.substeps, 0]
+    whole = np.abs(np.diff(u, prepend=u[0]))
+    change = np.stack([whole[first : first + of.segments.shape[1]] for first in of.segments.first])
+    assert (change[1:, 0] > 0).all()
     drawn = gear * change * sigma[0] * np.random.default_rng(1).standard_normal((4000, 1, 1))
     impulse = found * of.torque[0] * np.sqrt(FORCE_HOLD_S / h) * h
     # 4000 draws tell a standard deviation to 1.1 %.

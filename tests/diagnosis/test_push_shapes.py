@@ -97,3 +97,37 @@ def test_a_shape_is_linear_between_knots():
     expected = np.interp(times, [1.0, 2.0, 3.0], [4.0, 8.0, 2.0])
     expected[[0, -1]] = 0.0  # it acts from begin to before end
     assert pulse.shape(times) @ np.array([4.0, 8.0, 2.0]) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("begin", "end"), [(0.4, 1.0), (0.35, 1.0), (0.5, 1.0), (0.3, 0.8)])
+def test_knots_do_not_hang_on_where_windows_stood_out(begin, end):
+    """At edges within the push a constant force may explain more than knots there, and less than the best."""
+    of = segments()
+    system = pushed(
+        of, lambda t: np.where((t > 0.15) & (t < 1.35), np.sin(np.pi * (t - 0.15) / 1.2) ** 2, 0) * 3
+    )
+    pulse, values = found(of, system, begin, end)
+    assert pulse.knots >= 5
+    times = np.linspace(pulse.begin, pulse.end, 200, endpoint=False)
+    wanted = FORCE * np.sin(np.pi * (times - 0.15) / 1.2) ** 2 * ((times > 0.15) & (times < 1.35))
+    assert pulse.shape(times) @ values == pytest.approx(wanted, abs=0.1 * FORCE)
+
+
+def test_a_push_ends_with_its_episode():
+    """Of 0.9 s of the second episode's 1.5 there are data; the rest is padding."""
+    of = segments()
+    inside = of.inside.copy()
+    inside[of.time > 0.9 - 1e-9] = False
+    system = pushed(of, lambda t: FORCE * np.sin(np.pi * t / 2) ** 2)
+    system = replace(system, r=np.where(inside[..., None], system.r, np.nan))
+    pulse, _ = found(replace(of, inside=inside), system, 0.4, 0.9)
+    assert pulse.end <= 0.9 + 1e-9
+
+
+def test_a_push_does_not_grow_into_a_named_one():
+    of = segments()
+    system = pushed(of, lambda t: FORCE * np.sin(2 * np.pi * t / 1.4) ** 2 * (t < 1.4))
+    push = ExternalPulse(rig(of.interval).joints[1], [Pulse(9, 0.5, 0.1, 0.55)])
+    named = [Pulse(9, 0.5, 0.6, 0.7)]
+    shape, _ = shaped(system, push, np.zeros(1), precise(of), of, rig(of.interval), named)
+    assert shape.pulses[0].end <= 0.6

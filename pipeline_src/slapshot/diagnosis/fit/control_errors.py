@@ -17,7 +17,8 @@ from slapshot.diagnosis.model.segments import Segments
 def control_errors(rig: Rig, segments: Segments, trajectory: Array, torque: Array) -> Array | None:
     """(S, L) process force over `torque`, as the sd of a force held for `FORCE_HOLD_S`; None for none.
 
-    It is the same share for all degrees of freedom: the rms over those that controls with such stamps drive.
+    It is the same share for all degrees of freedom: the rms over those that controls with such stamps drive,
+    by actuators of joints that have no state of their own.
 
     Args:
         rig: whose controls have stamps.
@@ -29,7 +30,10 @@ def control_errors(rig: Rig, segments: Segments, trajectory: Array, torque: Arra
     if error is None or not error[: model.nu].any():
         return None
     (S, L), after = segments.shape, segments.control()[:, :, -1, : model.nu]
-    before = np.concatenate([after[:, :1], after[:, :-1]], axis=1).reshape(S * L, -1)
+    n, first = segments.substeps, after[:, 0].copy()
+    for s in np.flatnonzero(segments.first > 0):
+        first[s] = segments.controls[segments.episode[s]][segments.first[s] * n - 1, : model.nu]
+    before = np.concatenate([first[:, None], after[:, :-1]], axis=1).reshape(S * L, -1)
     states, after = trajectory.reshape(S * L, -1), after.reshape(S * L, -1)
     held, impulse = actuator_torque(model, states, before, rig.load), np.zeros((S * L, model.nv))
     for k in np.flatnonzero(error[: model.nu]):

@@ -150,7 +150,7 @@ class Noise:
         )  # fmt: skip
 
     def elsewhere(self, rate: Array, order: Array, control_error: Array | None) -> "Noise":
-        """The noise for other segments with rates and errors of controls of their own, without outliers or pushes."""
+        """The noise of other segments, with their rates and errors of controls; no outliers or pushes."""
         return replace(
             self, weight=np.ones_like(rate), rate=rate, order=order, set_aside=None, push_error=None,
             control_error=control_error,

@@ -14,6 +14,7 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Linear, innovations
 from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.noise import Noise, fit_process_force, posterior_means
+from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.problem import fit_and_score, largest_law_error
 from slapshot.diagnosis.selection.pulses import (
@@ -73,8 +74,17 @@ def pushed_windows(fitter: Fitter, fit: Fit, noise: Noise) -> Array | None:
     seen, tangent = innovations(system, noise.covariances(fitter.segments.interval)), fitter.simulator.tangent
     values = posterior_means(seen, prior.at(noise))
     speed = fit.trajectory[..., tangent.nq : tangent.nq + tangent.nv]
-    share = _MAX_SHARE_BESIDE_LAWS if fit.hypothesis.effects else MAX_SHARE_SET_ASIDE
+    share = _MAX_SHARE_BESIDE_LAWS if _has_laws(fit.hypothesis) else MAX_SHARE_SET_ASIDE
     return windows_set_aside(system, values, speed, noise, fitter.segments, fitter.rig, share)
+
+
+def _has_laws(hypothesis: Hypothesis) -> bool:
+    """Whether anything was added to a model but pushes and its free parameters."""
+    free = set(hypothesis.rig.free)
+    return any(
+        not isinstance(e, ExternalPulse) and not free & {e.name, e.key, f"{e.name}@{e.part}"}
+        for e in hypothesis.effects
+    )
 
 
 def with_windows(step: Step, set_aside: Array | None, rng: np.random.Generator) -> Step:
@@ -130,7 +140,7 @@ def push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | No
     best = max(rivals, key=lambda rival: rival.gain, default=None)
     if best is None or best.gain < least_gain(step.scored):
         return None
-    # From here only what a constant push leaves is set aside.
+    # From here only what the shapes of pushes leave is set aside.
     fit, noise = best.fit, step.scored.residual_noise
     windows = pushed_windows(problem.fitter, fit, noise)
     if windows is not None and noise.set_aside is not None:
@@ -148,9 +158,11 @@ def refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
         return rivals
     for push, promise in pushes(step.scored.pulses, problem.segments, problem.rig_motion):
         if push.key not in present and promise > REFIT_MARGIN * leader:
+            fit = step.scored.fit
+            system, _ = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
             push, start = shaped(
-                step.scored.system, push, np.zeros(len(push.pulses)), step.scored.residual_noise,
-                problem.segments, problem.rig_motion,
+                system, push, np.zeros(len(push.pulses)), step.scored.residual_noise,
+                problem.segments, problem.rig_motion, _pulses_of(step, push.part),
             )  # fmt: skip
             refitted = _refitted_push(step, push, start)
             if refitted is None:
@@ -189,7 +201,8 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
     for push, force in found:
         # From about their forces: without any, friction may hold the joint, and motion tells of none.
         push, force = _with_edges_while_held(step, system, push, force)
-        push, start = shaped(system, push, force, noise, problem.segments, problem.rig_motion)
+        beside = _pulses_of(step, push.part)
+        push, start = shaped(system, push, force, noise, problem.segments, problem.rig_motion, beside)
         refitted = _refitted_push(step, push, start)
         if refitted is None:
             continue
@@ -232,7 +245,9 @@ def _joined_while_held(
         if pulses and pulses[-1].episode == pulse.episode and sizes[-1] * size > 0:
             own = (segments.ids[segments.episode] == pulse.episode)[:, None]
             between = own & (segments.time > pulses[-1].end) & (segments.time < pulse.begin)
-            if not between.any() or held[between].all():
+            gap = pulse.begin - pulses[-1].end
+            recorded = (between.sum() + 1.5) * segments.interval > gap
+            if recorded and held[between].all():
                 pulses[-1] = replace(pulses[-1], end=pulse.end)
                 sizes[-1] = max(sizes[-1], size, key=abs)
                 continue
@@ -288,6 +303,12 @@ def _best_edges(step: Step, joint: Joint, pulses: Sequence[Pulse], i: int, force
                         break
                     pulse, most = moved, found
     return pulse
+
+
+def _pulses_of(step: Step, part: str) -> list[Pulse]:
+    """Pushes of a joint that are named already."""
+    named = [e for e in step.hypothesis.effects if isinstance(e, ExternalPulse) and e.part == part]
+    return [pulse for effect in named for pulse in effect.pulses]
 
 
 def _largest_push(step: Step, part: str) -> float:

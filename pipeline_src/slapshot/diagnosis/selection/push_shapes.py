@@ -4,7 +4,7 @@ A hand, or a disturbance that is switched on slowly, pushes for seconds by a for
 for constant, it would be told as one push after another, each with the error of its shape, which hides laws.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,13 +20,20 @@ from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 _KNOTS = (3, 5, 9, 17)
 _ERRORS = (1.0, 0.1, 0.0)  # shares of the errors that shapes may have
+_ROUNDING_S = 1e-9
 _SHORTEST_S = 4 * WINDOW_S  # pushes below it stay constant
 # By how much edges are moved: where a force comes slowly, its first windows do not stand out.
 _MOVES_S = tuple(WINDOW_S * n for n in (-2, -1, 1, 2, 4, 8))
 
 
 def shaped(
-    system: Linear, push: ExternalPulse, start: Array, noise: Noise, segments: Segments, rig: RigMotion
+    system: Linear,
+    push: ExternalPulse,
+    start: Array,
+    noise: Noise,
+    segments: Segments,
+    rig: RigMotion,
+    known: Sequence[Pulse] = (),
 ) -> tuple[ExternalPulse, Array]:
     """Pushes with the shapes that explain most of a linear system, and about their values.
 
@@ -37,6 +44,7 @@ def shaped(
         noise: of the data; the windows of the pushes may be set aside.
         segments: data.
         rig: whose joint is pushed.
+        known: pushes of the joint in the hypothesis, into whose time none grows.
     """
     joint = next(joint for joint in rig.joints if joint.name == push.part)
     pulses, values = list[Pulse](), list[Array]()
@@ -47,7 +55,7 @@ def shaped(
             continue
         some = _about(pulse, segments)
         of = _Shapes(system.select(some), noise.select(some), segments.select(some), joint.v, joint.torque)
-        least, most = _between(pulse, push.pulses)
+        least, most = _between(pulse, [*push.pulses, *known])
         found, force = of.best(pulse, start[k : k + 1], least, most)
         pulses.append(found)
         values.append(force)
@@ -79,36 +87,33 @@ class _Shapes:
 
     def best(self, pulse: Pulse, start: Array, least: float, most: float) -> tuple[Pulse, Array]:
         """The best shape and about its values; the push as it is, and `start`, where that is constant."""
-        least = max(least, float(self._segments.time.min()))
-        most = min(most, float(self._segments.time.max()) + self._segments.interval)
+        times = self._segments.time[self._segments.inside]
+        least, most = max(least, float(times.min())), min(most, float(times.max()) + self._segments.interval)
         size = float(np.abs(start).max()) or float(np.abs(self._try(pulse, 0.0)[1]).max())
+
+        def better(of: Pulse, others: Iterable[Pulse]) -> Pulse:
+            allowed = [
+                other for other in others
+                if least <= other.begin < other.end <= most
+                and other.end - other.begin >= max((other.knots - 1) * WINDOW_S, _SHORTEST_S) - _ROUNDING_S
+            ]  # fmt: skip
+            return max([of, *allowed], key=lambda other: self._try(other, size)[0])
+
+        def with_knots(of: Pulse) -> list[Pulse]:
+            return [replace(of, knots=knots) for knots in _KNOTS]
+
+        # Edges first, then the comparison with a constant: between wrong edges knots may be worse.
+        shape, before = better(replace(pulse, knots=_KNOTS[0]), with_knots(pulse)), pulse
+        size = float(np.abs(self._try(shape, size)[1]).max())
+        while shape != before:
+            before = shape
+            shape = better(shape, [replace(shape, begin=shape.begin - move) for move in _MOVES_S])
+            shape = better(shape, [replace(shape, end=shape.end + move) for move in _MOVES_S])
+            shape = better(shape, with_knots(shape))
         self._prior = max(self._torque, size)
-        evidence, best = self._try(pulse, size)[0], (pulse, start)
-
-        def consider(other: Pulse) -> bool:
-            nonlocal evidence, best, size
-            if not least <= other.begin < other.end <= most or other.end - other.begin < _SHORTEST_S:
-                return False
-            found, values = self._try(other, size)
-            if found <= evidence:
-                return False
-            evidence, best, size = found, (other, values), float(np.abs(values).max())
-            return True
-
-        for knots in _KNOTS:
-            if (pulse.end - pulse.begin) / (knots - 1) >= WINDOW_S:
-                consider(replace(pulse, knots=knots))
-        if best[0].knots == 1:
-            return best
-        while any([
-            *[consider(replace(best[0], begin=best[0].begin - move)) for move in _MOVES_S],
-            *[consider(replace(best[0], end=best[0].end + move)) for move in _MOVES_S],
-        ]):  # fmt: skip
-            pass
-        for knots in _KNOTS:
-            if (best[0].end - best[0].begin) / (knots - 1) >= WINDOW_S:
-                consider(replace(best[0], knots=knots))
-        return best
+        if better(pulse, [shape]) == pulse:
+            return pulse, start
+        return shape, self._try(shape, size)[1]
 
     def _try(self, pulse: Pulse, size: float) -> tuple[float, Array]:
         """Log evidence of a push of about some size, and its values.

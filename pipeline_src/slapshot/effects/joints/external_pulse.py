@@ -103,7 +103,8 @@ class ExternalPulse(JointEffect):
         push = np.zeros(len(state.v))
         for pulse, own in self.by_pulse(values):
             during = np.abs(state.order - pulse.order) < _SAME_TIME_S
-            push[during] += pulse.shape(np.broadcast_to(state.time, during.shape)[during]) @ own
+            during &= (state.time > pulse.begin - _SAME_TIME_S) & (state.time < pulse.end)
+            push[during] += pulse.shape(state.time[during]) @ own
         return on_joint(self._joint, push, state.v.shape[1])
 
     def note(self, values: Array) -> str:
