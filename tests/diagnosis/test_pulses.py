@@ -18,6 +18,7 @@ from slapshot.diagnosis.selection.pulses import (
     scan,
     windows_set_aside,
 )
+from slapshot.diagnosis.selection.push_search import _joined_while_held
 from slapshot.effects.joints.effect import Joint, RigMotion, State
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
@@ -209,6 +210,40 @@ def test_the_shape_of_a_named_push_is_no_mismatch():
         sizes.append(np.mean(e[near] ** 2))
     assert sizes[0] > 5
     assert sizes[1] < 1.5
+
+
+def test_a_push_with_knots_errs_by_less_than_a_constant_one():
+    """By an interval between knots of its largest force; in the unit of a force held for `FORCE_HOLD_S`."""
+    of, joint = segments(), rig(0.01).joints[0]
+    both = []
+    for knots, values in ((1, np.array([2.0])), (5, np.array([0.0, 1.0, -2.0, 1.0, 0.0]))):
+        push = ExternalPulse(joint, [Pulse(9, 0.5, 0.3, 0.8, knots)])
+        both.append(push_error([(push, values)], np.ones(JOINTS), of, rig(0.01)))
+    assert both[0] is not None
+    assert both[1] is not None
+    assert both[0].max() == pytest.approx(0.4 * 2.0 * np.sqrt(0.05 / FORCE_HOLD_S))
+    assert both[1] == pytest.approx(both[0] / 4)
+
+
+def test_pushes_are_one_where_friction_holds_the_joint_between_them():
+    """Where it could have moved, another direction is pushed, or nothing was recorded, they are two."""
+    of, joint = segments(), rig(0.01).joints[0]
+    parts = Pulse(9, 0.5, 0.3, 0.5), Pulse(9, 0.5, 0.6, 0.9)
+    push, held = ExternalPulse(joint, parts), np.zeros(of.shape, bool)
+    gap = (of.episode == 1)[:, None] & (of.time > 0.495) & (of.time < 0.595)
+    for there, force, expected in (
+        (held | gap, [3.0, 5.0], [Pulse(9, 0.5, 0.3, 0.9)]),
+        (held | gap, [3.0, -5.0], list(parts)),
+        (held, [3.0, 5.0], list(parts)),
+    ):
+        whole, sizes = _joined_while_held(push, np.array(force), there, of)
+        assert list(whole.pulses) == expected
+        assert sizes == pytest.approx([5.0] if len(expected) == 1 else force)
+    some = np.flatnonzero(of.time[:, 0] < 0.4)
+    lost = of.select(some)  # from 0.5 s on
+    assert list(_joined_while_held(push, np.array([3.0, 5.0]), (held | gap)[some], lost)[0].pulses) == list(
+        parts
+    )
 
 
 def with_push_set_aside(system: Linear, of: Segments, force: float) -> Noise:
