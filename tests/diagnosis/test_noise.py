@@ -200,7 +200,7 @@ def test_jitter_of_the_sample_times_is_recovered():
         replace(of.system, r=y), replace(of.segments, y=y), replace(of.noise, jitter_s=jitter, rate=rate)
     )
     initial_point = initial_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))
-    initial_point = initial_point.elsewhere(rate, of.segments.order)
+    initial_point = initial_point.elsewhere(rate, of.segments.order, None)
     found = fit_noise(of.system, no_columns(), initial_point, of.segments, KINDS)
     errors = standard_errors(of, ("jitter_s", "white0", "white1"))
     assert np.all(off([found.jitter_s, *found.white], [jitter, *of.noise.white], errors) < 4)
@@ -387,7 +387,7 @@ def test_noise_that_grows_over_the_session_is_weighted(growth):
     variance = of.noise.white[0] ** 2 * (1 + 3 * size[:, 0] ** 2)
     np.testing.assert_allclose(found.usual_variance[:, 0, 0], variance, rtol=4 / np.sqrt(2400 / 2))
     assert found.growth[1] == pytest.approx(0.0, abs=4 / np.sqrt(2 * 2400 / 12))
-    elsewhere = found.elsewhere(np.zeros((2, 3, 2)), np.array([-0.5, 0.5]))
+    elsewhere = found.elsewhere(np.zeros((2, 3, 2)), np.array([-0.5, 0.5]), None)
     np.testing.assert_allclose(elsewhere.variance[:, 1], found.variance[[0, -1], 1], rtol=1e-9)
 
 

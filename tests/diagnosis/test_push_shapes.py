@@ -14,6 +14,7 @@ from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from .test_pulses import masses, noise, rig, segments
 
 FORCE = 3.0  # N
+JOINT = rig(0.01).joints[1]
 
 
 def precise(of: Segments) -> Noise:
@@ -37,8 +38,8 @@ def pushed(of: Segments, force: Callable[[np.ndarray], np.ndarray], seed: int = 
 
 
 def found(of: Segments, system: Linear, begin: float, end: float) -> tuple[Pulse, np.ndarray]:
-    push = ExternalPulse(rig(of.interval).joints[1], [Pulse(9, 0.5, begin, end)])
-    shape, values = shaped(system, push, np.zeros(1), precise(of), of, rig(of.interval))
+    push = ExternalPulse(JOINT, [Pulse(9, 0.5, begin, end)])
+    shape, values = shaped(system, push, np.zeros(1), precise(of), of, JOINT, [False])
     (pulse,) = shape.pulses
     assert len(values) == len(shape.parameters) == pulse.knots
     return pulse, values
@@ -82,8 +83,8 @@ def test_a_push_does_not_grow_into_another():
     of = segments()
     first, second = Pulse(9, 0.5, 0.1, 0.55), Pulse(9, 0.5, 0.6, 0.7)
     system = pushed(of, lambda t: FORCE * np.sin(2 * np.pi * t / 1.4) ** 2 * (t < 1.4))
-    push = ExternalPulse(rig(of.interval).joints[1], [first, second])
-    shape, values = shaped(system, push, np.zeros(2), precise(of), of, rig(of.interval))
+    push = ExternalPulse(JOINT, [first, second])
+    shape, values = shaped(system, push, np.zeros(2), precise(of), of, JOINT, [False, False])
     grown, beside = shape.pulses
     assert grown.knots > 1
     assert grown.end <= second.begin
@@ -127,7 +128,15 @@ def test_a_push_ends_with_its_episode():
 def test_a_push_does_not_grow_into_a_named_one():
     of = segments()
     system = pushed(of, lambda t: FORCE * np.sin(2 * np.pi * t / 1.4) ** 2 * (t < 1.4))
-    push = ExternalPulse(rig(of.interval).joints[1], [Pulse(9, 0.5, 0.1, 0.55)])
+    push = ExternalPulse(JOINT, [Pulse(9, 0.5, 0.1, 0.55)])
     named = [Pulse(9, 0.5, 0.6, 0.7)]
-    shape, _ = shaped(system, push, np.zeros(1), precise(of), of, rig(of.interval), named)
+    shape, _ = shaped(system, push, np.zeros(1), precise(of), of, JOINT, [False], named)
     assert shape.pulses[0].end <= 0.6
+
+
+def test_what_is_to_stay_constant_does():
+    of = segments()
+    system = pushed(of, lambda t: FORCE * np.sin(np.pi * t / 1.5) ** 2)
+    push = ExternalPulse(JOINT, [Pulse(9, 0.5, 0.3, 1.2)])
+    shape, values = shaped(system, push, np.array([2.5]), precise(of), of, JOINT, [True])
+    assert (shape.pulses, values.tolist()) == (push.pulses, [2.5])

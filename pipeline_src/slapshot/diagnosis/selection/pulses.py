@@ -28,7 +28,7 @@ _MAX_PUSHES = 40  # maximum number of pushes of a joint
 # Robust standard deviations beyond which a window's force is no part of the model's error, or beyond half of
 # which that of a window set aside before is none; largest share of windows, beyond which the model is wrong
 # rather than pushed; rounds, in which the spread decreases.
-_ENORMOUS_SD, MAX_SHARE_SET_ASIDE, SET_ASIDE_ROUNDS = 5.0, 0.1, 6
+_ENORMOUS_SD, _MAX_SHARE_SET_ASIDE, SET_ASIDE_ROUNDS = 5.0, 0.1, 6
 # Share of the largest force in adjacent windows set aside, below which the sign of a window's force is
 # uncertain, and of the rms torque of a joint, below which what acts where it turns around may be friction.
 _STRONG = 0.25
@@ -299,7 +299,7 @@ def windows_set_aside(
     noise: Noise,
     segments: Segments,
     rig: RigMotion,
-    max_share: float = MAX_SHARE_SET_ASIDE,
+    longest: float = 0.0,
 ) -> Array | None:
     """Further process force in the few windows of enormous pushes.
 
@@ -313,7 +313,7 @@ def windows_set_aside(
         noise: of the data; some windows may be set aside already.
         segments: data.
         rig: whose joints may be pushed.
-        max_share: of windows, beyond which these are no pushes.
+        longest: share of windows that one push may take beside the others.
 
     Returns:
         (S, L), 0 elsewhere; None where there are no such pushes, or too many to be pushes.
@@ -346,7 +346,18 @@ def windows_set_aside(
             at = _nodes_of(int(w), count, windows.nodes, segments.shape[1])
             size = before[s, at] if held[s, w] else _held_force(abs(force[s, w]), joint.v, noise, segments)
             further[s, at] = np.maximum(further[s, at], size)
-    return further if 0 < pushed.mean() <= max_share else None
+    one = min(_longest_run(pushed, segments) / pushed.size, longest)
+    return further if 0 < pushed.mean() <= _MAX_SHARE_SET_ASIDE + one else None
+
+
+def _longest_run(pushed: NDArray[np.bool_], segments: Segments) -> int:
+    """Most windows, of (S, windows), that follow each other without one that is not pushed."""
+    found = 0
+    for following in _in_a_row(segments):
+        there = np.flatnonzero(pushed[following].reshape(-1))
+        runs = np.split(there, np.flatnonzero(np.diff(there) > 1) + 1)
+        found = max(found, *map(len, runs))
+    return found
 
 
 def _continued(pushed: NDArray[np.bool_], held: NDArray[np.bool_]) -> NDArray[np.bool_]:

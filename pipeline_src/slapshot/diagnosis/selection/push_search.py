@@ -18,7 +18,6 @@ from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.problem import fit_and_score, largest_law_error
 from slapshot.diagnosis.selection.pulses import (
-    MAX_SHARE_SET_ASIDE,
     WINDOW_S,
     pushes,
     pushes_set_aside,
@@ -45,8 +44,7 @@ _LEAST_PUSH = 0.1  # share of a joint's largest push
 # Edges of pushes while friction holds a joint: share of its response to a force below which it is held; how
 # near an edge that must be; moves that are tried; rounds of fits.
 _HELD, _NEAR_EDGE_S, _EDGE_STEPS_S, _EDGE_ROUNDS = 0.5, 0.01, (0.04, 0.01, 0.005), 6
-# Largest share of windows that stand out beside laws that explain the others.
-_MAX_SHARE_BESIDE_LAWS = 0.3
+_LONGEST_SHARE = 0.2  # of windows, which one push may take where laws explain the others
 _ANY_FORCE = 30.0  # factor on the process force of windows set aside, in which any force may act then
 
 
@@ -74,8 +72,8 @@ def pushed_windows(fitter: Fitter, fit: Fit, noise: Noise) -> Array | None:
     seen, tangent = innovations(system, noise.covariances(fitter.segments.interval)), fitter.simulator.tangent
     values = posterior_means(seen, prior.at(noise))
     speed = fit.trajectory[..., tangent.nq : tangent.nq + tangent.nv]
-    share = _MAX_SHARE_BESIDE_LAWS if _has_laws(fit.hypothesis) else MAX_SHARE_SET_ASIDE
-    return windows_set_aside(system, values, speed, noise, fitter.segments, fitter.rig, share)
+    longest = _LONGEST_SHARE if _has_laws(fit.hypothesis) else 0.0
+    return windows_set_aside(system, values, speed, noise, fitter.segments, fitter.rig, longest)
 
 
 def _has_laws(hypothesis: Hypothesis) -> bool:
@@ -160,10 +158,7 @@ def refitted_pushes(step: Step, leader: float, report: Report) -> list[Rival]:
         if push.key not in present and promise > REFIT_MARGIN * leader:
             fit = step.scored.fit
             system, _ = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
-            push, start = shaped(
-                system, push, np.zeros(len(push.pulses)), step.scored.residual_noise,
-                problem.segments, problem.rig_motion, _pulses_of(step, push.part),
-            )  # fmt: skip
+            push, start = _shaped(step, system, push, np.zeros(len(push.pulses)))
             refitted = _refitted_push(step, push, start)
             if refitted is None:
                 continue
@@ -201,8 +196,7 @@ def _refitted_set_aside(step: Step, system: Linear, report: Report) -> list[Riva
     for push, force in found:
         # From about their forces: without any, friction may hold the joint, and motion tells of none.
         push, force = _with_edges_while_held(step, system, push, force)
-        beside = _pulses_of(step, push.part)
-        push, start = shaped(system, push, force, noise, problem.segments, problem.rig_motion, beside)
+        push, start = _shaped(step, system, push, force)
         refitted = _refitted_push(step, push, start)
         if refitted is None:
             continue
@@ -226,14 +220,31 @@ def _with_edges_while_held(
         return push, force
     problem = step.problem
     joint = next(joint for joint in problem.rig_motion.joints if joint.name == push.part)
-    free = np.linalg.norm(system.process[..., joint.v], axis=-1)
-    held = np.linalg.norm(system.B[..., joint.v], axis=-1) < _HELD * free
+    held = _held(system, joint)
     push, force = _joined_while_held(push, force, held, problem.segments)
     pulses = list(push.pulses)
     for i in range(len(pulses)):
         if _near_an_edge(held, pulses[i], problem.segments):
             pulses[i] = _best_edges(step, joint, pulses, i, float(force[i]))
     return ExternalPulse(joint, pulses), force
+
+
+def _held(system: Linear, joint: Joint) -> NDArray[np.bool_]:
+    """(S, L) nodes at which friction holds a joint."""
+    free = np.linalg.norm(system.process_force[..., joint.v], axis=-1)
+    return np.asarray(np.linalg.norm(system.B[..., joint.v], axis=-1) < _HELD * free)
+
+
+def _shaped(step: Step, system: Linear, push: ExternalPulse, force: Array) -> tuple[ExternalPulse, Array]:
+    """See `shaped`; those that begin or end while friction holds the joint stay: it tells nothing of them."""
+    problem, named = step.problem, list[Pulse]()
+    for effect in step.hypothesis.effects:
+        if isinstance(effect, ExternalPulse) and effect.part == push.part:
+            named += effect.pulses
+    joint = next(joint for joint in problem.rig_motion.joints if joint.name == push.part)
+    held = _held(system, joint)
+    constant = [_near_an_edge(held, pulse, problem.segments) for pulse in push.pulses]
+    return shaped(system, push, force, step.scored.residual_noise, problem.segments, joint, constant, named)
 
 
 def _joined_while_held(
@@ -303,12 +314,6 @@ def _best_edges(step: Step, joint: Joint, pulses: Sequence[Pulse], i: int, force
                         break
                     pulse, most = moved, found
     return pulse
-
-
-def _pulses_of(step: Step, part: str) -> list[Pulse]:
-    """Pushes of a joint that are named already."""
-    named = [e for e in step.hypothesis.effects if isinstance(e, ExternalPulse) and e.part == part]
-    return [pulse for effect in named for pulse in effect.pulses]
 
 
 def _largest_push(step: Step, part: str) -> float:

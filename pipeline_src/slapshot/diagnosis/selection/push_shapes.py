@@ -15,7 +15,7 @@ from slapshot.diagnosis.fit.filter import Linear, innovations
 from slapshot.diagnosis.fit.noise import Noise, marginal_likelihood, posterior_means
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.pulses import WINDOW_S, shape_error
-from slapshot.effects.joints.effect import RigMotion
+from slapshot.effects.joints.effect import Joint
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 _KNOTS = (3, 5, 9, 17)
@@ -32,8 +32,9 @@ def shaped(
     start: Array,
     noise: Noise,
     segments: Segments,
-    rig: RigMotion,
-    known: Sequence[Pulse] = (),
+    joint: Joint,
+    constant: Sequence[bool],
+    named: Sequence[Pulse] = (),
 ) -> tuple[ExternalPulse, Array]:
     """Pushes with the shapes that explain most of a linear system, and about their values.
 
@@ -43,19 +44,19 @@ def shaped(
         start: (pulses,) about their forces; 0 where nothing is known.
         noise: of the data; the windows of the pushes may be set aside.
         segments: data.
-        rig: whose joint is pushed.
-        known: pushes of the joint in the hypothesis, into whose time none grows.
+        joint: that is pushed.
+        constant: (pulses,) which of them stay constant.
+        named: pushes of the joint in the hypothesis, into whose time none grows.
     """
-    joint = next(joint for joint in rig.joints if joint.name == push.part)
     pulses, values = list[Pulse](), list[Array]()
     for k, pulse in enumerate(push.pulses):
-        if pulse.end - pulse.begin < _SHORTEST_S:
+        if constant[k] or pulse.end - pulse.begin < _SHORTEST_S:
             pulses.append(pulse)
             values.append(start[k : k + 1])
             continue
         some = _about(pulse, segments)
         of = _Shapes(system.select(some), noise.select(some), segments.select(some), joint.v, joint.torque)
-        least, most = _between(pulse, [*push.pulses, *known])
+        least, most = _between(pulse, [*push.pulses, *named])
         found, force = of.best(pulse, start[k : k + 1], least, most)
         pulses.append(found)
         values.append(force)
