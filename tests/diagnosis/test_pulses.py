@@ -212,6 +212,24 @@ def test_the_shape_of_a_named_push_is_no_mismatch():
     assert sizes[1] < 1.5
 
 
+def test_one_long_push_may_be_set_aside_beside_laws():
+    """Of half a second, over two segments: a sixth of all windows, too much to be pushed where laws lack."""
+    of = segments()
+    system = masses(of, np.random.default_rng(8), (1, 1, 0.7, 1.2, 60.0))
+    covering = replace(noise(of), force=3.0)
+    for longest, found in ((0.0, False), (0.05, False), (0.2, True)):
+        windows = windows_set_aside(system, NONE, MOVING, covering, of, rig(0.01), longest)
+        assert (windows is not None) == found
+    assert windows is not None
+    pushed = (of.episode == 1)[:, None] & (of.time > 0.7 - 1e-9) & (of.time < 1.2 - 1e-9)
+    assert (windows[pushed] > 0).all()
+    assert np.mean(windows > 0) <= 0.2  # and a window before and after
+    # Twice as many in two pushes are too many again.
+    twice = masses(of, np.random.default_rng(8), (1, 1, 0.7, 1.2, 60.0)).r
+    both = replace(system, r=np.concatenate([twice[3:], twice[3:]]))
+    assert windows_set_aside(both, NONE, MOVING, covering, of, rig(0.01), 0.2) is None
+
+
 def test_a_push_with_knots_errs_by_less_than_a_constant_one():
     """By an interval between knots of its largest force; in the unit of a force held for `FORCE_HOLD_S`."""
     of, joint = segments(), rig(0.01).joints[0]
