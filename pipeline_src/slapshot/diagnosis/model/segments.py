@@ -255,10 +255,12 @@ def segment_recording(
 
 def _stamp_error(recording: SignalRecording, rig: Rig, interval: float) -> Array | None:
     """See `Segments`; from how the intervals of a clock of controls scatter that is meant to be regular."""
+    clocks = {c.channel: recording.channels[c.channel].clock for c in rig.controls if c.channel is not None}
+    sampled = {clock: clock_sampling(recording, clock) for clock in set(clocks.values())}
     error = np.zeros(len(rig.controls))
     for k, control in enumerate(rig.controls):
         if control.channel is not None:
-            found = clock_sampling(recording, recording.channels[control.channel].clock)
+            found = sampled[clocks[control.channel]]
             if _REGULAR < found.jitter < _UNEVEN:
                 # Of several changes in an interval each errs by itself.
                 changes = max(1.0, interval / found.interval_s)

@@ -128,7 +128,7 @@ def push_error(
 
 
 def shape_error(pulse: Pulse, largest: float, segments: Segments) -> Array:
-    """(S, L) by which a push may differ from its shape, in the unit of a force, as if held for `HELD_S`.
+    """(S, L) by which a push may differ from its shape, as the sd of a force held for `FORCE_HOLD_S`.
 
     Args:
         pulse: push.
@@ -261,21 +261,11 @@ def _forces_set_aside(
     strength = np.abs(windows.score) / np.sqrt(information)
     own = strength == strength.max(-1, keepdims=True)
     force = np.where(own & set_aside[..., None], forces, 0.0)
-    for following in _in_a_row(segments):
+    for following in segments.runs():
         for j in range(force.shape[-1]):
             whole = _with_signs_of_strong(force[following, :, j].reshape(-1))
             force[following, :, j] = whole.reshape(len(following), -1)
     return force
-
-
-def _in_a_row(segments: Segments) -> list[NDArray[np.intp]]:
-    """Indices of segments that follow each other without a gap, in the order of time."""
-    begin = segments.time[:, 0]
-    order = np.lexsort((begin, segments.episode))
-    end = begin + segments.shape[1] * segments.interval
-    gap = np.abs(begin[order[1:]] - end[order[:-1]]) > _ROUNDING_S
-    gap |= segments.episode[order[1:]] != segments.episode[order[:-1]]
-    return np.split(order, np.flatnonzero(gap) + 1)
 
 
 def _with_signs_of_strong(force: Array) -> Array:
@@ -353,7 +343,7 @@ def windows_set_aside(
 def _longest_run(pushed: NDArray[np.bool_], segments: Segments) -> int:
     """Most windows, of (S, windows), that follow each other without one that is not pushed."""
     found = 0
-    for following in _in_a_row(segments):
+    for following in segments.runs():
         there = np.flatnonzero(pushed[following].reshape(-1))
         runs = np.split(there, np.flatnonzero(np.diff(there) > 1) + 1)
         found = max(found, *map(len, runs))
