@@ -539,6 +539,9 @@ def test_of_a_push_with_knots_the_largest_force_is_told():
     assert "push 0, largest at 2.10 s 9.0 N (8.1 to 9.9); push 1 4.00 N (3.60 to 4.40)" in lines
     assert "| push 1 | 4.00 N (3.60 to 4.40) |" in page
     assert "1.20 s" not in page + lines
+    said = "comes and goes: `verdict.json` lists its force at evenly spaced times"
+    assert said in page
+    assert said not in markdown(FOUND)
 
 
 def test_what_else_a_law_is_called_is_told():

@@ -148,6 +148,11 @@ def _what(verdict: Verdict, augmented: bool) -> list[str]:
         if effect.gain_nats:
             text += f" raises the log evidence by {effect.gain_nats:.1f} nats"
         parts += [f"{text}.", _parameters(effect)]
+        if len(shown(effect)) < len(effect.parameters):
+            parts.append(
+                "A push of which the largest force is given comes and goes: `verdict.json` lists its force "
+                "at evenly spaced times, between which it is linear."
+            )
         parts += [_state(effect)] if _state(effect) else []
         parts += [f"This is the same as {escaped(effect.same_as)}."] if effect.same_as else []
         if effect.rivals:
