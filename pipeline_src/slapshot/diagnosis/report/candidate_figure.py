@@ -114,7 +114,9 @@ def _draw(axes: Axes, table: pd.DataFrame) -> None:
     axes.set_ylim(-0.7, max(len(table), 4) - 0.3)
     axes.locator_params(axis="x", nbins=5)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(f"log evidence over the {'model before' if refitted else 'nominal model'} (nats)")
+    over = "model before" if refitted else "nominal model"
+    # It may be longer than the axis: to the left there is room, beneath the names.
+    axes.set_xlabel(f"log evidence over the {over} (nats)", loc="right")
 
 
 def _short(name: str) -> str:
