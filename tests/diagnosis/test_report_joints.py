@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,7 +31,7 @@ from slapshot.diagnosis.report.presentation import (
     rivals_text,
     scaled,
 )
-from slapshot.diagnosis.report.residuals import added_force, binned, misfit, variables
+from slapshot.diagnosis.report.residuals import added_force, binned, by_variable, misfit, variables
 from slapshot.diagnosis.report.terminal import terminal_text
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
@@ -319,6 +320,23 @@ def test_binned_means_and_their_intervals():
     np.testing.assert_allclose([row["low"], row["high"]], [3 - half, 3 + half])
     value[2] = np.nan
     assert binned(at[:4], value[:4], segment[:4], np.array([0.0, 1.0])).empty
+    (row,) = binned(at[:4], value[:4], segment[:4], np.array([0.0, 1.0]), fewest=1).to_dict("records")
+    np.testing.assert_allclose([row["value"], row["low"], row["high"]], [(1 + 3 + 6) / 3, np.nan, np.nan])
+
+
+def test_over_the_time_of_a_single_episode_means_have_no_intervals(made):
+    """No two of its segments meet in a bin; several episodes do."""
+    outcome = made["friction"].outcome
+    found = misfit(outcome, "nominal")
+    (swing,) = coordinates(outcome.rig.model)
+    segments = outcome.search.nominal.problem.segments
+    one = np.flatnonzero(segments.episode == segments.episode[0])
+    alone = replace(found, force=np.where(np.isin(found.segment, one)[:, None], found.force, np.nan))
+    for of, spread in ((found, True), (alone, False)):
+        table = by_variable(outcome, swing, "time", lambda one: one.force[:, 0], {"nominal": of})
+        assert len(table) > 3
+        assert np.isfinite(table["value"]).all()
+        assert np.isfinite(table[["low", "high"]]).to_numpy().all() == spread
 
 
 def test_motion_that_is_drawn_is_that_which_was_predicted_and_recorded(made):

@@ -24,8 +24,9 @@ CAPTION = (
     "What the model misses along the motions that took part in fitting: the force that a smoother needs to "
     "make it follow the recording, or the error of the readings that is left without one; errors of the "
     "model's time step are taken out. Means over bins with 90 % intervals from the spread between half "
-    "seconds. Left: joint by joint in the course of the episode. Right: over the variable that the mismatch "
-    "follows (over velocity where nothing is missing); pale thick line: the force that was found."
+    "seconds, or without intervals where no three of these meet in a bin. Left: joint by joint in the "
+    "course of the episode. Right: over the variable that the mismatch follows (over velocity where nothing "
+    "is missing); pale thick line: the force that was found."
 )
 _MAX_SHOWN = 8  # joints that are shown
 _AXIS = {
@@ -141,7 +142,7 @@ def _over(
 
 def _draw(axes: Axes, table: pd.DataFrame, unit: str, *, small: bool) -> str:
     """Points with intervals, a colour a model; returns the unit."""
-    size = float(np.abs(table[["low", "high"]].to_numpy()).max(initial=0.0))
+    size = float(np.nanmax(np.abs(table[["value", "low", "high"]].to_numpy()), initial=0.0))
     readable, factor = scaled(unit, size)
     axes.axhline(0, color="black", lw=0.8)
     for model_name, rows in table.groupby("model", sort=False):

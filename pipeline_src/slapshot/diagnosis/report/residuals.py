@@ -23,7 +23,7 @@ _FORCE = 0.2  # process force as a share of the torque that moves each joint
 _ROUNDS = 2
 _END = 0.12  # share of a segment at either end, where a force is poorly determined
 _BINS = 16
-_MIN_SEGMENTS = 3  # segments in a bin
+_MIN_SEGMENTS = 3  # segments in a bin with an interval
 
 
 @dataclass(frozen=True)
@@ -116,17 +116,21 @@ def _torque(outcome: Outcome) -> Array:
     return step.problem.fitter.linearise(fit.hypothesis, fit.theta, fit.trajectory).torque
 
 
-def binned(at: Array, value: Array, segment: NDArray[np.intp], edges: Array) -> pd.DataFrame:
-    """Mean with its 90 % interval in each bin; bins that few segments reach are left out.
+def binned(
+    at: Array, value: Array, segment: NDArray[np.intp], edges: Array, fewest: int = _MIN_SEGMENTS
+) -> pd.DataFrame:
+    """Mean with its 90 % interval in each bin; bins that too few segments reach are left out.
 
     Args:
         at: (n,) variable.
         value: (n,) what is averaged; NaN where there is none.
         segment: (n,) index of the segment.
         edges: (bins + 1,) increasing.
+        fewest: segments in a bin that is not left out.
 
     Returns:
-        Columns at (mean of the variable), value, low, high.
+        Columns at (mean of the variable), value, low, high; the last two are NaN where segments are too few
+        for an interval.
     """
     there = np.isfinite(value) & (at >= edges[0]) & (at <= edges[-1])
     at, value, segment = at[there], value[there], segment[there]
@@ -136,13 +140,15 @@ def binned(at: Array, value: Array, segment: NDArray[np.intp], edges: Array) -> 
         own = which == k
         _, of = np.unique(segment[own], return_inverse=True)
         count = len(np.bincount(of)) if own.any() else 0
-        if count < _MIN_SEGMENTS:
+        if count < fewest:
             continue
         weight = np.bincount(of).astype(float)
         means = np.bincount(of, value[own]) / weight
         mean = float(np.average(means, weights=weight))
-        variance = np.sum((weight * (means - mean)) ** 2) / weight.sum() ** 2 * count / (count - 1)
-        half = Z90 * float(np.sqrt(variance))
+        half = np.nan
+        if count >= _MIN_SEGMENTS:
+            variance = np.sum((weight * (means - mean)) ** 2) / weight.sum() ** 2 * count / (count - 1)
+            half = Z90 * float(np.sqrt(variance))
         rows.append({"at": float(at[own].mean()), "value": mean, "low": mean - half, "high": mean + half})
     return pd.DataFrame(rows, columns=["at", "value", "low", "high"])
 
@@ -169,6 +175,8 @@ def by_variable(
 ) -> pd.DataFrame:
     """Binned means of each model's misfit over one variable; one row for each model and bin.
 
+    Where segments do not meet in any bin, as over the time of a single episode, means have no intervals.
+
     Args:
         outcome: of the diagnosis.
         coordinate: whose variable it is.
@@ -177,12 +185,18 @@ def by_variable(
         by_model: misfit of each model.
     """
     at = variables(outcome, coordinate)[variable]
-    for bins in (_BINS, _BINS // 2, _BINS // 4):  # fewer where segments hardly meet in one
+
+    def tables(bins: int, fewest: int) -> list[pd.DataFrame]:
         edges = edges_of(at, variable, bins)
-        tables = [
-            binned(at, of(misfit), misfit.segment, edges).assign(model=model_name)
+        return [
+            binned(at, of(misfit), misfit.segment, edges, fewest).assign(model=model_name)
             for model_name, misfit in by_model.items()
         ]
-        if min(map(len, tables)) >= bins / 2:
+
+    for bins in (_BINS, _BINS // 2, _BINS // 4):  # fewer where segments hardly meet in one
+        found = tables(bins, _MIN_SEGMENTS)
+        if min(map(len, found)) >= bins / 2:
             break
-    return pd.concat(tables, ignore_index=True)
+    if not any(map(len, found)):
+        found = tables(_BINS, 1)
+    return pd.concat(found, ignore_index=True)
