@@ -339,6 +339,17 @@ def test_over_the_time_of_a_single_episode_means_have_no_intervals(made):
         assert np.isfinite(table[["low", "high"]]).to_numpy().all() == spread
 
 
+def test_refitted_values_that_predict_worse_are_said_to():
+    said = (
+        "Refitted, the nominal model's free parameters predict joint position worse than as they were given"
+    )
+    assert said not in markdown(FOUND)
+    worse = fits(nominal=0.031, refitted=0.33, augmented=0.004, noise_floor=0.001)
+    assert said in markdown(FOUND.model_copy(update={"fit": worse}))
+    # Without free parameters nothing was refitted.
+    assert said not in markdown(FOUND.model_copy(update={"fit": worse, "nominal_parameters": []}))
+
+
 def test_motion_that_is_drawn_is_that_which_was_predicted_and_recorded(made):
     outcome = made["friction"].outcome
     every = np.arange(outcome.windows.shape[0])

@@ -228,11 +228,21 @@ def _errors(verdict: Verdict) -> list[str]:
         )
     else:
         why = ""
+    worse = [
+        kind
+        for kind in kinds
+        if "refitted" in models and fit.refitted.rms[kind].low > _ABOVE * fit.nominal.rms[kind].high
+    ]
+    if worse:
+        why += (
+            f" Refitted, the nominal model's free parameters predict {escaped(listed(worse))} worse than as "
+            "they were given: they may stand in for what is missing."
+        )
     return [
         f"Windows of {fit.window_s:.2g} s are predicted from the data before them and the recorded controls. "
         f"Root mean square errors, {escaped('; '.join(errors_by_kind))}.",
         markdown_table(["model", *heads, "log-likelihood (nats a window)"], rows),
-        *([why] if why else []),
+        *([why.strip()] if why else []),
     ]
 
 
