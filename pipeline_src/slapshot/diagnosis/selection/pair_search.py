@@ -103,7 +103,9 @@ def pair_step(
 def _simplest_pair(
     before: Step, found: Sequence[tuple["_Pair", Rival]], noise: Noise
 ) -> tuple[JointEffect, Rival]:
-    """The best pair of some, best first, or a simpler one: its first effect, and the second as a rival.
+    """The best pair of some, best first, or one that explains more under its noise, or is simpler.
+
+    Its first effect, and the second as a rival.
 
     Those that have an effect in common with the best one are fitted under its noise, about its trajectory: by
     itself each may have stopped on the way.
@@ -121,7 +123,9 @@ def _simplest_pair(
         theta = np.concatenate([of[e.key] for e in hypothesis.effects])
         again = problem.fitter.fit(hypothesis, theta, rival.fit.trajectory, noise)
         gain = again.log_evidence - least_worth(noise.set_aside, problem.segments) - level
-        if (again.moved >= _MAX_MOVED_SD or gain < alone.gain) and hypothesis == alone.fit.hypothesis:
+        lower = gain < alone.gain and (alone.fit.settled or not again.settled)
+        worse = again.moved >= _MAX_MOVED_SD or lower
+        if worse and hypothesis == alone.fit.hypothesis:
             return replace(alone, effect=effect)
         return Rival(effect, gain, again)
 
@@ -131,13 +135,12 @@ def _simplest_pair(
             continue
         whole = refitted(best, rival, common)
         rivals = [refitted(pair, other, common) for pair, other in others]
-        tied = [
-            one for one in rivals
-            if one.fit.moved < _MAX_MOVED_SD and one.gain > whole.gain - least_gain(before.scored)
-        ]  # fmt: skip
-        simpler = simplest(before, [whole, *tied])
-        if simpler is not whole:
-            return common, _relative_to(before, simpler)
+        moving = [one for one in rivals if one.fit.moved < _MAX_MOVED_SD]
+        leader = max([whole, *moving], key=lambda one: one.gain)
+        tied = [one for one in (whole, *moving) if one.gain > leader.gain - least_gain(before.scored)]
+        chosen = simplest(before, sorted(tied, key=lambda one: -one.gain))
+        if chosen is not whole:
+            return common, _relative_to(before, chosen)
     return best.first, _relative_to(before, rival)
 
 

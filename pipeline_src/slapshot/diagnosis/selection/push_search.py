@@ -19,6 +19,7 @@ from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.problem import fit_and_score, largest_law_error
 from slapshot.diagnosis.selection.pulses import (
     WINDOW_S,
+    least_worth,
     pushes,
     pushes_set_aside,
     window_nodes,
@@ -72,11 +73,11 @@ def pushed_windows(fitter: Fitter, fit: Fit, noise: Noise) -> Array | None:
     seen, tangent = innovations(system, noise.covariances(fitter.segments.interval)), fitter.simulator.tangent
     values = posterior_means(seen, prior.at(noise))
     speed = fit.trajectory[..., tangent.nq : tangent.nq + tangent.nv]
-    longest = _LONGEST_SHARE if _has_laws(fit.hypothesis) else 0.0
+    longest = _LONGEST_SHARE if has_laws(fit.hypothesis) else 0.0
     return windows_set_aside(system, values, speed, noise, fitter.segments, fitter.rig, longest)
 
 
-def _has_laws(hypothesis: Hypothesis) -> bool:
+def has_laws(hypothesis: Hypothesis) -> bool:
     """Whether anything was added to a model but pushes and its free parameters."""
     free = set(hypothesis.rig.free)
     return any(
@@ -96,6 +97,12 @@ def with_windows(step: Step, set_aside: Array | None, rng: np.random.Generator) 
 def has_windows_set_aside(step: Step) -> bool:
     """Whether there are windows with a larger process force of their own."""
     return step.scored.noise.set_aside is not None
+
+
+def worth_of_set_aside(step: Step) -> float:
+    """Nats by which the windows set aside are worth their number; what pushes in them may gain."""
+    own = step.scored.fit.log_evidence - least_worth(step.scored.noise.set_aside, step.problem.segments)
+    return own - _evidence_without_set_aside(step)
 
 
 def gain_elsewhere(step: Step, rival: Rival) -> float:

@@ -19,10 +19,12 @@ from slapshot.diagnosis.selection.pair_search import pair_step
 from slapshot.diagnosis.selection.problem import Problem, fit_and_score
 from slapshot.diagnosis.selection.push_search import (
     gain_elsewhere,
+    has_laws,
     has_windows_set_aside,
     push_step,
     refitted_pushes,
     with_windows,
+    worth_of_set_aside,
 )
 from slapshot.diagnosis.selection.simplest import simplest
 from slapshot.diagnosis.selection.steps import (
@@ -72,7 +74,7 @@ def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Rep
     if not nominal.scored.fit.settled:
         return Search((nominal,), tuple(free))
     steps, by_laws, by_structure = _forward_search([nominal], rng, report)
-    if has_windows_set_aside(steps[-1]) and not any(isinstance(step.added, ExternalPulse) for step in steps):
+    if has_windows_set_aside(steps[-1]) and not any(map(_is_push, steps)):
         report("what was set aside is no push: on with it")
         if len(steps) == 1:
             steps = [nominal_step(motion, rng, may_set_aside=False)]
@@ -96,7 +98,7 @@ def _forward_search(
     """These steps and more until nothing is significant, `Search.by_laws` and `Search.by_structure`.
 
     Where windows are set aside, since enormous forces act in them, laws are found without them first; then
-    the pushes are added.
+    the pushes are added, before laws that gain less than the windows are worth.
     """
     steps, by_laws, by_structure = list(steps), list[Step](), list[Step]()
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MAX_EFFECTS:
@@ -104,11 +106,18 @@ def _forward_search(
         try:
             single = _forward_step(steps[-1], rng, report)
             before = steps[-1]
+            if has_windows_set_aside(before) and single is not None and _is_push(single):
+                steps.append(single)
+                continue
             if single is None or single.test.p_value < P_VALUE or has_windows_set_aside(before):
                 before, more = pair_step(before, single, rng, report)
             steps[-1], more = before, more or ([] if single is None else [single])
             split = any(effect.hidden_state for effect in before.hypothesis.effects)
-            if len(steps) <= _STRUCTURE_STEPS and not split and _much_is_left(more[-1] if more else before):
+            if (
+                sum(not _is_push(step) for step in steps) <= _STRUCTURE_STEPS
+                and not split
+                and _much_is_left(more[-1] if more else before)
+            ):
                 structure = structural_step(before, more, rng, report)
                 gained = sum(step.gain for step in more) + EQUIVALENCE_NATS
                 if structure is not None and structure.gain >= gained:
@@ -129,6 +138,18 @@ def _forward_search(
     except np.linalg.LinAlgError:
         report("a refit with pushes diverges: the search ends")
     return steps, by_laws, by_structure
+
+
+def _is_push(step: Step) -> bool:
+    """Whether a step added pushes."""
+    return isinstance(step.added, ExternalPulse)
+
+
+def _pushes_come_first(step: Step, rivals: Sequence[Rival]) -> bool:
+    """Whether laws are found, and windows set aside are worth more than any further candidate gains."""
+    if not (has_windows_set_aside(step) and has_laws(step.hypothesis)):
+        return False
+    return worth_of_set_aside(step) > max([least_gain(step.scored), *(rival.gain for rival in rivals)])
 
 
 def _much_is_left(step: Step) -> bool:
@@ -187,6 +208,8 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
     if not has_windows_set_aside(step):
         rivals += refitted_pushes(step, max((rival.gain for rival in rivals), default=0.0), report)
     rivals.sort(key=lambda rival: -rival.gain)
+    if _pushes_come_first(step, rivals) and (pushed := push_step(step, rng, report)) is not None:
+        return pushed
     while rivals and rivals[0].gain >= threshold and gain_elsewhere(step, rivals[0]) < threshold:
         report(f"not added: {rivals[0].effect.key}, which explains but what was set aside")
         rivals.pop(0)

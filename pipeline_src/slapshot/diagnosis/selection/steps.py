@@ -284,10 +284,14 @@ def step_to(
     rng: np.random.Generator,
 ) -> Step:
     """The step that adds an effect, from a fit with it."""
-    noise, near = step.scored.noise, True
+    noise, first = step.scored.noise, None
     if fit.log_evidence > step.scored.fit.log_evidence + _DISTANT_NATS:
         # The noise was that of a model which explains far less, and so was the trajectory.
         first = fit_with_noise(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise)
-        fit, noise, near = first.fit, first.noise, False
+        fit, noise = first.fit, first.noise
+    near = first is None
     scored, of = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=near)
+    if first is not None and scored.fit.log_evidence < fit.log_evidence:
+        # With other process force and law errors it went to a lower optimum; scores are about the first one.
+        scored = replace(scored, fit=fit, residual_noise=first.residual_noise)
     return Step(step.problem, scored, mismatch_and_push_test(scored, of, rng), effect, gain, tuple(rivals))

@@ -43,14 +43,14 @@ def structural_step(
             statistic[effect.part] = max(statistic[effect.part], float(value))
     parts = sorted(statistic, key=lambda part: -statistic[part])[:_JOINTS]
     # All are fitted by shooting to the same segments under the same noise, including the rival.
-    own = rival.scored.fit
+    own, some = rival.scored.fit, _segment_subset(problem, scored.noise)
     law = _shooting_fit(
         rival.problem,
         own.hypothesis,
         own.theta,
         own.trajectory,
         _white_equivalent(scored.noise),
-        _segment_subset(problem),
+        some,
     )
     candidates: list[StructuralFit] = []
     for effect in problem.catalogue:
@@ -61,7 +61,7 @@ def structural_step(
         if candidate is not None:
             candidates.append(candidate)
     candidates.sort(key=lambda candidate: -candidate.fit.log_evidence)
-    candidates = [_converged(candidate, _segment_subset(problem)) for candidate in candidates[:_MOST_WHOLE]]
+    candidates = [_converged(candidate, some) for candidate in candidates[:_MOST_WHOLE]]
     candidates.sort(key=lambda candidate: -candidate.fit.log_evidence)
     if not candidates or candidates[0].fit.log_evidence < law.log_evidence - _MARGIN:
         return None
@@ -136,7 +136,9 @@ def _fit_structure(before: Step, effect: JointEffect, report: Report) -> Structu
         effect,
         moved,
         theta,
-        _shooting_fit(moved, hypothesis, theta, moved.trajectory, noise, _segment_subset(problem)),
+        _shooting_fit(
+            moved, hypothesis, theta, moved.trajectory, noise, _segment_subset(problem, scored.noise)
+        ),
         noise,
         own,
     )
@@ -198,9 +200,13 @@ def _undeflected(problem: Problem, fit: Fit, noise: Noise) -> tuple[Array, Array
     return trajectory, initial
 
 
-def _segment_subset(problem: Problem) -> NDArray[np.intp]:
-    S = problem.segments.shape[0]
-    return np.unique(np.linspace(0, S - 1, min(S, _SEGMENTS)).astype(int))
+def _segment_subset(problem: Problem, noise: Noise) -> NDArray[np.intp]:
+    """Some segments; where there are enough, without windows set aside: shooting knows no force in these."""
+    some = np.arange(problem.segments.shape[0])
+    if noise.set_aside is not None:
+        quiet = np.flatnonzero(~(noise.set_aside > 0).any(axis=1))
+        some = quiet if len(quiet) >= _SEGMENTS else some
+    return some[np.unique(np.linspace(0, len(some) - 1, min(len(some), _SEGMENTS)).astype(int))]
 
 
 def _white_equivalent(noise: Noise) -> Noise:
