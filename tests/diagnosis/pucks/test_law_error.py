@@ -37,7 +37,8 @@ def test_other_delays_are_not_forgiven():
 
 @pytest.mark.parametrize(("share", "seen"), [(0.01, False), (0.1, True)])
 @pytest.mark.parametrize("parameter", ["faster_0", "sideways_3", "spin_0"])
-def test_a_launch_may_err_by_a_hundredth_of_its_speed(share, seen, parameter):
+@pytest.mark.parametrize("form", ["free_contact", "free_launch"])
+def test_a_launch_may_err_by_a_hundredth_of_its_speed(share, seen, parameter, form):
     """Which all hits together tell to a thousandth; of spin nothing is forgiven."""
     rng = np.random.default_rng(1)
     prior, sd = 0.1, 0.001 * SPEED
@@ -45,6 +46,6 @@ def test_a_launch_may_err_by_a_hundredth_of_its_speed(share, seen, parameter):
     score = information[:, :, 0] * share * SPEED / prior
     score += np.sqrt(information[:, :, 0]) * rng.normal(size=(HITS, 1))
     of = Scores(score, information, np.array([prior]), np.zeros(1, bool))
-    known = with_law_errors(of, [Column("free_contact", parameter, -1, 1e-3)], [], np.log(0.3), SPEED)
+    known = with_law_errors(of, [Column(form, parameter, -1, 1e-3)], [], np.log(0.3), SPEED)
     test = mismatch_test(known, [np.array([0])], rng, count=199)
     assert (test.p_value < 0.01) == (seen or parameter == "spin_0")

@@ -1,10 +1,10 @@
 """What the nominal laws are known to: errors of theirs that belong to the null hypothesis.
 
 A simulated swing is right to about one time step, as is the moment of a simulated launch; its velocity is to
-about a hundredth, smoothly over where and at which angle the object is met; and dry friction is the same at
-all speeds to about a hundredth. Columns of such errors stand beside those of friction as nuisance, with
-priors of that size. Of the law of friction only that counts as error which no catalogued law of the slide
-describes: those stay testable.
+about a hundredth, smoothly over where and at which angle the object is met and over how fast and whither it
+leaves; and dry friction is the same at all speeds to about a hundredth. Columns of such errors stand
+beside those of friction as nuisance, with priors of that size. Of the law of friction only that counts as
+error which no catalogued law of the slide describes: those stay testable.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,8 @@ from slapshot.diagnosis.pucks.slide.slide_model import Column
 STEPS = (("command_delay", "delay"), ("camera_time", "delay"))
 SPEED_FORM = "free_speed"  # whose bumps along the motion are those of friction by speed
 FRICTION_KNOWN_TO = 0.01
-CONTACT_FORM = "free_contact"  # whose changes of a launch's velocity are those of errors of the contact
+# Whose changes of a launch's velocity are those of errors of swing and contact.
+LAUNCH_FORMS = "free_contact", "free_launch"
 CONTACT_KNOWN_TO = 0.01  # of the speed
 
 
@@ -45,7 +46,7 @@ def with_law_errors(
     struck = [
         c
         for c, column in enumerate(columns)
-        if column.owner == CONTACT_FORM and column.parameter.startswith(("faster", "sideways"))
+        if column.owner in LAUNCH_FORMS and column.parameter.startswith(("faster", "sideways"))
     ]
     known = [c for c, column in enumerate(columns) if column.owner in sliding or of.nuisance[c]]
     size = len(columns)
