@@ -356,9 +356,14 @@ PUSHES = ((3.1, 3.3, 40.0), (10.2, 10.5, STILL), (16.7, 16.9, 60.0), (21.0, 21.1
 
 
 def pushed_axis(
-    seconds: float, seed: int, pushes: Sequence[tuple[float, float, float]] = PUSHES
+    seconds: float,
+    seed: int,
+    pushes: Sequence[tuple[float, float, float]] = PUSHES,
+    shape: Callable[[float], float] = lambda share: 1.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """An axis that goes from place to place and is pushed, at 1 kHz; as `driven_axis`.
+
+    The shape of pushes is over the share of their time that has passed.
 
     Its friction differs by 3 % to both sides of its mean, a force of 3.2 N helps it forward, and another of
     0.2 N repeats itself every 2 cm. Positions are read in micrometres.
@@ -374,7 +379,9 @@ def pushed_axis(
         return float(np.clip(35.15 * 243.45 * (9.6 * (wanted[i] - q) - v), -350, 350))
 
     def other(time: float, q: float) -> float:
-        pushed = sum(size * (begin <= time < end) for begin, end, size in pushes)
+        pushed = sum(
+            size * shape((time - begin) / (end - begin)) for begin, end, size in pushes if begin <= time < end
+        )
         return pushed + 3.2 + 0.2 * np.sin(q / 0.02 * 2 * np.pi)
 
     place, force = moved(t, 10, controller, other, asymmetry=0.03)
@@ -453,6 +460,18 @@ def test_long_pushes_do_not_spoil_friction():
     for (first, last, value), (begin, end, size) in zip(sorted(found), pushes, strict=True):
         assert value == pytest.approx(size, rel=0.05)
         assert begin - 0.02 < first < last < end + 0.02
+
+
+@pytest.mark.slow
+def test_a_force_that_comes_and_goes_while_the_axis_stops_and_goes_hides_no_friction():
+    """And is placed in time, though it acts on an axis that stands still for a part of it."""
+    begin, end = 9.0, 11.6
+    _, found = diagnosed_axis(
+        *pushed_axis(24.8, 5, [(begin, end, 25.0)], lambda share: np.sin(np.pi * share) ** 2)
+    )
+    assert min(first for first, _, _ in found) == pytest.approx(begin, abs=0.1)
+    assert all(begin - 0.1 < first < end for first, _, _ in found)
+    assert sum(last - first for first, last, _ in found) > 0.9 * (end - begin)
 
 
 @pytest.mark.slow
