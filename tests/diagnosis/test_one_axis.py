@@ -363,10 +363,9 @@ def pushed_axis(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """An axis that goes from place to place and is pushed, at 1 kHz; as `driven_axis`.
 
-    The shape of pushes is over the share of their time that has passed.
-
     Its friction differs by 3 % to both sides of its mean, a force of 3.2 N helps it forward, and another of
-    0.2 N repeats itself every 2 cm. Positions are read in micrometres.
+    0.2 N repeats itself every 2 cm. Positions are read in micrometres. The shape of pushes is a factor on
+    their size, by the share of their time that has passed.
     """
     rng, t = np.random.default_rng(seed), np.arange(0, seconds, 1e-3)
     leg = seconds / (len(PLACES) - 1)
