@@ -24,6 +24,7 @@ from slapshot.effects.joints.encoder_delay import EncoderDelay
 from slapshot.effects.joints.joint_offset import JointOffset
 from slapshot.effects.joints.link_mass import LinkMass
 from slapshot.effects.joints.spring import Spring
+from slapshot.effects.joints.stribeck_friction import StribeckFriction
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 from slapshot.recordings.channels import QUATERNION, Channel
 
@@ -260,7 +261,7 @@ def test_a_path_that_the_model_goes_has_no_defect():
 
 
 def arm_situation(
-    nodes: int = 60, interval: float = 0.01, finer: int = 1
+    nodes: int = 60, interval: float = 0.01, finer: int = 1, text: str = ARM
 ) -> tuple[Rig, Segments, RigMotion, np.ndarray]:
     """The arm along a trajectory of its own, its servo told a slow sine."""
     t = np.arange(nodes) * interval
@@ -270,7 +271,7 @@ def arm_situation(
         "servo": (control_channel("rad", actuator="servo"), 0.6 * np.sin(5 * t)),
     }
     taken = recording(t, channels)
-    rig = bind(MjSpec.from_string(ARM), taken.channels)
+    rig = bind(MjSpec.from_string(text), taken.channels)
     segments = segment_recording(taken, rig, segment_s=nodes * interval, finer=finer)
     start = np.array([0.4, -0.7, 0.5, 1.0])
     trajectory = own_path(rig, Hypothesis(rig), segments, NONE, start)
@@ -369,6 +370,35 @@ def test_columns_of_frictions_agree_where_a_joint_stops():
     stops = np.abs(own).max(1) < 0.9 * np.abs(own).max()
     assert 0.2 < stops.mean() < 0.8
     assert forward + backward == pytest.approx(own, abs=1e-6 * np.abs(own).max())
+
+
+@pytest.mark.parametrize("friction", ['frictionloss=".4"', 'frictionloss=".4" solreffriction=".2 1"', ""])
+def test_columns_of_frictions_are_differences_over_intervals(friction):
+    """Also where a joint stops within one, and where the model has friction that holds it softly."""
+    text = ARM.replace('<joint name="elbow"', f'<joint name="elbow" {friction}')
+    rig, segments, _, start = arm_situation(400, 0.005, 4, text)
+    simulator, trajectory = Simulator(rig), own_path(rig, Hypothesis(rig), segments, NONE, start)
+    of = rig_motion(rig, segments, trajectory)
+    kinds = CoulombFriction, DirectionFriction, ViscousFriction, StribeckFriction
+    for effect in (first(kind, part)(of) for kind in kinds for part in ("shoulder", "elbow")):
+        hypothesis, slow = Hypothesis(rig, (effect,)), [p.start for p in effect.parameters[2:]]
+        theta = np.array([*[0.3] * len(effect.parameters[:2]), *slow])
+        found = linearise(simulator, hypothesis, theta, segments, trajectory)
+
+        def following(values: np.ndarray, of: Hypothesis = hypothesis) -> np.ndarray:
+            n, model = segments.time.size, of.compiled(values, segments.step)
+            u, order = segments.control().reshape(n, segments.substeps, -1), np.zeros(n)
+            x = trajectory.reshape(n, -1)
+            return simulator.advance(of, values, model, x, u, segments.time.reshape(n), order)[0]
+
+        for k, parameter in enumerate(effect.parameters):
+            step = 1e-3 * parameter.scale * np.eye(len(theta))[k]
+            expected = (following(theta + step) - following(theta))[None, :-1] / step.sum()
+            error = np.abs(found.system.W[:, :-1, :, k] - expected).max(-1)
+            size = np.abs(expected).max()
+            assert size > 0
+            # Of second order in the interval, but for those in which the joint may stop.
+            assert error.max() < 0.05 * size, (effect.key, parameter.name)
 
 
 def test_two_looks_have_the_columns_of_each():

@@ -19,7 +19,13 @@ from slapshot.diagnosis.selection import pair_search, steps
 from slapshot.diagnosis.selection.pair_search import _Pair, _simplest_pair, pair_step
 from slapshot.diagnosis.selection.problem import Problem, fit_and_score
 from slapshot.diagnosis.selection.pulses import WINDOW_S
-from slapshot.diagnosis.selection.push_search import gain_elsewhere, push_step, with_windows
+from slapshot.diagnosis.selection.push_search import (
+    gain_elsewhere,
+    has_windows_set_aside,
+    push_step,
+    with_windows,
+    without_needless_windows,
+)
 from slapshot.diagnosis.selection.search import _backward_elimination, _forward_step
 from slapshot.diagnosis.selection.steps import (
     Rival,
@@ -249,6 +255,28 @@ def test_laws_tell_which_windows_are_pushed(pushed_frictions):
     assert time[windows[1] > 0].max() == pytest.approx(end, abs=WINDOW_S)
     assert {effect.name for effect in both.hypothesis.effects} == {"viscous_friction", "coulomb_friction"}
     assert both.scored.fit.theta == pytest.approx([VISCOUS, COULOMB], rel=0.01)
+
+
+def test_windows_that_laws_explain_are_no_longer_set_aside(pushed_frictions):
+    """But those of a push are, which no law explains."""
+    *_, (_, both) = pushed_frictions
+    rng = np.random.default_rng(2)
+    segments = both.problem.segments
+    assert without_needless_windows(both, rng) is both
+    # Where there is no push, as a friction that was missing may have led to.
+    begin, end = PUSH[1] + 1, PUSH[1] + 1.2
+    needless = (segments.time > begin) & (segments.time < end)
+    pushed = both.scored.noise.set_aside
+    assert pushed is not None
+    assert not (needless & (pushed > 0)).any()
+    known = push_step(both, rng, lambda text: None)
+    assert known is not None
+    told = with_windows(known, np.where(needless, pushed.max(), 0.0), rng)
+    assert has_windows_set_aside(told)
+    freed = without_needless_windows(told, rng)
+    assert not has_windows_set_aside(freed)
+    assert freed.scored.fit.theta == pytest.approx(told.scored.fit.theta, rel=0.01)
+    assert push_step(told, rng, lambda text: None) is None
 
 
 def test_an_effect_that_others_can_stand_in_for_is_removed(two_frictions):

@@ -11,12 +11,15 @@ from functools import cached_property
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
 
 _POSITION_STEP, _VELOCITY_STEP = 1e-6, 1e-5
 _FORCE_STEP = 1e-2  # share of the rms torque
+# Speeds below this many times what an interval changes, or friction's constraint stops, are near rest.
+_MARGIN = 2.0
 _INERTIA = "body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature"
 
 
@@ -153,6 +156,19 @@ class Midpoint:
         change = self._change(self._step(hypothesis, theta, model, self._x, self._u))
         return np.asarray((spread @ change[..., None])[..., 0])
 
+    def may_stop(self, model: mujoco.MjModel) -> NDArray[np.bool_]:
+        """Intervals (n,) in which a joint with dry friction in a model may stop, start or turn around.
+
+        In all others dry friction is a constant force: the speed is well above that of which MuJoCo's
+        constraint, which pulls a joint towards rest within its time constant, falls short of it.
+        """
+        nq, nv = self._tangent.nq, self._tangent.nv
+        speed = self._x[:, nq : nq + nv]
+        change = np.abs(self._way[:, nv : 2 * nv])
+        rubs = np.flatnonzero(model.dof_frictionloss > 0)
+        stops = model.dof_frictionloss * model.dof_invweight0 * _stopping_time(model)
+        return np.asarray(np.any(np.abs(speed[:, rubs]) < _MARGIN * (change + stops)[:, rubs], axis=1))
+
     def control_response(self, difference: Array, A: Array, spread: Array) -> Array:
         """Difference of the state at the end under a difference (n, steps, nu) of controls, (n, dim)."""
         # Where the controls differ within the interval, relative to its middle: the state differs there, and
@@ -168,6 +184,13 @@ class Midpoint:
         rest = A - np.eye(A.shape[-1])
         once = np.einsum("nij,nj->ni", rest, found)
         return np.asarray(found + early * (once - 0.5 * np.einsum("nij,nj->ni", rest, once)))
+
+
+def _stopping_time(model: mujoco.MjModel) -> Array:
+    """(nv,) s in which the constraint of dry friction brings a joint to rest that nothing else moves."""
+    solref, width = model.dof_solref, model.dof_solimp[:, 1]
+    direct = solref[:, 1] < 0
+    return np.where(direct, -1 / np.where(direct, solref[:, 1], -1.0), width * solref[:, 0] / 2)
 
 
 def _is_smooth(model: mujoco.MjModel) -> bool:

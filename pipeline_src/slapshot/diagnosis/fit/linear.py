@@ -191,9 +191,15 @@ def linearise(
         forces = overrides(changed_effect, "force")
         if edits or forces:
             m = h.compiled(values, segments.step)
-        if (k < p or changed_effect.friction) and (edits or controls or forces):
-            # From the whole interval, since fitted values depend on these; so must columns of frictions that
-            # are told from them, since joints stop and start within intervals.
+        if changed_effect.friction and not controls:
+            # Of a joint that slides on, as from one step; but joints stop and start within intervals.
+            W[:, :, k] = middle.changed(h, values, m, spread) / step
+            some = np.flatnonzero(middle.may_stop(m))
+            if len(some):
+                there, *_ = simulator.advance(h, values, m, x[some], u[some], time[some], order[some])
+                W[some, :, k] = tangent.subtract(there, base[some]) / step
+        elif k < p and (edits or controls or forces):
+            # From the whole interval, since fitted values depend on these.
             W[:, :, k] = tangent.subtract(advance(h, values, m, x, u)[0], base) / step
         else:
             if edits or forces:

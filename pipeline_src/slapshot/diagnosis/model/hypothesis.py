@@ -62,6 +62,12 @@ class Hypothesis:
             for effect, end in zip(self.effects, ends, strict=True)
         )
 
+    @property
+    def added(self) -> tuple[JointEffect, ...]:
+        """Those that are no free parameters of the nominal model."""
+        free = set(self.rig.free)
+        return tuple(e for e in self.effects if not free & {e.name, e.key, f"{e.name}@{e.part}"})
+
     @cached_property
     def start(self) -> Array:
         """Values at which fits begin."""

@@ -79,11 +79,7 @@ def pushed_windows(fitter: Fitter, fit: Fit, noise: Noise) -> Array | None:
 
 def has_laws(hypothesis: Hypothesis) -> bool:
     """Whether anything was added to a model but pushes and its free parameters."""
-    free = set(hypothesis.rig.free)
-    return any(
-        not isinstance(e, ExternalPulse) and not free & {e.name, e.key, f"{e.name}@{e.part}"}
-        for e in hypothesis.effects
-    )
+    return any(not isinstance(effect, ExternalPulse) for effect in hypothesis.added)
 
 
 def with_windows(step: Step, set_aside: Array | None, rng: np.random.Generator) -> Step:
@@ -103,6 +99,19 @@ def worth_of_set_aside(step: Step) -> float:
     """Nats by which the windows set aside are worth their number; what pushes in them may gain."""
     own = step.scored.fit.log_evidence - least_worth(step.scored.noise.set_aside, step.problem.segments)
     return own - _evidence_without_set_aside(step)
+
+
+def without_needless_windows(step: Step, rng: np.random.Generator) -> Step:
+    """The step with no windows set aside, where it then explains as much as with them, less their number.
+
+    Laws that were found since may explain what stood out there.
+    """
+    if not has_windows_set_aside(step):
+        return step
+    worth = least_worth(step.scored.noise.set_aside, step.problem.segments)
+    free = with_windows(step, None, rng)
+    needless = free.scored.fit.log_evidence >= step.scored.fit.log_evidence - worth
+    return free if needless and free.scored.fit.settled else step
 
 
 def gain_elsewhere(step: Step, rival: Rival) -> float:
@@ -139,6 +148,8 @@ def _beside(nodes: NDArray[np.bool_], segments: Segments) -> NDArray[np.bool_]:
 
 def push_step(step: Step, rng: np.random.Generator, report: Report) -> Step | None:
     """Add the pushes of windows that were set aside; None where they are not worth it."""
+    if without_needless_windows(step, rng) is not step:
+        return None
     problem, fit = step.problem, step.scored.fit
     system, _ = problem.fitter.system(fit.hypothesis, fit.theta, fit.trajectory)
     rivals = _refitted_set_aside(step, system, report)

@@ -24,6 +24,7 @@ from slapshot.diagnosis.selection.push_search import (
     push_step,
     refitted_pushes,
     with_windows,
+    without_needless_windows,
     worth_of_set_aside,
 )
 from slapshot.diagnosis.selection.simplest import simplest
@@ -104,6 +105,12 @@ def _forward_search(
     while steps[-1].test.p_value < P_VALUE and len(steps) <= MAX_EFFECTS:
         more = list[Step]()
         try:
+            last = steps[-1]
+            laws = has_windows_set_aside(last) and has_laws(last.hypothesis)
+            if laws and worth_of_set_aside(last) < 0:
+                steps[-1] = without_needless_windows(last, rng)
+                if steps[-1] is not last:
+                    continue
             single = _forward_step(steps[-1], rng, report)
             before = steps[-1]
             if has_windows_set_aside(before) and single is not None and _is_push(single):

@@ -18,6 +18,7 @@ from slapshot.diagnosis.inference.mismatch_test import (
     scores,
 )
 from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.selection.dry_friction import with_one_level
 from slapshot.diagnosis.selection.problem import (
     NoiseFit,
     Problem,
@@ -127,8 +128,10 @@ class Search:
 
     def before(self, effect: JointEffect | None) -> "Search":
         """The search before an effect was added."""
-        since = next((i for i, step in enumerate(self.steps) if step.added is effect), len(self.steps))
-        return replace(self, steps=self.steps[:since])
+        # By its key: what it shares with others may have become theirs.
+        key = None if effect is None else effect.key
+        keys = [None if step.added is None else step.added.key for step in self.steps]
+        return replace(self, steps=self.steps[: keys.index(key) if key in keys else len(keys)])
 
     def since(self, effect: JointEffect | None) -> list[JointEffect]:
         """An effect and those that were added after it."""
@@ -285,12 +288,14 @@ def step_to(
 ) -> Step:
     """The step that adds an effect, from a fit with it."""
     noise, first = step.scored.noise, None
+    hypothesis, theta = with_one_level(fit.hypothesis, fit.theta)
+    effect = next((present for present in hypothesis.effects if present.key == effect.key), effect)
     if fit.log_evidence > step.scored.fit.log_evidence + _DISTANT_NATS:
         # The noise was that of a model which explains far less, and so was the trajectory.
-        first = fit_with_noise(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise)
-        fit, noise = first.fit, first.noise
+        first = fit_with_noise(step.problem, hypothesis, theta, fit.trajectory, noise)
+        fit, noise, theta = first.fit, first.noise, first.fit.theta
     near = first is None
-    scored, of = fit_and_score(step.problem, fit.hypothesis, fit.theta, fit.trajectory, noise, near=near)
+    scored, of = fit_and_score(step.problem, hypothesis, theta, fit.trajectory, noise, near=near)
     if first is not None and scored.fit.log_evidence < fit.log_evidence:
         # With other process force and law errors it went to a lower optimum; scores are about the first one.
         scored = replace(scored, fit=fit, residual_noise=first.residual_noise)

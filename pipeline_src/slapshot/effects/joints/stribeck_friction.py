@@ -9,6 +9,8 @@ from slapshot.arrays import Array
 from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 from slapshot.effects.joints.parts import add_friction
 
+_NEAR_REST = "excess", "speed"  # the last parameters
+
 
 class StribeckFriction(JointEffect):
     name = "stribeck_friction"
@@ -34,24 +36,37 @@ class StribeckFriction(JointEffect):
             )
 
     def __init__(self, joint: Joint, *parameters: Parameter) -> None:
+        """With all three parameters, or with the excess and the speed, beside another dry friction."""
         super().__init__(joint.name, parameters)
         self._joint = joint
 
+    @property
+    def has_level(self) -> bool:
+        """Whether the friction at speed is a parameter."""
+        return len(self.parameters) > len(_NEAR_REST)
+
+    @property
+    def near_rest(self) -> "StribeckFriction":
+        """The excess alone, where another effect has the friction at speed."""
+        return StribeckFriction(self._joint, *self.parameters[-len(_NEAR_REST) :])
+
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Add the friction at speed to the joint's friction loss."""
-        add_friction(model, self._joint.v, values[0])
+        if self.has_level:
+            add_friction(model, self._joint.v, values[0])
 
     def force(self, state: State, values: Array) -> Array:
         """The excess near rest."""
-        v = state.v[:, self._joint.v]
-        falling = np.exp(-((v / values[2]) ** 2))
+        v, (excess, speed) = state.v[:, self._joint.v], values[-2:]
+        falling = np.exp(-((v / speed) ** 2))
         return on_joint(
-            self._joint, -values[1] * falling * np.tanh(v / self._joint.step_speed), state.v.shape[1]
+            self._joint, -excess * falling * np.tanh(v / self._joint.step_speed), state.v.shape[1]
         )
 
     def note(self, values: Array) -> str:
         """The excess; "" where there is none, and the friction loss is all."""
-        if not values[1]:
+        excess, speed = values[-2:]
+        if not excess:
             return ""
         j = self._joint
-        return j.note(f"-{values[1]:.4g} exp(-(v / {values[2]:.4g})^2) tanh(v / {j.step_speed:.4g})")
+        return j.note(f"-{excess:.4g} exp(-(v / {speed:.4g})^2) tanh(v / {j.step_speed:.4g})")

@@ -1,0 +1,71 @@
+"""The level of a joint's dry friction is in one effect, and the motion is the same as by all of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
+from slapshot.diagnosis.selection.dry_friction import with_one_level
+from slapshot.effects.joints.coulomb_friction import CoulombFriction
+from slapshot.effects.joints.direction_friction import DirectionFriction
+from slapshot.effects.joints.effect import JointEffect
+from slapshot.effects.joints.stribeck_friction import StribeckFriction
+from slapshot.effects.joints.viscous_friction import ViscousFriction
+
+from .test_linear import arm_situation, random_path
+
+VALUES = {
+    CoulombFriction: [0.3],
+    DirectionFriction: [0.2, 0.1],
+    StribeckFriction: [0.25, 0.15, 0.4],
+    ViscousFriction: [0.05],
+}
+BESIDE = {  # what is merged -> the values left of each
+    (CoulombFriction, DirectionFriction): {"direction_friction": [0.5, 0.4]},
+    (StribeckFriction, CoulombFriction): {"stribeck_friction": [0.55, 0.15, 0.4]},
+    (ViscousFriction, StribeckFriction, DirectionFriction): {
+        "viscous_friction": [0.05],
+        "stribeck_friction": [0.15, 0.4],
+        "direction_friction": [0.45, 0.35],
+    },
+    (CoulombFriction, StribeckFriction, DirectionFriction): {
+        "stribeck_friction": [0.15, 0.4],
+        "direction_friction": [0.75, 0.65],
+    },
+}
+
+
+@pytest.mark.parametrize(("kinds", "left"), BESIDE.items())
+def test_several_levels_are_one_and_nothing_moves_otherwise(kinds, left):
+    rig, segments, of, _ = arm_situation(100, 0.005)
+    elbow = [next(e for e in kind.instances(of) if e.part == "elbow") for kind in kinds]
+    hypothesis, theta = Hypothesis(rig, tuple(elbow)), np.concatenate([VALUES[kind] for kind in kinds])
+    merged, values = with_one_level(hypothesis, theta)
+    found = {e.name: list(values[own]) for e, own in zip(merged.effects, merged.slices, strict=True)}
+    assert found.keys() == left.keys()
+    for name, expected in left.items():
+        assert found[name] == pytest.approx(expected)
+    assert {effect.key for effect in merged.effects} <= {effect.key for effect in elbow}
+    n, simulator = segments.time.size, Simulator(rig)
+    x = random_path(rig, segments, 4, size=0.2).reshape(n, -1)
+    u = segments.control().reshape(n, segments.substeps, -1)
+    ends = [
+        simulator.advance(h, v, h.compiled(v, segments.step), x, u, segments.time.reshape(n), np.zeros(n))[0]
+        for h, v in ((hypothesis, theta), (merged, values))
+    ]
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-9)
+    assert with_one_level(merged, values)[0] is merged
+
+
+def test_what_lies_in_different_joints_or_was_free_before_stays():
+    rig, _, of, _ = arm_situation(100, 0.005)
+
+    def at(kind: type[JointEffect], part: str) -> JointEffect:
+        return next(effect for effect in kind.instances(of) if effect.part == part)
+
+    apart = Hypothesis(rig, (at(CoulombFriction, "shoulder"), at(DirectionFriction, "elbow")))
+    assert with_one_level(apart, np.array([0.3, 0.2, 0.1]))[0] is apart
+    both = (at(CoulombFriction, "elbow"), at(DirectionFriction, "elbow"))
+    for free in ("coulomb_friction", "coulomb_friction@elbow"):
+        given = Hypothesis(replace(rig, free=(free,)), both)
+        assert with_one_level(given, np.array([0.3, 0.2, 0.1]))[0] is given
