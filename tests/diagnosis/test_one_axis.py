@@ -4,6 +4,7 @@ It is integrated apart from MuJoCo; the encoder is so precise that a model witho
 thousands of its standard deviations.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -46,6 +47,7 @@ AXIS = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody
 <joint name="slide" type="slide" axis="1 0 0"/><geom type="box" size=".1 .1 .05" mass="95.1" contype="0"
 conaffinity="0"/></body></worldbody><actuator><motor name="motor" joint="slide"/></actuator></mujoco>"""
 MASS, VISCOUS, COULOMB = 95.1, 203.5, 20.4  # of EMPS (Janot, Gautier, Brunot 2019), in kg, N s/m and N
+FALLS = 0.01  # m/s
 FINER = 5e-5  # s
 
 
@@ -56,6 +58,7 @@ def moved(
     other: Callable[[float, float], float],
     *,
     coulomb: float = COULOMB,
+    excess: float = 0.0,
     asymmetry: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Places in m and a controller's forces in N at times at rest first, in `finer` steps between them.
@@ -66,6 +69,7 @@ def moved(
         controller: force for the number of a time, place and speed; it is held from time to time.
         other: force for a time and a place that nobody records.
         coulomb: dry friction in N.
+        excess: that of friction at rest in N, which is gone above a few cm/s (Stribeck).
         asymmetry: share by which dry friction is larger forward, and smaller backward.
     """
     q, v, h = 0.0, 0.0, (t[1] - t[0]) / finer
@@ -75,10 +79,34 @@ def moved(
         unrecorded = other(t[k], q)
         for _ in range(finer):
             net = force[k] + unrecorded - VISCOUS * v
-            free, friction = v + h * net / MASS, coulomb * (1 + asymmetry * np.sign(v if v else net))
+            level = coulomb + excess * math.exp(-((v / FALLS) ** 2)) if excess else coulomb
+            free, friction = v + h * net / MASS, level * (1 + asymmetry * np.sign(v if v else net))
             # Dry friction stops the carriage, or slows it down by as much as it can within a step.
             before, v = v, np.sign(free) * max(abs(free) - h * friction / MASS, 0.0)
             q += h * (before + v) / 2
+    return place, force
+
+
+def with_bristles(
+    t: np.ndarray,
+    finer: int,
+    controller: Callable[[int, float, float], float],
+    other: Callable[[float, float], float],
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `moved`, by the friction of bristles (LuGre) that give way by 2 micrometres before they slip."""
+    q = v = z = 0.0
+    h, stiffness = (t[1] - t[0]) / finer, COULOMB / 2e-6
+    damping = 0.6 * math.sqrt(stiffness * MASS)
+    place, force = np.empty(len(t)), np.empty(len(t))
+    for k in range(len(t)):
+        place[k], force[k] = q, controller(k, q, v)
+        unrecorded = other(t[k], q)
+        for _ in range(finer):
+            bends = v - stiffness * abs(v) / COULOMB * z
+            friction = stiffness * z + damping * bends
+            z += h * bends
+            v += h * (force[k] + unrecorded - VISCOUS * v - friction) / MASS
+            q += h * v
     return place, force
 
 
@@ -90,6 +118,8 @@ def driven_axis(
     noise: float = 2e-5,
     offset: float = 0.0,
     coulomb: float = COULOMB,
+    excess: float = 0.0,
+    bristles: bool = False,
     push: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times in s, positions as read in m, and forces in N that a controller holds from sample to sample.
@@ -106,7 +136,10 @@ def driven_axis(
     def other(time: float, q: float) -> float:
         return offset + push[2] * (push[0] <= time < push[1])
 
-    place, force = moved(t, round(step / FINER), controller, other, coulomb=coulomb)
+    if bristles:
+        place, force = with_bristles(t, 400, controller, other)
+    else:
+        place, force = moved(t, round(step / FINER), controller, other, coulomb=coulomb, excess=excess)
     return t, place + noise * rng.standard_normal(len(t)), force
 
 
@@ -376,6 +409,22 @@ def test_an_offset_beside_friction_at_a_fast_clock():
     values = {effect.name: [p.value for p in effect.parameters] for effect in verdict.effects}
     assert values["viscous_friction"] == pytest.approx([VISCOUS], rel=0.01)
     assert values["direction_friction"] == pytest.approx([COULOMB - offset, COULOMB + offset], rel=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", [{"excess": 6.0}, {"bristles": True}], ids=["stribeck", "bristles"])
+def test_friction_by_other_laws_is_no_push(law):
+    """Nor is its level named twice; nothing is pushed."""
+    offset = 3.2
+    t, read, force = driven_axis(25.0, 0, step=0.001, noise=1.5e-6, offset=offset, **law)
+    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
+    made = recording(t, channels)
+    verdict = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1).verdict
+    assert verdict.headline == "found"
+    laws = {effect.name: effect.parameters for effect in verdict.effects}
+    print({name: [(p.name, p.value, p.low, p.high) for p in ps] for name, ps in laws.items()}, verdict.cpu_s)
+    assert {"viscous_friction", "direction_friction"} <= set(laws)
+    assert not {"coulomb_friction", "external_pulse"} & set(laws)
 
 
 PLACES = (0, 0.24, 0.24, 0, 0, 0.12, 0, 0.2, 0.05, 0.22, 0, 0.24, 0)  # m, one after the other

@@ -13,7 +13,7 @@ from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.selection import search
 from slapshot.diagnosis.selection.problem import Problem, is_incredible
 from slapshot.diagnosis.selection.search import _forward_search, _forward_step, _much_is_left, _preselect
-from slapshot.diagnosis.selection.steps import Rival, Search, Step, nominal_motion, nominal_step
+from slapshot.diagnosis.selection.steps import P_VALUE, Rival, Search, Step, nominal_motion, nominal_step
 from slapshot.effects.joints.coulomb_friction import CoulombFriction
 from slapshot.effects.joints.direction_friction import DirectionFriction
 from slapshot.effects.joints.effect import JointEffect
@@ -76,6 +76,40 @@ def test_what_was_found_stays_where_a_refit_with_pushes_diverges(monkeypatch):
     assert not by_laws
     assert not by_structure
     assert said == ["a refit with pushes diverges: the search ends"]
+
+
+@pytest.mark.parametrize(
+    ("nominal", "after", "laws"), [(0.05, 0.5, 0), (0.001, 0.05, 2), (0.001, 0.2, 1), (0.001, 0.001, 5)]
+)
+def test_once_something_is_found_what_is_left_need_not_be_significant_but_open(
+    monkeypatch, nominal, after, laws
+):
+    """Then only laws are added: neither pairs nor hidden states. Here the second law leaves nothing."""
+
+    def step(p_value: float) -> Step:
+        fit = SimpleNamespace(hypothesis=SimpleNamespace(effects=()))
+        scored = SimpleNamespace(noise=SimpleNamespace(set_aside=None), fit=fit)
+        return Step(None, scored, SimpleNamespace(p_value=p_value), None, 20.0)
+
+    asked: list[float] = []
+
+    def pair_step(before: Step, *_: object) -> tuple[Step, list[Step]]:
+        asked.append(before.test.p_value)
+        return before, []
+
+    added: list[Step] = []
+
+    def forward_step(*_: object) -> Step:
+        added.append(step(after if not added or after < P_VALUE else 0.5))
+        return added[-1]
+
+    monkeypatch.setattr(search, "_forward_step", forward_step)
+    monkeypatch.setattr(search, "pair_step", pair_step)
+    monkeypatch.setattr(search, "_much_is_left", lambda step: False)
+    found, *_ = _forward_search([step(nominal)], np.random.default_rng(1), lambda text: None)
+    assert found[1:] == added
+    assert len(added) == laws
+    assert all(p_value < P_VALUE for p_value in asked)
 
 
 @pytest.mark.parametrize(("more", "taken"), [(-2.9, False), (2.9, False), (3.1, True)])

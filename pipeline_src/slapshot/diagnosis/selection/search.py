@@ -98,11 +98,16 @@ def _forward_search(
 ) -> tuple[list[Step], list[Step], list[Step]]:
     """These steps and more until nothing is significant, `Search.by_laws` and `Search.by_structure`.
 
+    Once something was found, a law that gains enough is added also where a test leaves it open: laws that are
+    not complete leave so large a force of the process that what they lack is hardly significant.
+
     Where windows are set aside, since enormous forces act in them, laws are found without them first; then
     the pushes are added, before laws that gain less than the windows are worth.
     """
     steps, by_laws, by_structure = list(steps), list[Step](), list[Step]()
-    while steps[-1].test.p_value < P_VALUE and len(steps) <= MAX_EFFECTS:
+    while (
+        steps[-1].test.p_value < (_OPEN_P_VALUE if len(steps) > 1 else P_VALUE) and len(steps) <= MAX_EFFECTS
+    ):
         more = list[Step]()
         try:
             last = steps[-1]
@@ -116,12 +121,15 @@ def _forward_search(
             if has_windows_set_aside(before) and single is not None and _is_push(single):
                 steps.append(single)
                 continue
-            if single is None or single.test.p_value < P_VALUE or has_windows_set_aside(before):
+            significant = before.test.p_value < P_VALUE
+            left = single is None or single.test.p_value < P_VALUE or has_windows_set_aside(before)
+            if significant and left:
                 before, more = pair_step(before, single, rng, report)
             steps[-1], more = before, more or ([] if single is None else [single])
             split = any(effect.hidden_state for effect in before.hypothesis.effects)
             if (
-                sum(not _is_push(step) for step in steps) <= _STRUCTURE_STEPS
+                significant
+                and sum(not _is_push(step) for step in steps) <= _STRUCTURE_STEPS
                 and not split
                 and _much_is_left(more[-1] if more else before)
             ):

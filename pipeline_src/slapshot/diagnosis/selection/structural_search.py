@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit.fit import Fit
+from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.noise import Noise, fit_noise, fit_process_force
 from slapshot.diagnosis.fit.shooting import shoot, simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis
@@ -22,6 +22,7 @@ _SPREAD, _LEAST_SPREAD = (
     3.0,
     1e-8,
 )  # prior sd of a hidden initial state, in rms of its motion; minimum share of its variance
+_HOPELESS = 100.0  # the same in some segments under the noise that each leaves
 _MARGIN = 20.0  # nats behind the best law, beyond which a structure is dropped; nearer, held-out data decide
 
 
@@ -65,19 +66,21 @@ def structural_step(
     candidates.sort(key=lambda candidate: -candidate.fit.log_evidence)
     if not candidates or candidates[0].fit.log_evidence < law.log_evidence - _MARGIN:
         return None
-    # From the noise that candidates leave, a fit may end at a lower one of several optima.
-    level = max(own.log_evidence, _refitted_evidence(rival.problem, own, rival.scored.noise)[0])
-    best: tuple[float, StructuralFit] | None = None
-    for candidate in candidates:
-        if candidate.fit.log_evidence < candidates[0].fit.log_evidence - _MARGIN:
-            continue
-        evidence, whole = _refit_all_segments(candidate)
-        report(f"refitted {candidate.effect.key}: {evidence - level:+.1f} nats against the best law")
-        if best is None or evidence > best[0]:
-            best = evidence, whole
-    if best is None or best[0] < level - _MARGIN:
+    nearest = [c for c in candidates if c.fit.log_evidence >= candidates[0].fit.log_evidence - _MARGIN]
+    candidates = _not_hopeless(nearest, rival, some, report)
+    if not candidates:
         return None
-    evidence, whole = best
+    # From the noise that candidates leave, a fit may end at a lower one of several optima.
+    whole_law, *_ = _refitted_evidence(rival.problem.fitter, problem.quantities, own, rival.scored.noise)
+    level = max(own.log_evidence, whole_law)
+    refitted = []
+    for candidate in candidates:
+        refitted.append(_refit_all_segments(candidate))
+        gain = refitted[-1][0] - level
+        report(f"refitted {candidate.effect.key}: {gain:+.1f} nats against the best law")
+    evidence, whole = max(refitted, key=lambda one: one[0])
+    if evidence < level - _MARGIN:
+        return None
     fit = whole.fit
     scored, of = fit_and_score(whole.problem, fit.hypothesis, fit.theta, fit.trajectory, whole.noise)
     gain = evidence - level + sum(step.gain for step in laws)
@@ -105,6 +108,27 @@ class StructuralFit:
     fit: Fit
     noise: Noise
     own_noise: Noise
+
+
+def _not_hopeless(
+    candidates: Sequence[StructuralFit], law: Step, some: NDArray[np.intp], report: Report
+) -> list[StructuralFit]:
+    """Those that may explain as much as a law, by some segments, each under the noise that it leaves there.
+
+    Under one noise both may explain so little that a fit to all segments, which is slow, seems worth it.
+    """
+    fit, quantities = law.scored.fit, law.problem.quantities
+    of_some = replace(fit, trajectory=fit.trajectory[some])
+    fitter, noise = law.problem.fitter.select(some), law.scored.noise.select(some)
+    level, *_ = _refitted_evidence(fitter, quantities, of_some, noise)
+    near = []
+    for candidate in candidates:
+        own, *_ = _evidence_of(candidate, candidate.problem.fitter.select(some), candidate.fit, some)
+        if own >= level - _HOPELESS:
+            near.append(candidate)
+        else:
+            report(f"not refitted: {candidate.effect.key}, {level - own:.0f} nats behind on some segments")
+    return near
 
 
 def structural_fit(before: Step, effect: JointEffect) -> ScoredFit | None:
@@ -166,17 +190,21 @@ def _refit_all_segments(candidate: StructuralFit) -> tuple[float, StructuralFit]
     fit = _shooting_fit(
         problem, part.hypothesis, part.theta, problem.trajectory, candidate.noise, every, _MOST_ROUNDS
     )
-    trajectory, initial = _undeflected(problem, fit, candidate.noise)
-    evidence, fit, noise = _refitted_evidence(
-        problem,
-        replace(fit, trajectory=trajectory),
-        replace(candidate.noise, initial=initial),
-        replace(candidate.own_noise, initial=initial),
-    )
+    evidence, fit, noise = _evidence_of(candidate, problem.fitter, fit, every)
     return evidence, replace(candidate, problem=problem, fit=fit, noise=noise)
 
 
-def _undeflected(problem: Problem, fit: Fit, noise: Noise) -> tuple[Array, Array]:
+def _evidence_of(
+    candidate: StructuralFit, fitter: Fitter, fit: Fit, some: NDArray[np.intp]
+) -> tuple[float, Fit, Noise]:
+    """Evidence of a candidate's fit to some segments, which are the fitter's, under refitted noise."""
+    trajectory, initial = _undeflected(fitter, fit, candidate.noise)
+    noises = [replace(of, initial=initial).select(some) for of in (candidate.noise, candidate.own_noise)]
+    fit = replace(fit, trajectory=trajectory)
+    return _refitted_evidence(fitter, candidate.problem.quantities, fit, *noises)
+
+
+def _undeflected(fitter: Fitter, fit: Fit, noise: Noise) -> tuple[Array, Array]:
     """A fit's trajectory from an undeflected state, and variances of initial states about it.
 
     The variances of hidden states match the range of their motion. With wider ones, such as the range of a
@@ -186,16 +214,16 @@ def _undeflected(problem: Problem, fit: Fit, noise: Noise) -> tuple[Array, Array
     Returns:
         (S, L, nx) and (n,).
     """
-    model, tangent, initial, first = (
-        problem.rig.model, problem.simulator.tangent, noise.initial.copy(), fit.trajectory[:, 0].copy()
-    )  # fmt: skip
+    simulator, segments = fitter.simulator, fitter.segments
+    rig, tangent = simulator.rig, simulator.tangent
+    model, initial, first = rig.model, noise.initial.copy(), fit.trajectory[:, 0].copy()
     # Indices in a state, and in a change of it.
-    hidden = [(int(model.jnt_qposadr[model.dof_jntid[dof]]), dof) for dof in problem.rig.added_dofs]
-    hidden += [(tangent.nq + dof, tangent.nv + dof) for dof in problem.rig.added_dofs]
+    hidden = [(int(model.jnt_qposadr[model.dof_jntid[dof]]), dof) for dof in rig.added_dofs]
+    hidden += [(tangent.nq + dof, tangent.nv + dof) for dof in rig.added_dofs]
     first[:, [at for at, _ in hidden]] = 0
-    trajectory, _ = simulate(problem.simulator, fit.hypothesis, fit.theta, problem.segments, first)
+    trajectory, _ = simulate(simulator, fit.hypothesis, fit.theta, segments, first)
     for at, k in hidden:
-        wide = _SPREAD**2 * float(np.mean(trajectory[problem.segments.inside][:, at] ** 2))
+        wide = _SPREAD**2 * float(np.mean(trajectory[segments.inside][:, at] ** 2))
         initial[k] = min(initial[k], max(wide, _LEAST_SPREAD * initial[k]))
     return trajectory, initial
 
@@ -230,22 +258,24 @@ def _shooting_fit(
     return shoot(simulator, hypothesis, theta, segments, trajectory[some], subset, rounds)
 
 
-def _refitted_evidence(problem: Problem, fit: Fit, *noises: Noise) -> tuple[float, Fit, Noise]:
+def _refitted_evidence(
+    fitter: Fitter, quantities: Sequence[str], fit: Fit, *noises: Noise
+) -> tuple[float, Fit, Noise]:
     """Evidence of a fit under refitted noise, from the best of several initial ones.
 
     Where a model leaves forces, a fit of all noise may end at a lower one of several optima than one of
     forces and law errors at given noise of the readings.
     """
-    hypothesis, fitter = fit.hypothesis, problem.fitter
+    hypothesis, segments = fit.hypothesis, fitter.segments
     system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
 
     def still(noise: Noise) -> Fit:
         return fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system)
 
-    found = [fit_process_force(system, prior, noise, problem.segments.interval) for noise in noises]
+    found = [fit_process_force(system, prior, noise, segments.interval) for noise in noises]
     evidence = [still(noise).log_evidence for noise in found]
     best = max(range(len(found)), key=lambda k: evidence[k])
-    noise = fit_noise(system, prior, found[best], problem.segments, problem.quantities, near=True)
+    noise = fit_noise(system, prior, found[best], segments, quantities, near=True)
     rest = still(noise)
     if rest.log_evidence < evidence[best]:
         noise, rest = found[best], still(found[best])
