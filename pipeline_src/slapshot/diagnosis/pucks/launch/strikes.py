@@ -94,6 +94,28 @@ def _told_at(launches: Array, later: Array, slowing: Array) -> Array:
     return told
 
 
+def _as_if_sliding(launches: Array, height: Array, rising: Array, friction: Array) -> Array:
+    """Launches (n, 5) of objects that hop, as those of objects that slide and are the same after the landing.
+
+    In the air nothing slows an object down; its landing does at once, since over a time t the board's normal
+    impulse is m (g t - w) from a vertical speed w on.
+
+    Args:
+        launches: (n, 5) x, y (m), vx, vy (m/s), spin (rad/s).
+        height: (n,) m above where the object rests.
+        rising: (n,) m/s.
+        friction: (n, 2) coefficients along x and y.
+    """
+    speed = np.linalg.norm(launches[:, 2:4], axis=1, keepdims=True)
+    against = friction * launches[:, 2:4] / np.maximum(speed, 1e-9)
+    w = rising[:, None]
+    flight = (w + np.sqrt(w**2 + 2 * GRAVITY * np.maximum(height, 0.0)[:, None])) / GRAVITY
+    told = launches.copy()
+    told[:, :2] += against * (GRAVITY * flight / 2 - w) * flight
+    told[:, 2:4] += against * w
+    return told
+
+
 class Striker:
     """Simulates the hits of a recording on a scene, as it is or with effects."""
 
@@ -181,10 +203,10 @@ class Striker:
         batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
         batch.state[:] = came.states
         qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
-        start = np.array(info.start)
+        start, resting = np.array(info.start), resting_height(model, info)
         qpos[:, object_q] = 0.0
         qpos[:, object_q[:2]] = starts - start
-        qpos[:, object_q[2]] = resting_height(model, info)
+        qpos[:, object_q[2]] = resting
         qvel[:, object_v] = 0.0
         substeps = round(info.control_period / model.opt.timestep)
         releases = self._releases.copy()
@@ -197,7 +219,7 @@ class Striker:
         released, contact = np.zeros((count, 5)), np.full(count, np.nan)
         released[:, :2] = starts
         turned = np.zeros(count)
-        planar = [0, 1, 3]
+        planar, upwards = [0, 1, 3], 2
         column = {int(row): k for k, row in enumerate(rows)}
         before: Array | None = None
         tick = int(came.ticks.min())
@@ -205,7 +227,9 @@ class Striker:
             here = (came.ticks <= tick) & (tick <= ticks)
             if tick in column:
                 joints[here, column[tick]] = qpos[here][:, arm_q]
-            state = np.concatenate([qpos[:, object_q[planar]], qvel[:, object_v[planar]]], axis=1)
+            columns = qpos[:, object_q[planar]], qvel[:, object_v[planar]]
+            hop = qpos[:, object_q[upwards]] - resting, qvel[:, object_v[upwards]]
+            state = np.column_stack([*columns, *hop])
             moving = np.hypot(state[:, 3], state[:, 4]) > 0.05
             fresh = np.isnan(contact) & moving
             contact = np.where(fresh, tick * info.control_period, contact)
@@ -217,8 +241,9 @@ class Striker:
                 earlier = state if before is None else before
                 share = (releases[now] / info.control_period - (tick - 1))[:, None]
                 at = (1 - share) * earlier[now] + share * state[now]
-                released[now] = at[:, [0, 1, 3, 4, 5]]
-                released[now, :2] += start
+                released[now] = _as_if_sliding(
+                    at[:, [0, 1, 3, 4, 5]] + [*start, 0, 0, 0], at[:, 6], at[:, 7], self._friction[now, :2]
+                )
                 turned[now] = at[:, 2]
             before = state
             running = ids[here & (ticks > tick)]
