@@ -12,10 +12,20 @@ from slapshot.arrays import GRAVITY
 from slapshot.command import Run
 from slapshot.diagnosis.pucks.diagnose import diagnose
 from slapshot.diagnosis.pucks.launch import signatures as signatures_module
-from slapshot.diagnosis.pucks.launch.approach import SAME_START, Approaches, CommandedArms
+from slapshot.diagnosis.pucks.launch.approach import (
+    SAME_START,
+    Approaches,
+    CommandedArms,
+    resting_height,
+)
 from slapshot.diagnosis.pucks.launch.rig_model import RigModel
 from slapshot.diagnosis.pucks.launch.signatures import LOOK, make_signatures
-from slapshot.diagnosis.pucks.launch.strikes import TIMESTEP, Striker, commands_through
+from slapshot.diagnosis.pucks.launch.strikes import (
+    TIMESTEP,
+    Striker,
+    _as_if_sliding,
+    commands_through,
+)
 from slapshot.diagnosis.pucks.launch.swing_error import LATENESS, JointLateness
 from slapshot.diagnosis.pucks.report import REST_FIGURES, write_report
 from slapshot.diagnosis.pucks.result import Setting
@@ -76,7 +86,7 @@ def record(scene, commands):
         contact = strike(np.full(HITS, DURATION + 0.5)).contact
         release = contact + 0.08
         released = strike(release).released
-        released[:, 2:4] *= 1 + rng.normal(0, 0.02, (HITS, 1))
+        released[:, 2:4] *= 1 + rng.normal(0, 0.01, (HITS, 1))
         launches = np.column_stack([released[:, :2], np.zeros(HITS), released[:, 2:]])
         tracks = slide(launches, friction, scene.info.object_radius, 6.0)
         frames = []
@@ -272,6 +282,25 @@ def test_an_object_that_is_struck_late_is_looked_at_late(scene, commands):
     assert np.median(np.abs(way - (speed * delay + slowing * delay**2 / 2))) < 0.002
 
 
+def test_a_launch_is_the_same_whenever_it_is_looked_at(scene, commands):
+    """But for what friction does in between, though simulated objects hop all the time."""
+    held = commands_through(commands, scene, DURATION + 4 * LOOK)
+    contact = _striker(scene, held, np.full(HITS, DURATION + 0.1)).strike(_starts(scene, HITS)).contact
+    early, later = 0.06, 0.14
+    first, last = (
+        _striker(scene, held, contact + after).strike(_starts(scene, HITS)).released
+        for after in (early, later)
+    )
+    between = later - early
+    speed = np.linalg.norm(first[:, 2:4], axis=1)
+    along = first[:, 2:4] / speed[:, None]
+    slowing = GRAVITY * np.linalg.norm(np.array(FRICTION[:2]) * along, axis=1)
+    # Friction that differs along x and y turns the way a little, which counts in no length.
+    assert np.linalg.norm(last[:, 2:4], axis=1) == pytest.approx(speed - slowing * between, abs=1e-3)
+    way = np.einsum("nd,nd->n", last[:, :2] - first[:, :2], along)
+    assert way == pytest.approx(speed * between - slowing * between**2 / 2, abs=2e-4)
+
+
 @pytest.fixture
 def some(scene, commands):
     """Effects or approaches that are there already -> a striker of a few hits; what it strikes."""
@@ -312,13 +341,17 @@ def test_an_arm_that_first_moves_alone_strikes_as_in_one_simulation_of_both(scen
         for tick in range(round(READ_AT[-1] / few.period) + 1):
             read.append([float(joint.qpos[0]) for joint in arm])
             x, y, turn = (puck[k] for k in (0, 1, 3))
-            states.append([x.qpos[0], y.qpos[0], x.qvel[0], y.qvel[0], turn.qvel[0]])
+            hop = puck[2].qpos[0] - resting_height(model, info), puck[2].qvel[0]
+            states.append([x.qpos[0], y.qpos[0], x.qvel[0], y.qvel[0], turn.qvel[0], *hop])
             data.ctrl[: len(arm)] = few.targets[i, min(tick, few.targets.shape[1] - 1)]
             mujoco.mj_step(model, data, substeps)
         ticks = np.arange(len(states)) * few.period
-        looked = [np.interp(contact[i] + LOOK, ticks, column) for column in np.array(states).T]
+        looked = np.array([np.interp(contact[i] + LOOK, ticks, column) for column in np.array(states).T])
+        launch = np.array([[*(begin + looked[:2]), *looked[2:5]]])
+        hop = looked[5:6], looked[6:]
         # Rounding, which a contact enlarges.
-        np.testing.assert_allclose(hits.released[i], [*(begin + looked[:2]), *looked[2:]], atol=1e-8)
+        told = _as_if_sliding(launch, *hop, np.array([FRICTION[:2]]))
+        np.testing.assert_allclose(hits.released[i], told[0], atol=1e-8)
         at = np.round(READ_AT / few.period).astype(int)
         np.testing.assert_allclose(hits.joints[i], np.array(read)[at], atol=1e-9)
 
