@@ -159,8 +159,8 @@ class Midpoint:
     def may_stop(self, model: mujoco.MjModel) -> NDArray[np.bool_]:
         """Intervals (n,) in which a joint with dry friction in a model may stop, start or turn around.
 
-        In all others dry friction is a constant force: the speed is well above that of which MuJoCo's
-        constraint, which pulls a joint towards rest within its time constant, falls short of it.
+        In all others dry friction is a constant force. A joint must be faster for that than an interval
+        changes its speed, and than MuJoCo's constraint can stop it by this friction within its time constant.
         """
         nq, nv = self._tangent.nq, self._tangent.nv
         speed = self._x[:, nq : nq + nv]

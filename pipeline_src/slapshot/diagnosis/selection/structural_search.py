@@ -22,8 +22,8 @@ _SPREAD, _LEAST_SPREAD = (
     3.0,
     1e-8,
 )  # prior sd of a hidden initial state, in rms of its motion; minimum share of its variance
-_HOPELESS = 100.0  # the same in some segments under the noise that each leaves
 _MARGIN = 20.0  # nats behind the best law, beyond which a structure is dropped; nearer, held-out data decide
+_HOPELESS = 100.0  # the same by some segments, each under the noise that it leaves there
 
 
 def structural_step(

@@ -9,8 +9,6 @@ from slapshot.arrays import Array
 from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 from slapshot.effects.joints.parts import add_friction
 
-_NEAR_REST = "excess", "speed"  # the last parameters
-
 
 class StribeckFriction(JointEffect):
     name = "stribeck_friction"
@@ -43,12 +41,12 @@ class StribeckFriction(JointEffect):
     @property
     def has_level(self) -> bool:
         """Whether the friction at speed is a parameter."""
-        return len(self.parameters) > len(_NEAR_REST)
+        return self.parameters[0].name == "torque"
 
     @property
     def near_rest(self) -> "StribeckFriction":
         """The excess alone, where another effect has the friction at speed."""
-        return StribeckFriction(self._joint, *self.parameters[-len(_NEAR_REST) :])
+        return StribeckFriction(self._joint, *self.parameters[-2:])
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Add the friction at speed to the joint's friction loss."""
