@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from scipy import optimize, stats
-from slapshot.diagnosis.fit.filter import innovations
-from slapshot.diagnosis.fit.fit import Fit, Fitter, prior_of, project_to_bounds
+from slapshot.diagnosis.fit.filter import Linear, innovations
+from slapshot.diagnosis.fit.fit import Fit, Fitter, _law_errors_apart, prior_of, project_to_bounds
 from slapshot.diagnosis.fit.linear import STEP_ERROR, Perturbation
-from slapshot.diagnosis.fit.noise import TYPICAL_LAW_ERROR, Noise, marginal_likelihood
+from slapshot.diagnosis.fit.noise import (
+    ADDED,
+    NOMINAL,
+    TYPICAL_LAW_ERROR,
+    Noise,
+    Prior,
+    marginal_likelihood,
+)
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.model.rig import Rig, bind
@@ -297,6 +304,33 @@ def test_noise_with_large_law_errors_is_less_credible():
         for size in (TYPICAL_LAW_ERROR, 3 * TYPICAL_LAW_ERROR)
     )
     assert usual.log_evidence - large.log_evidence == pytest.approx((3**2 - 1) / 2)
+
+
+@pytest.mark.parametrize("law_error", [1e-4, 0.15])
+def test_sizes_of_laws_are_those_of_a_regression_however_much_laws_err(law_error):
+    """Errors explain what a regression on the sizes leaves, and make these less sure by a share of them."""
+    rng, count = np.random.default_rng(4), 400
+    own = rng.normal(size=(count, 2))
+    errors = own @ rng.normal(size=(2, 5)) + rng.normal(size=(count, 5))
+    prior = Prior(np.ones(8), np.array([0, 0, 0, ADDED, ADDED, ADDED, NOMINAL, NOMINAL]), np.zeros(8, int))
+    other = rng.normal(size=(count, 1))
+    raw = np.concatenate([own, other, errors], axis=1)
+    sd = np.concatenate([[30.0, 20.0, 5.0], np.full(5, law_error)])
+    W = raw[None, :, None, :]
+    system = Linear(*np.zeros((5, 1)), W, np.zeros_like(W))
+    apart, z = _law_errors_apart(system, prior, raw * sd, sd, np.array([True, True, False]))
+    # Only errors were changed, alike in the system and its whitened columns, by multiples of the laws.
+    assert z[:, :3] == pytest.approx(raw[:, :3] * sd[:3])
+    assert apart.W[0, :, 0] * sd == pytest.approx(z, abs=1e-9 * np.abs(z).max())
+    changed = apart.W[0, :, 0, 3:] - errors
+    assert own @ np.linalg.lstsq(own, changed, rcond=None)[0] == pytest.approx(changed, abs=1e-9)
+    # Whatever the data, the sizes are those of ridge regression on them alone.
+    e = own @ [3.0, -2.0] + errors @ np.full(5, 0.3) + rng.normal(size=count)
+    alone = [0, 1]
+    columns = z[:, [0, 1, 3, 4, 5, 6, 7]]
+    joint_fit = np.linalg.solve(np.eye(7) + columns.T @ columns, columns.T @ e)[alone] * sd[alone]
+    regression = np.linalg.solve(np.diag(sd[alone] ** -2.0) + own.T @ own, own.T @ e)
+    assert joint_fit == pytest.approx(regression, rel=1e-6)
 
 
 def test_a_hypothesis_without_parameters_is_a_smoother():

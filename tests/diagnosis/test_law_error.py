@@ -5,16 +5,24 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.fit.law_error import Friction, Law, Shapes, law_errors
+from slapshot.diagnosis.fit.law_error import (
+    NEAR_REST,
+    Friction,
+    Law,
+    Shapes,
+    friction_at_rest,
+    law_errors,
+)
 from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.rig_motion import rig_motion
 from slapshot.diagnosis.model.segments import segment_recording
-from slapshot.effects.joints.effect import Joint, RigMotion, State
+from slapshot.effects.joints.effect import Joint, Parameter, RigMotion, State
 
 from .mechanisms import PENDULUM, control_channel, joint, recording
 
 HINGE = Joint("swing", 0, 0, "N m", (), 1.0, (), 1.0, 1.0, 0.0, 1.0)
+HINGE_SIZE = Parameter("torque", "N m", 1.0)
 WHOLE = 0.2  # size of a change of the whole law
 
 
@@ -130,25 +138,33 @@ def test_what_does_not_vary_is_no_error_of_its_own():
         np.testing.assert_allclose(errors @ law / (law @ law), 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("distance", [2e-3, 1e-2])
-@pytest.mark.parametrize(("forwards", "backwards"), [(1.0, 1.0), (0.7, 0.1)])
-def test_after_a_reversal_friction_lacks_the_bend_of_sliding(distance, forwards, backwards):
-    """Of bristles dz/dx = F - z, in bends: from -B, the distance that they lack is the integral of F - z."""
-    interval, speed = 0.005, np.concatenate([np.full(40, -0.5), np.linspace(-0.5, 0.5, 21), np.full(80, 0.5)])
-    level = [np.array([[size]]) for size in (forwards, backwards)]
-    deficit, share = (one[0] for one in Friction(HINGE, speed[None], *level).before_slip(interval, distance))
-    following = np.append(speed[1:], speed[-1])
-    deficit_now = np.sum(deficit * np.abs(speed + following) / 2) * interval
-    # Half a bend's share of one of the parts, of which eight make an interval, is the error of the midpoint.
-    rel = max(0.5 * 0.5 * interval / 8 / distance, 0.02)
-    assert deficit_now == pytest.approx((forwards + backwards) * distance, rel=rel)
-    # In steady sliding it decays with the distance.
-    assert deficit[70] / deficit[69] == pytest.approx(np.exp(-0.5 * interval / distance), rel=1e-7)
-    assert deficit[:39] == pytest.approx(0)
-    # What nobody knows of the beginning is forgotten over one bend: in parts, a geometric series.
-    part = 0.5 * interval / 8 / distance
-    forgotten = np.sum(share * np.abs(speed + following) / 2) * interval
-    assert forgotten == pytest.approx(distance * part / (1 - np.exp(-part)), rel=1e-6)
+@pytest.mark.parametrize("which", [0, 1])
+def test_near_rest_friction_lacks_what_the_motion_says_up_to_itself(which):
+    """Of two coupled joints one has a friction of 2 and, node by node, lacks a force between -4 and 4."""
+    rng, (S, L) = np.random.default_rng(3), (2, 200)
+    joints = [Joint(name, v, v, "N m", (), 1.0, (), 1.0, 1.0, 0.0, 1e-4) for v, name in enumerate("ab")]
+    act = 0.005 * np.array([[0.002, -0.001], [-0.001, 0.003], [0.9, -0.4], [-0.4, 1.2]])
+    process = np.tile(act, (S, L, 1, 1))
+    speed = np.zeros((S, L, 2))
+    speed[..., which] = rng.uniform(-0.1, 0.1, (S, L))
+    lacks = np.zeros((S, L, 2))
+    lacks[..., which] = rng.uniform(-4, 4, (S, L))
+    slides = -2.0 * np.sign(speed[..., which])
+    system = SimpleNamespace(
+        W=(slides[..., None] * act[:, which])[..., None], B=process, process_force=process,
+        d=np.einsum("ij,stj->sti", act, lacks),
+    )  # fmt: skip
+    friction = SimpleNamespace(empirical=True, friction=True, part="ab"[which], parameters=[HINGE_SIZE])
+    hypothesis = SimpleNamespace(effects=(friction,), slices=(slice(0, 1),))
+    state = State(speed.reshape(-1, 2), speed.reshape(-1, 2), *np.zeros((3, S * L)))
+    variance = friction_at_rest(system, hypothesis, np.ones(1), SimpleNamespace(joints=joints), state)
+    expected = np.minimum(np.abs(lacks[..., which]), 2.0) * np.exp(-((speed[..., which] / NEAR_REST) ** 2))
+    assert np.sqrt(variance[..., which]) == pytest.approx(expected, abs=1e-4 * 4)
+    assert not variance[..., 1 - which].any()
+    # Laws that are no friction hold nothing.
+    damping = SimpleNamespace(**vars(friction) | {"friction": False})
+    other = SimpleNamespace(effects=(damping,), slices=(slice(0, 1),))
+    assert friction_at_rest(system, other, np.ones(1), SimpleNamespace(joints=joints), state) is None
 
 
 def test_a_friction_is_as_large_before_it_slips_as_in_sliding_either_way_in_each_episode():

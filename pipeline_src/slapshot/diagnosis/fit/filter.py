@@ -40,6 +40,7 @@ class Linear:
         halved: (S, L, n) change of the transition with steps of half the length; None if not computed.
         process: (S, L, n, nv) effect of the process force, which a joint at rest feels in spite of its
             friction, and which acts on the inertia of the nominal model; None for B.
+        at_rest: (S, L, nv) variance of a further process force where friction holds joints; None for 0.
     """
 
     A: Array
@@ -52,6 +53,7 @@ class Linear:
     spread: Array | None = None
     halved: Array | None = None
     process: Array | None = None
+    at_rest: Array | None = None
 
     @property
     def process_force(self) -> Array:
@@ -138,8 +140,8 @@ def smooth(system: Linear, noise: Covariances) -> tuple[Array, Array, Array]:
     n = system.d.shape[-1]
     delta, adjoint = _backward(arguments[0], arguments[3], x, P, K, s, innovation)
     force = np.zeros((*system.d.shape[:2], system.B.shape[-1]))
-    variance = noise.force if noise.inflation is None else noise.force * noise.inflation[:, :-1, None]
-    force[:, :-1] = -variance * np.einsum("stij,sti->stj", system.process_force[:, :-1], adjoint[:, 1:, :n])
+    adjoint_force = np.einsum("stij,sti->stj", system.process_force[:, :-1], adjoint[:, 1:, :n])
+    force[:, :-1] = -_force_variance(system, noise)[:, :-1] * adjoint_force
     coloured = np.zeros(system.r.shape)
     channels = np.flatnonzero(noise.coloured > 0)
     coloured[..., channels] = delta[..., n : n + len(channels)]
@@ -161,6 +163,13 @@ def leave_one_out(system: Linear, noise: Covariances) -> tuple[Array, Array]:
     return _left_out(arguments[0], arguments[3], K, s, innovation)
 
 
+def _force_variance(system: Linear, noise: Covariances) -> Array:
+    """(S, L, nv) of all process force."""
+    inflation = np.ones(system.B.shape[:2]) if noise.inflation is None else noise.inflation
+    variance = noise.force * inflation[..., None]
+    return variance if system.at_rest is None else variance + system.at_rest
+
+
 def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
     """Arrays of the extended state (δ, n, ε); of n, coloured channels alone add states."""
     segments, nodes, n = system.d.shape
@@ -171,11 +180,10 @@ def _arguments(system: Linear, noise: Covariances) -> tuple[Array, ...]:
     A[..., :n, :n] = system.A
     A[..., range(n, n + m), range(n, n + m)] = noise.decay[channels]
     B = np.zeros((segments, nodes, n + m + k, nv + m + k))
-    inflation = 1.0 if noise.inflation is None else np.sqrt(noise.inflation)[..., None, None]
-    B[..., :n, :nv] = system.process_force * inflation
+    B[..., :n, :nv] = system.process_force * np.sqrt(_force_variance(system, noise))[..., None, :]
     B[..., range(n, n + m + k), range(nv, nv + m + k)] = 1
     own = (noise.coloured * (1 - noise.decay**2))[channels]
-    q = np.concatenate([noise.force, own, np.ones(k)])
+    q = np.concatenate([np.ones(nv), own, np.ones(k)])
     C = np.zeros((segments, nodes, system.C.shape[2], n + m + k))
     C[..., :n] = system.C
     C[..., channels, range(n, n + m)] = 1.0 if noise.level is None else noise.level[:, None, channels]

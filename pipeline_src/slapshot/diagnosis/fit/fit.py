@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Linear, innovations, smooth
-from slapshot.diagnosis.fit.law_error import added_law_errors, presliding, soft_limit
+from slapshot.diagnosis.fit.law_error import WHOLE, added_law_errors, friction_at_rest, soft_limit
 from slapshot.diagnosis.fit.linear import Linearised, Perturbation, linearise
 from slapshot.diagnosis.fit.noise import ADDED, DRIFT, NOMINAL, Noise, Prior, log_likelihood
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
@@ -134,8 +134,7 @@ class Fitter:
             state = State(x[:, :nq], x[:, nq : nq + nv], torque, self.segments.time.reshape(-1), order)
             W = added_law_errors(system, hypothesis, theta, self.rig, state, self.segments.interval)
             more.append((Prior.of(np.ones(W.shape[-1]), ADDED), W, None))
-            W = presliding(system, hypothesis, theta, self.rig, state, self.segments.interval)
-            more.append((Prior.of(np.ones(W.shape[-1])), W, None))
+            system = replace(system, at_rest=friction_at_rest(system, hypothesis, theta, self.rig, state))
             W = soft_limit(system, hypothesis, theta, x, self.segments)
             more.append((Prior.of(np.ones(W.shape[-1])), W, None))
         return _append_columns(system, prior, more)
@@ -183,6 +182,7 @@ class Fitter:
         moved, converged, evidence = np.inf, False, -np.inf
         before: tuple[float, Array, Array] | None = None
         best: tuple[float, Array, Array, Array, float] | None = None
+        laws = np.array([effect.empirical for effect in hypothesis.effects for _ in effect.parameters], bool)
         step: Array = np.zeros(p)
         last, damping = step, 1.0
         delta, share = np.zeros((*trajectory.shape[:2], self.simulator.tangent.dim)), 1.0
@@ -200,6 +200,7 @@ class Fitter:
             sd = prior.at(noise)
             seen = innovations(system, covariances)
             z = seen.Z.reshape(seen.e.size, -1) * sd
+            apart, z = _law_errors_apart(system, prior, z, sd, laws)
             offset = np.zeros(len(sd))
             offset[:p] = (theta - start) / sd[:p]
             gradient = z.T @ seen.e.reshape(-1) - offset
@@ -234,14 +235,14 @@ class Fitter:
             # Precision of the values alone: the nuisance is eliminated (Schur complement).
             own, other = scaled[:p, :p], scaled[:p, p:]
             own = own - other @ np.linalg.solve(scaled[p:, p:], other.T)
-            precision = own / np.outer(sd[:p], sd[:p])
+            precision = _with_gain_errors(own / np.outer(sd[:p], sd[:p]), prior, noise, theta * laws)
             if number == rounds and SETTLED_SD < moved < _CLOSE_SD:
                 most = _PATIENCE * rounds
             if converged or number == most or (patient and number > rounds and moved < SETTLED_SD):
                 break
             before, share, shortened, number = (evidence, theta, trajectory), 1.0, 0, number + 1
             full = full * sd
-            delta, *_ = smooth(system.moved(full).without_columns(), covariances)
+            delta, *_ = smooth(apart.moved(full).without_columns(), covariances)
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
             newton = float(np.max(np.abs(full[:p]) / spread, initial=0.0))
             # Far from its optimum a linearisation says nothing about the evidence.
@@ -275,6 +276,55 @@ def project_to_bounds(hypothesis: Hypothesis, theta: Array, full: Array, sd: Arr
     moved[rest] -= np.linalg.solve(scaled[np.ix_(rest, rest)], further)
     moved[:p] = (hypothesis.clipped(theta + moved[:p] * sd[:p]) - theta) / sd[:p]
     return moved
+
+
+def _law_errors_apart(
+    system: Linear, prior: Prior, z: Array, sd: Array, laws: NDArray[np.bool_]
+) -> tuple[Linear, Array]:
+    """The system with errors of laws that leave the sizes of laws alone, and its whitened columns.
+
+    What an error of a law has in common with the laws themselves is a matter of definition: here their sizes
+    are those that fit best without errors (as a computer model's parameters in Plumlee 2017, Journal of the
+    American Statistical Association 112(519)). Otherwise errors that vary with speed and load could stand in
+    for any of a joint's frictions, and a size would be that for which errors are least, far from what a
+    regression finds.
+
+    Args:
+        system: with all columns.
+        prior: of these.
+        z: (observations, columns) whitened, in standard deviations.
+        sd: (columns,) of their values.
+        laws: which of the first columns are parameters of laws.
+    """
+    of = np.isin(prior.kind, (NOMINAL, ADDED))
+    if not laws.any() or not of.any():
+        return system, z
+    own = np.flatnonzero(laws)
+    known = z[:, own]
+    common = np.linalg.solve(known.T @ known + np.eye(len(own)), known.T @ z[:, of])
+    z = z.copy()
+    z[:, of] -= known @ common
+    common = common * sd[own, None] / sd[of]
+    W, psi = system.W.copy(), system.psi.copy()
+    W[..., of] -= W[..., own] @ common
+    psi[..., of] -= psi[..., own] @ common
+    return system.with_columns(W, psi), z
+
+
+def _with_gain_errors(precision: Array, prior: Prior, noise: Noise, sizes: Array) -> Array:
+    """The precision of values where laws that err in shape err by a smaller share as a whole, too.
+
+    Args:
+        precision: (p, p) without that.
+        prior: of all columns.
+        noise: with the size of errors of laws.
+        sizes: (p,) values of parameters of laws; 0 for others.
+    """
+    if not sizes.any():
+        return precision
+    errors = (NOMINAL, noise.law_error), (ADDED, noise.added_error)
+    error = np.hypot(*(size * np.any(prior.kind == kind) for kind, size in errors))
+    return np.asarray(np.linalg.inv(np.linalg.inv(precision) + np.diag((WHOLE * error * sizes) ** 2)))
 
 
 def _append_columns(

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Linear
@@ -36,14 +35,12 @@ _NARROW = 0.2
 _COARSE, _FINE = (0.02, 8), (1e-5, 120)
 _NODES = 2000  # from which components are computed
 _ADDED = (1e-4, 40)  # of an added law, whose effect may be far above the noise
-_WHOLE = 0.2  # gain error of a law, relative to its shape errors
+WHOLE = 0.2  # gain error of a law, relative to its shape errors
 LAGS_S = (0.005, 0.01, 0.02)  # lags of a law behind its state, as of friction after a reversal
 # Relative to the rms speed: friction is arbitrary below the first, and may deviate below the second.
 NEAR_REST, LOW_SPEED = 0.05, 0.2
 _PART = 0.4  # error near rest or in time, relative to shape errors
 _FLAT = 1e-6  # of shapes, which are of size 1
-PRESLIDING_DISTANCES = (1e-3, 4e-3)  # relative to the travel: presliding distances of friction
-_SUBINTERVALS = 8  # of an interval
 
 
 class Shapes:
@@ -101,7 +98,7 @@ class Law:
         self._torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
         self._shapes = Shapes(*self._usual(state), value(state) ** 2, _FINE if fine else _COARSE)
         # A shape error comes with a small gain error.
-        self.share = np.append(self._shapes.share, _WHOLE)
+        self.share = np.append(self._shapes.share, WHOLE)
         self._last: list[tuple[State, Array]] = []
 
     def _usual(self, state: State) -> tuple[Array, Array]:
@@ -218,63 +215,23 @@ class Friction:
 
     def near_rest(self, slow: float) -> Array:
         """(S, L) sign of the speed, windowed to low speeds (a share of the rms speed)."""
-        there = self.speed / self.joint.speed
-        return np.asarray(np.tanh(self.speed / self.joint.step_speed) * np.exp(-((there / slow) ** 2)))
+        return np.asarray(np.tanh(self.speed / self.joint.step_speed) * self.window(slow))
 
-    def before_slip(self, interval: float, distance: float) -> tuple[Array, Array]:
-        """Mean deficit in each interval of a friction that builds up over a distance, as bristles do.
-
-        Args:
-            interval: s from node to node.
-            distance: presliding distance in rad or m.
-
-        Returns:
-            (S, L) deficit: sliding friction less presliding friction, from the first node on; and the share
-            (S, L) that remains of the deficit at the first node.
-        """
-        deficit, share = _before_slip(
-            np.ascontiguousarray(self.speed), self.forwards[:, 0], self.backwards[:, 0], interval / distance
-        )
-        return deficit, share
+    def window(self, slow: float) -> Array:
+        """(S, L) 1 at rest, falling to 0 above low speeds (a share of the rms speed)."""
+        return np.asarray(np.exp(-((self.speed / self.joint.speed / slow) ** 2)))
 
 
-@njit(cache=True)
-def _sliding(speed, forwards, backwards):  # type: ignore[no-untyped-def]
-    if speed == 0:
-        return 0.0
-    return forwards if speed > 0 else -backwards
+def friction_at_rest(
+    system: Linear, hypothesis: Hypothesis, theta: Array, rig: RigMotion, state: State
+) -> Array | None:
+    """Variance of the force by which added frictions may differ from their laws near rest.
 
-
-@njit(cache=True)
-def _before_slip(speed, forwards, backwards, seconds_over_distance):  # type: ignore[no-untyped-def]
-    S, L = speed.shape
-    deficit, share = np.zeros((S, L)), np.zeros((S, L))
-    for s in range(S):
-        presliding, remaining = _sliding(speed[s, 0], forwards[s], backwards[s]), 1.0
-        # A reversal takes less than an interval, within which the speed is interpolated linearly.
-        for t in range(L):
-            following = speed[s, min(t + 1, L - 1)]
-            for k in range(_SUBINTERVALS):
-                part = (k + 0.5) / _SUBINTERVALS
-                there = (1 - part) * speed[s, t] + part * following
-                level = _sliding(there, forwards[s], backwards[s])
-                now = level - presliding
-                deficit[s, t] += now / _SUBINTERVALS
-                share[s, t] += remaining / _SUBINTERVALS
-                decay = np.exp(-abs(there) * seconds_over_distance / _SUBINTERVALS)
-                presliding = level - now * decay
-                remaining *= decay
-    return deficit, share
-
-
-def presliding(
-    system: Linear, hypothesis: Hypothesis, theta: Array, rig: RigMotion, state: State, interval: float
-) -> Array:
-    """Columns for added frictions near rest and in presliding (Dahl 1968).
-
-    Friction builds up over a distance after a reversal, and its level at rest is not tied to that in motion.
-    Both act briefly, but change the speed after every reversal, which has a lasting effect. Where a segment
-    begins near rest, the presliding state is unknown.
+    There friction is whatever holds the joint, or builds up over a distance (Dahl 1968): a law says only how
+    large it is at most. With a law that errs by little the joint would move on where it stands, and times at
+    rest would outweigh all others, though they say little about forces. So what force lacks there, up to
+    the friction itself, has the size that it has: a process force with heavy tails, reweighted in each
+    round.
 
     Args:
         system: with the hypothesis' own columns first.
@@ -282,30 +239,25 @@ def presliding(
         theta: their values.
         rig: scales.
         state: of all nodes, S * L.
-        interval: s from node to node.
 
     Returns:
-        (S, L, n, k), of each friction one near rest, for each bend one, and one for each segment that begins
-        near rest, as large as it makes them.
+        (S, L, nv) in N² m² or N²; None without frictions.
     """
-    S, L, n, _ = system.W.shape
-    columns = []
-    for effect, joint, law in _added(system, hypothesis, theta, rig):
-        if not effect.friction:
-            continue
-        friction, force = Friction.of(system, law, state, joint), system.B[..., joint.v]
-        if not np.any(friction.level):
-            continue
-        columns.append(force * (friction.level * friction.near_rest(NEAR_REST))[..., None])
-        begins = np.flatnonzero(np.abs(friction.speed[:, 0]) < LOW_SPEED * joint.speed)
-        for distance in PRESLIDING_DISTANCES:
-            deficit, share = friction.before_slip(interval, distance * joint.travel)
-            columns.append(force * deficit[..., None])
-            for s in begins:
-                first = np.zeros_like(force)
-                first[s] = force[s] * (friction.forwards[s] + friction.backwards[s]) / 2 * share[s][:, None]
-                columns.append(first)
-    return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
+    frictions = [own for own in _added(system, hypothesis, theta, rig) if own[0].friction]
+    if not frictions:
+        return None
+    act = system.process_force
+    square = np.einsum("stni,stnj->stij", act, act)
+    scale = np.sqrt(np.maximum(np.einsum("stii->sti", square), 1e-300))
+    square = square / (scale[..., None] * scale[..., None, :]) + _FLAT * np.eye(act.shape[-1])
+    along = np.einsum("stni,stn->sti", act, system.d) / scale
+    lacks = np.abs(np.linalg.solve(square, along[..., None])[..., 0]) / scale
+    variance = np.zeros_like(lacks)
+    for _, joint, law in frictions:
+        near = Friction.of(system, law, state, joint)
+        most = np.minimum(lacks[..., joint.v], near.level)
+        variance[..., joint.v] += (most * near.window(NEAR_REST)) ** 2
+    return variance
 
 
 def soft_limit(system: Linear, hypothesis: Hypothesis, theta: Array, x: Array, segments: Segments) -> Array:
