@@ -323,8 +323,8 @@ def _with_gain_errors(precision: Array, prior: Prior, noise: Noise, sizes: Array
     if not sizes.any():
         return precision
     errors = (NOMINAL, noise.law_error), (ADDED, noise.added_error)
-    error = np.hypot(*(size * np.any(prior.kind == kind) for kind, size in errors))
-    return np.asarray(np.linalg.inv(np.linalg.inv(precision) + np.diag((WHOLE * error * sizes) ** 2)))
+    square = sum(size**2 for kind, size in errors if np.any(prior.kind == kind))
+    return np.asarray(np.linalg.inv(np.linalg.inv(precision) + np.diag(WHOLE**2 * square * sizes**2)))
 
 
 def _append_columns(
