@@ -60,6 +60,7 @@ def moved(
     coulomb: float = COULOMB,
     excess: float = 0.0,
     asymmetry: float = 0.0,
+    uneven: Callable[[float], float] = lambda q: 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Places in m and a controller's forces in N at times at rest first, in `finer` steps between them.
 
@@ -71,6 +72,7 @@ def moved(
         coulomb: dry friction in N.
         excess: that of friction at rest in N, which is gone above a few cm/s (Stribeck).
         asymmetry: share by which dry friction is larger forward, and smaller backward.
+        uneven: further dry friction in N at a place.
     """
     q, v, h = 0.0, 0.0, (t[1] - t[0]) / finer
     place, force = np.empty(len(t)), np.empty(len(t))
@@ -79,7 +81,7 @@ def moved(
         unrecorded = other(t[k], q)
         for _ in range(finer):
             net = force[k] + unrecorded - VISCOUS * v
-            level = coulomb + excess * math.exp(-((v / FALLS) ** 2)) if excess else coulomb
+            level = coulomb + uneven(q) + (excess * math.exp(-((v / FALLS) ** 2)) if excess else 0.0)
             free, friction = v + h * net / MASS, level * (1 + asymmetry * np.sign(v if v else net))
             # Dry friction stops the carriage, or slows it down by as much as it can within a step.
             before, v = v, np.sign(free) * max(abs(free) - h * friction / MASS, 0.0)
@@ -439,12 +441,16 @@ def pushed_axis(
     seed: int,
     pushes: Sequence[tuple[float, float, float]] = PUSHES,
     shape: Callable[[float], float] = lambda share: 1.0,
+    *,
+    ripple: float = 0.2,
+    **friction: Any,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """An axis that goes from place to place and is pushed, at 1 kHz; as `driven_axis`.
 
     Its friction differs by 3 % to both sides of its mean, a force of 3.2 N helps it forward, and another of
-    0.2 N repeats itself every 2 cm. Positions are read in micrometres. The shape of pushes is a factor on
-    their size, by the share of their time that has passed.
+    0.2 N repeats itself every 2 cm, or the `ripple`. Positions are read in micrometres. The shape of pushes
+    is a factor on their size, by the share of their time that has passed. Further `friction` is that of
+    `moved`.
     """
     rng, t = np.random.default_rng(seed), np.arange(0, seconds, 1e-3)
     leg = seconds / (len(PLACES) - 1)
@@ -460,9 +466,9 @@ def pushed_axis(
         pushed = sum(
             size * shape((time - begin) / (end - begin)) for begin, end, size in pushes if begin <= time < end
         )
-        return pushed + 3.2 + 0.2 * np.sin(q / 0.02 * 2 * np.pi)
+        return pushed + 3.2 + ripple * np.sin(q / 0.02 * 2 * np.pi)
 
-    place, force = moved(t, 10, controller, other, asymmetry=0.03)
+    place, force = moved(t, 10, controller, other, asymmetry=0.03, **friction)
     return t, np.round((place + 2e-6 * rng.standard_normal(len(t))) / 1e-6) * 1e-6, force
 
 
@@ -506,6 +512,47 @@ def test_a_ripple_beside_missing_friction_is_named():
     sine, cosine, order = laws["torque_ripple"]
     assert order == pytest.approx(2 * np.pi / 0.02, rel=0.001)
     assert np.hypot(sine, cosine) == pytest.approx(0.2, rel=0.05)
+
+
+@pytest.mark.slow
+def test_friction_that_no_law_has_exactly_hides_neither_its_laws_nor_pushes():
+    """It is larger by 3 N at rest, and from place to place by 1.5 N (rms); of a ripple of 1 N, half or more.
+
+    The push on the axis that stands still does not move it by more than such friction may give way.
+    """
+    rng = np.random.default_rng(0)
+    phases, counts = rng.uniform(0, 2 * np.pi, 5), np.arange(1, 6)
+    size = 1.5 / np.sqrt(np.sum(0.5 / counts**2))
+
+    def uneven(q: float) -> float:
+        return float(size * np.sum(np.sin(2 * np.pi * counts * q / 0.35 + phases) / counts))
+
+    pushes = [push for push in PUSHES if push[2] != STILL]
+    made = pushed_axis(24.8, 0, PUSHES, ripple=1.0, excess=3.0, uneven=uneven)
+    t, read, force = made
+    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
+    recorded = recording(t, channels)
+    result = diagnose(recorded, bind(MjSpec.from_string(AXIS), recorded.channels), seed=1)
+    assert result.verdict.headline == "found"
+    assert result.verdict.unknown is not None
+    assert result.verdict.unknown.flagged
+    laws = {e.name: [p.value for p in e.parameters] for e in result.verdict.effects}
+    assert laws["viscous_friction"] == pytest.approx([VISCOUS], rel=0.05)
+    assert laws["direction_friction"] == pytest.approx([1.03 * COULOMB - 3.2, 0.97 * COULOMB + 3.2], rel=0.06)
+    assert set(laws) == {"viscous_friction", "direction_friction", "external_pulse", "torque_ripple"}
+    sine, cosine, order = laws["torque_ripple"]
+    assert order == pytest.approx(2 * np.pi / 0.02, rel=0.01)
+    assert 0.5 < np.hypot(sine, cosine) < 1.1
+    assert result.search is not None
+    fit = result.search.final.scored.fit
+    ((push, own),) = [
+        (effect, own)
+        for effect, own in zip(fit.hypothesis.effects, fit.hypothesis.slices, strict=True)
+        if isinstance(effect, ExternalPulse)
+    ]
+    found = [(one.begin, one.end, max(values, key=abs)) for one, values in push.by_pulse(fit.theta[own])]
+    assert [one[:2] for one in found] == [pytest.approx(one[:2], abs=0.02) for one in pushes]
+    assert [one[2] for one in found] == pytest.approx([one[2] for one in pushes], rel=0.15)
 
 
 @pytest.mark.slow

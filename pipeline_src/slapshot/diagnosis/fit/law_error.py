@@ -39,6 +39,7 @@ WHOLE = 0.2  # gain error of a law, relative to its shape errors
 LAGS_S = (0.005, 0.01, 0.02)  # lags of a law behind its state, as of friction after a reversal
 # Relative to the rms speed: friction is arbitrary below the first, and may deviate below the second.
 NEAR_REST, LOW_SPEED = 0.05, 0.2
+LESS_AT_REST = 0.3  # share by which a friction may be less than its law says near rest
 _PART = 0.4  # error near rest or in time, relative to shape errors
 _FLAT = 1e-6  # of shapes, which are of size 1
 
@@ -229,9 +230,9 @@ def friction_at_rest(
 
     There friction is whatever holds the joint, or builds up over a distance (Dahl 1968): a law says only how
     large it is at most. With a law that errs by little the joint would move on where it stands, and times at
-    rest would outweigh all others, though they say little about forces. So what force lacks there, up to
-    the friction itself, has the size that it has: a process force with heavy tails, reweighted in each
-    round.
+    rest would outweigh all others, though they say little about forces. So what force lacks there to hold
+    the joint, up to the friction itself, has the size that it has: a process force with heavy tails,
+    reweighted in each round. What would move a joint that friction holds is a push, but for a share.
 
     Args:
         system: with the hypothesis' own columns first.
@@ -253,9 +254,12 @@ def friction_at_rest(
     along = np.einsum("stni,stn->sti", act, system.d) / scale
     lacks = np.abs(np.linalg.solve(square, along[..., None])[..., 0]) / scale
     variance = np.zeros_like(lacks)
+    nv = act.shape[-1]
     for _, joint, law in frictions:
         near = Friction.of(system, law, state, joint)
-        most = np.minimum(lacks[..., joint.v], near.level)
+        following = np.concatenate([near.speed[:, 1:], near.speed[:, -1:]], axis=1)
+        holds = np.abs(following + system.d[..., nv + joint.v]) > np.abs(following)
+        most = np.minimum(lacks[..., joint.v], np.where(holds, 1.0, LESS_AT_REST) * near.level)
         variance[..., joint.v] += (most * near.window(NEAR_REST)) ** 2
     return variance
 
