@@ -27,7 +27,7 @@ from slapshot.diagnosis.selection.push_search import (
     without_needless_windows,
     worth_of_set_aside,
 )
-from slapshot.diagnosis.selection.simplest import simplest
+from slapshot.diagnosis.selection.simplest import SIMPLER_MARGIN, simplest
 from slapshot.diagnosis.selection.steps import (
     EQUIVALENCE_NATS,
     P_VALUE,
@@ -54,7 +54,6 @@ from slapshot.effects.joints.external_pulse import ExternalPulse
 MAX_EFFECTS = 5
 MAX_REFITS = 6  # candidates refitted in a step
 _PRESELECTION_NODES, _PRESELECTION_ROUNDS = 2000, 4  # of a preliminary refit
-_SIMPLER_MARGIN = 0.1  # the same of one that may act as a candidate with more parameters does, as a share
 _OPEN_P_VALUE = 0.1  # of what laws leave, below which structures are fitted besides
 _STRUCTURE_STEPS = 2  # steps in which structures are fitted: alone, and besides the best law
 
@@ -207,7 +206,7 @@ def _forward_step(step: Step, rng: np.random.Generator, report: Report) -> Step 
         # What columns do not tell apart is refitted, too: a preliminary fit may be far from its optimum.
         as_good = _near(screened.get(effect.key, -np.inf), most)
         if not (_near(gain, leader) or as_good) and not any(
-            _may_simplify(effect, rival.effect) and gain > (1 - _SIMPLER_MARGIN) * leader for rival in rivals
+            _may_simplify(effect, rival.effect) and gain > (1 - SIMPLER_MARGIN) * leader for rival in rivals
         ):
             continue
         fit = refit(step, effect, start)

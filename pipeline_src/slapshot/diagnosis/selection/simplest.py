@@ -10,14 +10,20 @@ from slapshot.diagnosis.fit.law_error import LOW_SPEED
 from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR
 from slapshot.diagnosis.selection.steps import Rival, Step
 
+SIMPLER_MARGIN = 0.1  # share of a gain that a rival may gain less which acts alike with fewer parameters
+
 
 def simplest(step: Step, rivals: Sequence[Rival]) -> Rival:
-    """The best rival, or one with fewer parameters and the same action within law errors."""
+    """The best rival, or one with fewer parameters and the same action within law errors.
+
+    Actions are those of whole fits: where other effects moved, too, their change alone is no likeness.
+    """
     best = rivals[0]
     change = _velocity_change(step, best)
     tied = [best]
     for rival in rivals[1:]:
-        if len(rival.effect.parameters) >= len(best.effect.parameters):
+        fewer = len(rival.effect.parameters) < len(best.effect.parameters)
+        if not fewer or rival.gain < (1 - SIMPLER_MARGIN) * best.gain:
             continue
         compared = np.ones(len(change), bool)
         if best.effect.friction and rival.effect.friction and best.effect.part == rival.effect.part:
