@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import mujoco
@@ -10,7 +11,14 @@ import pytest
 from mujoco import MjSpec
 from scipy import optimize, stats
 from slapshot.diagnosis.fit.filter import Linear, innovations
-from slapshot.diagnosis.fit.fit import Fit, Fitter, _law_errors_apart, prior_of, project_to_bounds
+from slapshot.diagnosis.fit.fit import (
+    Fit,
+    Fitter,
+    _law_errors_apart,
+    _with_gain_errors,
+    prior_of,
+    project_to_bounds,
+)
 from slapshot.diagnosis.fit.linear import STEP_ERROR, Perturbation
 from slapshot.diagnosis.fit.noise import (
     ADDED,
@@ -331,6 +339,17 @@ def test_sizes_of_laws_are_those_of_a_regression_however_much_laws_err(law_error
     joint_fit = np.linalg.solve(np.eye(7) + columns.T @ columns, columns.T @ e)[alone] * sd[alone]
     regression = np.linalg.solve(np.diag(sd[alone] ** -2.0) + own.T @ own, own.T @ e)
     assert joint_fit == pytest.approx(regression, rel=1e-6)
+
+
+@pytest.mark.parametrize(("kinds", "error"), [((NOMINAL,), 0.06), ((ADDED,), 0.08), ((NOMINAL, ADDED), 0.1)])
+def test_laws_that_err_in_shape_err_by_a_fifth_of_that_as_a_whole(kinds, error):
+    """Variances add up, of the laws that have errors: 6 % of those of the model and 8 % of those added."""
+    prior = Prior(np.ones(len(kinds)), np.array(kinds), np.zeros(len(kinds), int))
+    noise = SimpleNamespace(law_error=0.06, added_error=0.08)
+    covariance = np.array([[4.0, 1.0, 0.5], [1.0, 9.0, 0.2], [0.5, 0.2, 1.0]])
+    sizes = np.array([200.0, -20.0, 0.0])  # the last is no law's
+    found = np.linalg.inv(_with_gain_errors(np.linalg.inv(covariance), prior, noise, sizes))
+    assert found == pytest.approx(covariance + np.diag((0.2 * error * sizes) ** 2))
 
 
 def test_a_hypothesis_without_parameters_is_a_smoother():

@@ -90,14 +90,9 @@ def pair_step(
     only = refit(before, first, best.fit.theta[best.fit.hypothesis.slices[-2]])
     gain = only.log_evidence - level
     step = step_to(before, only, first, gain, [Rival(first, gain, only)], rng)
-    both = step_to(before, best.fit, best.effect, best.gain, [best], rng)
-    # By itself the first one gains with a process force that makes up for the other: both under one noise.
-    noise = both.scored.residual_noise
-    without = problem.fitter.fit(step.hypothesis, only.theta, only.trajectory, noise)
-    second = max(both.scored.fit.log_evidence - without.log_evidence, best.gain - gain)
-    if np.isfinite(second):
-        both = replace(both, gain=second, rivals=(replace(best, gain=second),))
-    return before, [step, both]
+    # Each model under the process force that it leaves: under that of both, the first alone is impossible.
+    second = replace(best, gain=best.gain - gain)
+    return before, [step, step_to(before, best.fit, best.effect, second.gain, [second], rng)]
 
 
 def _simplest_pair(
