@@ -484,6 +484,10 @@ def diagnosed_axis(
     verdict = result.verdict
     assert verdict.headline == "found"
     laws = {e.name: [p.value for p in e.parameters] for e in verdict.effects if e.name != "external_pulse"}
+    if "torque_ripple" in laws:  # which it has, of 0.2 N
+        sine, cosine, order = laws.pop("torque_ripple")
+        assert order == pytest.approx(2 * np.pi / 0.02, rel=0.01)
+        assert np.hypot(sine, cosine) == pytest.approx(0.2, rel=0.25)
     assert set(laws) == {"viscous_friction", "direction_friction"}
     assert laws["viscous_friction"] == pytest.approx([VISCOUS], rel=0.01)
     assert laws["direction_friction"] == pytest.approx([1.03 * COULOMB - 3.2, 0.97 * COULOMB + 3.2], rel=0.01)
