@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mujoco import MjSpec
-from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.diagnose import Diagnosis, diagnose
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
@@ -145,11 +145,28 @@ def driven_axis(
     return t, place + noise * rng.standard_normal(len(t)), force
 
 
-def test_friction_of_a_precise_axis_is_named():
-    t, read, force = driven_axis(16.0, 3)
+def diagnosed(t: np.ndarray, read: np.ndarray, force: np.ndarray) -> Diagnosis:
+    """What is said of an axis of which positions and forces are recorded, from its mass alone."""
     channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
     made = recording(t, channels)
-    verdict = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1).verdict
+    return diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1)
+
+
+def named_pushes(result: Diagnosis) -> list[tuple[Pulse, np.ndarray]]:
+    """Every named push with its forces."""
+    assert result.search is not None
+    fit = result.search.final.scored.fit
+    return [
+        named
+        for effect, own in zip(fit.hypothesis.effects, fit.hypothesis.slices, strict=True)
+        if isinstance(effect, ExternalPulse)
+        for named in effect.by_pulse(fit.theta[own])
+    ]
+
+
+def test_friction_of_a_precise_axis_is_named():
+    t, read, force = driven_axis(16.0, 3)
+    verdict = diagnosed(t, read, force).verdict
     assert verdict.headline == "found"
     assert not verdict.unknown.flagged
     values = {effect.name: effect.parameters[0] for effect in verdict.effects}
@@ -404,9 +421,7 @@ def test_an_offset_beside_friction_at_a_fast_clock():
     """1 kHz and 2 microns: what the model lacks is wrong by tens of thousands of standard deviations."""
     offset = 3.2
     t, read, force = driven_axis(12.0, 4, step=0.001, noise=2e-6, offset=offset)
-    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
-    made = recording(t, channels)
-    verdict = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1).verdict
+    verdict = diagnosed(t, read, force).verdict
     assert verdict.headline == "found"
     values = {effect.name: [p.value for p in effect.parameters] for effect in verdict.effects}
     assert values["viscous_friction"] == pytest.approx([VISCOUS], rel=0.01)
@@ -419,9 +434,7 @@ def test_friction_by_other_laws_is_no_push(law):
     """Nor is its level named twice; nothing is pushed."""
     offset = 3.2
     t, read, force = driven_axis(25.0, 0, step=0.001, noise=1.5e-6, offset=offset, **law)
-    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
-    made = recording(t, channels)
-    verdict = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1).verdict
+    verdict = diagnosed(t, read, force).verdict
     assert verdict.headline == "found"
     laws = {effect.name: [p.value for p in effect.parameters] for effect in verdict.effects}
     # Bristles are dry friction but for micrometres.
@@ -478,9 +491,7 @@ def diagnosed_axis(
     t: np.ndarray, read: np.ndarray, force: np.ndarray
 ) -> tuple[Verdict, list[tuple[float, float, float]]]:
     """The verdict, and begin, end and largest force of every named push; friction is found to a per cent."""
-    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
-    made = recording(t, channels)
-    result = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1)
+    result = diagnosed(t, read, force)
     verdict = result.verdict
     assert verdict.headline == "found"
     laws = {e.name: [p.value for p in e.parameters] for e in verdict.effects if e.name != "external_pulse"}
@@ -491,23 +502,15 @@ def diagnosed_axis(
     assert set(laws) == {"viscous_friction", "direction_friction"}
     assert laws["viscous_friction"] == pytest.approx([VISCOUS], rel=0.01)
     assert laws["direction_friction"] == pytest.approx([1.03 * COULOMB - 3.2, 0.97 * COULOMB + 3.2], rel=0.01)
-    assert result.search is not None
-    fit = result.search.final.scored.fit
-    return verdict, [
-        (pulse.begin, pulse.end, max(values, key=abs))
-        for effect, own in zip(fit.hypothesis.effects, fit.hypothesis.slices, strict=True)
-        if isinstance(effect, ExternalPulse)
-        for pulse, values in effect.by_pulse(fit.theta[own])
-    ]
+    found = named_pushes(result)
+    return verdict, [(pulse.begin, pulse.end, max(values, key=abs)) for pulse, values in found]
 
 
 @pytest.mark.slow
 def test_a_ripple_beside_missing_friction_is_named():
     """From the mass alone: frictions, and a force that repeats itself twelve times over the travel."""
     t, read, force = pushed_axis(24.8, 5, ())
-    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
-    made = recording(t, channels)
-    verdict = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1).verdict
+    verdict = diagnosed(t, read, force).verdict
     assert not verdict.unknown.flagged
     laws = {e.name: [p.value for p in e.parameters] for e in verdict.effects}
     assert set(laws) == {"viscous_friction", "direction_friction", "torque_ripple"}
@@ -531,9 +534,7 @@ def test_friction_that_no_law_has_exactly_hides_neither_its_laws_nor_pushes():
         return float(size * np.sum(np.sin(2 * np.pi * counts * q / 0.35 + phases) / counts))
 
     t, read, force = pushed_axis(24.8, 0, ripple=1.0, excess=3.0, uneven=uneven)
-    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
-    recorded = recording(t, channels)
-    result = diagnose(recorded, bind(MjSpec.from_string(AXIS), recorded.channels), seed=1)
+    result = diagnosed(t, read, force)
     assert result.verdict.headline == "found"
     assert result.verdict.unknown is not None
     assert result.verdict.unknown.flagged
@@ -541,19 +542,11 @@ def test_friction_that_no_law_has_exactly_hides_neither_its_laws_nor_pushes():
     assert laws["viscous_friction"] == pytest.approx([VISCOUS], rel=0.05)
     assert laws["direction_friction"] == pytest.approx([1.03 * COULOMB - 3.2, 0.97 * COULOMB + 3.2], rel=0.06)
     assert set(laws) - {"torque_ripple"} == {"viscous_friction", "direction_friction", "external_pulse"}
-    assert result.search is not None
-    fit = result.search.final.scored.fit
-    ((push, own),) = [
-        (effect, own)
-        for effect, own in zip(fit.hypothesis.effects, fit.hypothesis.slices, strict=True)
-        if isinstance(effect, ExternalPulse)
-    ]
-    found = [(one.begin, one.end, max(values, key=abs)) for one, values in push.by_pulse(fit.theta[own])]
-    for (first, last, value), (begin, end, size) in zip(found, PUSHES, strict=True):
+    for (pulse, values), (begin, end, size) in zip(named_pushes(result), PUSHES, strict=True):
         # While the axis stands still, friction holds it until the push is larger.
-        assert begin - 0.02 < first < (end if size == STILL else begin + 0.02)
-        assert last == pytest.approx(end, abs=0.05)
-        assert value == pytest.approx(size, rel=0.2)
+        assert begin - 0.02 < pulse.begin < (end if size == STILL else begin + 0.02)
+        assert pulse.end == pytest.approx(end, abs=0.05)
+        assert max(values, key=abs) == pytest.approx(size, rel=0.2)
 
 
 @pytest.mark.slow
@@ -616,22 +609,13 @@ def test_a_force_that_comes_and_goes_for_seconds_is_one_push():
 
     place, force = moved(t, 20, controller, other)
     read = place + 1.5e-6 * rng.standard_normal(len(t))
-    channels = {"q": (joint("slide", unit="m"), read), "u": (control_channel("N", actuator="motor"), force)}
-    made = recording(t, channels)
-    result = diagnose(made, bind(MjSpec.from_string(AXIS), made.channels), seed=1)
+    result = diagnosed(t, read, force)
     assert result.verdict.unknown is not None
     assert not result.verdict.unknown.flagged
     laws = {e.name: [p.value for p in e.parameters] for e in result.verdict.effects}
     assert laws["viscous_friction"] == pytest.approx([VISCOUS], rel=0.001)
     assert laws["direction_friction"] == pytest.approx([COULOMB - offset, COULOMB + offset], rel=0.002)
-    assert result.search is not None
-    fit = result.search.final.scored.fit
-    ((push, own),) = [
-        (effect, own)
-        for effect, own in zip(fit.hypothesis.effects, fit.hypothesis.slices, strict=True)
-        if isinstance(effect, ExternalPulse)
-    ]
-    ((pulse, values),) = push.by_pulse(fit.theta[own])
+    ((pulse, values),) = named_pushes(result)
     times = np.linspace(pulse.begin, pulse.end, 300, endpoint=False)
     truth = [other(time, 0.0) - offset for time in times]
     assert pulse.shape(times) @ values == pytest.approx(truth, abs=0.05 * size)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Linear, innovations, smooth
-from slapshot.diagnosis.fit.law_error import WHOLE, added_law_errors, friction_at_rest, soft_limit
+from slapshot.diagnosis.fit.law_error import GAIN_ERROR, added_law_errors, friction_at_rest, soft_limit
 from slapshot.diagnosis.fit.linear import Linearised, Perturbation, linearise
 from slapshot.diagnosis.fit.noise import ADDED, DRIFT, NOMINAL, Noise, Prior, log_likelihood
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
@@ -324,7 +324,7 @@ def _with_gain_errors(precision: Array, prior: Prior, noise: Noise, sizes: Array
         return precision
     errors = (NOMINAL, noise.law_error), (ADDED, noise.added_error)
     square = sum(size**2 for kind, size in errors if np.any(prior.kind == kind))
-    return np.asarray(np.linalg.inv(np.linalg.inv(precision) + np.diag(WHOLE**2 * square * sizes**2)))
+    return np.asarray(np.linalg.inv(np.linalg.inv(precision) + np.diag(GAIN_ERROR**2 * square * sizes**2)))
 
 
 def _append_columns(

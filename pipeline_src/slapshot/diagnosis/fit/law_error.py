@@ -35,11 +35,11 @@ _NARROW = 0.2
 _COARSE, _FINE = (0.02, 8), (1e-5, 120)
 _NODES = 2000  # from which components are computed
 _ADDED = (1e-4, 40)  # of an added law, whose effect may be far above the noise
-WHOLE = 0.2  # gain error of a law, relative to its shape errors
+GAIN_ERROR = 0.2  # gain error of a law, relative to its shape errors
 LAGS_S = (0.005, 0.01, 0.02)  # lags of a law behind its state, as of friction after a reversal
 # Relative to the rms speed: friction is arbitrary below the first, and may deviate below the second.
 NEAR_REST, LOW_SPEED = 0.05, 0.2
-LESS_AT_REST = 0.3  # share by which a friction may be less than its law says near rest
+_LESS_AT_REST = 0.3  # share by which a friction may be less than its law says near rest
 _PART = 0.4  # error near rest or in time, relative to shape errors
 _FLAT = 1e-6  # of shapes, which are of size 1
 
@@ -99,7 +99,7 @@ class Law:
         self._torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
         self._shapes = Shapes(*self._usual(state), value(state) ** 2, _FINE if fine else _COARSE)
         # A shape error comes with a small gain error.
-        self.share = np.append(self._shapes.share, WHOLE)
+        self.share = np.append(self._shapes.share, GAIN_ERROR)
         self._last: list[tuple[State, Array]] = []
 
     def _usual(self, state: State) -> tuple[Array, Array]:
@@ -259,7 +259,7 @@ def friction_at_rest(
         near = Friction.of(system, law, state, joint)
         following = np.concatenate([near.speed[:, 1:], near.speed[:, -1:]], axis=1)
         holds = np.abs(following + system.d[..., nv + joint.v]) > np.abs(following)
-        most = np.minimum(lacks[..., joint.v], np.where(holds, 1.0, LESS_AT_REST) * near.level)
+        most = np.minimum(lacks[..., joint.v], np.where(holds, 1.0, _LESS_AT_REST) * near.level)
         variance[..., joint.v] += (most * near.window(NEAR_REST)) ** 2
     return variance
 
