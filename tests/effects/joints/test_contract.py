@@ -34,7 +34,7 @@ def test_every_effect_sits_somewhere_and_keys_are_unique(any_bench):
     keys = Counter(effect.key for effect in any_bench.effects)
     assert max(keys.values()) == 1, keys.most_common(3)
     names = {effect.name for effect in any_bench.effects}
-    flies = {"linear_drag", "quadratic_drag", "spin_lift", "wind"}
+    flies = {"buoyancy", "linear_drag", "quadratic_drag", "spin_lift", "wind"}
     if any_bench.rig_motion.free_bodies:
         assert names >= flies | {"gravity_tilt", "link_mass"}
     else:

@@ -589,6 +589,17 @@ def test_wind_accelerates_by_its_force_over_the_mass(way):
     assert motion.v(2) == pytest.approx(level.nominal.v(2), abs=1e-12)
 
 
+@answers("buoyancy")
+def test_buoyancy_slows_a_fall_by_the_weight_of_the_air():
+    """A table tennis ball, whose air weighs 1.5 % of it, falls with so much less."""
+    level = flying((2, 0, 0), GRAVITY)
+    share = 1.2 * 4 / 3 * np.pi * 0.02**3 / 0.0027
+    motion = level.moved(level.effect("buoyancy"), share * MASS * GRAVITY)
+    assert motion.v(2) == pytest.approx((share - 1) * GRAVITY * motion.t, abs=1e-9)
+    assert motion.v(0) == pytest.approx(level.nominal.v(0), abs=1e-12)
+    assert f"gravcomp of {share:.4g}" in level.effect("buoyancy").note(np.array([share * MASS * GRAVITY]))
+
+
 def test_effects_add_up():
     """Two at once: drag and wind give the speed at which both balance."""
     level = flying((0, 0, 0), seconds=2.0)

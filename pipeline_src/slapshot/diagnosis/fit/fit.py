@@ -199,12 +199,13 @@ class Fitter:
             since = 0.0 if fresh else since
             sd = prior.at(noise)
             seen = innovations(system, covariances)
-            z = seen.Z.reshape(seen.e.size, -1) * sd
-            apart, z = _law_errors_apart(system, prior, z, sd, laws)
+            z, e = seen.Z.reshape(seen.e.size, -1), seen.e.reshape(-1)
+            squares = (z.T @ z) * np.outer(sd, sd)
+            apart = _law_errors_apart(squares, prior, laws)
             offset = np.zeros(len(sd))
             offset[:p] = (theta - start) / sd[:p]
-            gradient = z.T @ seen.e.reshape(-1) - offset
-            scaled = np.eye(len(sd)) + z.T @ z
+            gradient = apart.T @ (sd * (z.T @ e)) - offset
+            scaled = np.eye(len(sd)) + apart.T @ squares @ apart
             full = np.zeros(len(sd))
             evidence = -np.inf
             if np.all(np.isfinite(scaled)) and np.all(np.isfinite(gradient)):
@@ -241,8 +242,8 @@ class Fitter:
             if converged or number == most or (patient and number > rounds and moved < SETTLED_SD):
                 break
             before, share, shortened, number = (evidence, theta, trajectory), 1.0, 0, number + 1
+            delta, *_ = smooth(system.moved(apart @ full * sd).without_columns(), covariances)
             full = full * sd
-            delta, *_ = smooth(apart.moved(full).without_columns(), covariances)
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
             newton = float(np.max(np.abs(full[:p]) / spread, initial=0.0))
             # Far from its optimum a linearisation says nothing about the evidence.
@@ -278,10 +279,8 @@ def project_to_bounds(hypothesis: Hypothesis, theta: Array, full: Array, sd: Arr
     return moved
 
 
-def _law_errors_apart(
-    system: Linear, prior: Prior, z: Array, sd: Array, laws: NDArray[np.bool_]
-) -> tuple[Linear, Array]:
-    """The system with errors of laws that leave the sizes of laws alone, and its whitened columns.
+def _law_errors_apart(squares: Array, prior: Prior, laws: NDArray[np.bool_]) -> Array:
+    """Columns in which errors of laws leave the sizes of laws alone.
 
     What an error of a law has in common with the laws themselves is a matter of definition: here their sizes
     are those that fit best without errors (as a computer model's parameters in Plumlee 2017, Journal of the
@@ -290,25 +289,19 @@ def _law_errors_apart(
     regression finds.
 
     Args:
-        system: with all columns.
-        prior: of these.
-        z: (observations, columns) whitened, in standard deviations.
-        sd: (columns,) of their values.
+        squares: (columns, columns) products of the whitened columns, in standard deviations.
+        prior: of the columns.
         laws: which of the first columns are parameters of laws.
+
+    Returns:
+        (columns, columns) the new columns as combinations of those that are given.
     """
-    of = np.isin(prior.kind, (NOMINAL, ADDED))
-    if not laws.any() or not of.any():
-        return system, z
-    own = np.flatnonzero(laws)
-    known = z[:, own]
-    common = np.linalg.solve(known.T @ known + np.eye(len(own)), known.T @ z[:, of])
-    z = z.copy()
-    z[:, of] -= known @ common
-    common = common * sd[own, None] / sd[of]
-    W, psi = system.W.copy(), system.psi.copy()
-    W[..., of] -= W[..., own] @ common
-    psi[..., of] -= psi[..., own] @ common
-    return system.with_columns(W, psi), z
+    apart = np.eye(len(squares))
+    of, own = np.flatnonzero(np.isin(prior.kind, (NOMINAL, ADDED))), np.flatnonzero(laws)
+    if len(own) and len(of) and np.all(np.isfinite(squares)):
+        known = squares[np.ix_(own, own)] + np.eye(len(own))
+        apart[np.ix_(own, of)] = -np.linalg.solve(known, squares[np.ix_(own, of)])
+    return apart
 
 
 def _with_gain_errors(precision: Array, prior: Prior, noise: Noise, sizes: Array) -> Array:
