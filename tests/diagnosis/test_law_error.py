@@ -10,6 +10,7 @@ from slapshot.diagnosis.fit.law_error import (
     Friction,
     Law,
     Shapes,
+    added_law_errors,
     friction_at_rest,
     law_errors,
 )
@@ -137,6 +138,30 @@ def test_what_does_not_vary_is_no_error_of_its_own():
     for law, errors, sizes in laws_of(of, state):
         assert np.sum(sizes**2) == pytest.approx(1)
         np.testing.assert_allclose(errors @ law / (law @ law), 0, atol=1e-9)
+
+
+def test_a_drag_errs_smoothly_in_speed_alone_whichever_way_a_body_flies():
+    """Speeds from 4 to 9 m/s; whoever flies as fast errs by the same share of the drag, and nothing lags."""
+    rng, (S, L) = np.random.default_rng(5), (4, 100)
+    speed = np.tile(rng.uniform(4, 9, S * L // 2), 2)
+    way = rng.normal(size=(S * L, 3))
+    v = speed[:, None] * way / np.linalg.norm(way, axis=1, keepdims=True)
+    state = State(np.zeros((S * L, 7)), np.pad(v, ((0, 0), (0, 3))), *np.zeros((3, S * L)))
+    drag = np.concatenate([np.zeros((S * L, 6)), -speed[:, None] * v, np.zeros((S * L, 3))], axis=1)
+    system = SimpleNamespace(W=drag.reshape(S, L, 12, 1))
+    effect = SimpleNamespace(empirical=True, friction=False, part="ball", parameters=[HINGE_SIZE])
+    hypothesis = SimpleNamespace(effects=(effect,), slices=(slice(0, 1),))
+    model = SimpleNamespace(body=lambda body: SimpleNamespace(name="ball"))
+    rig = SimpleNamespace(joints=(), free_bodies=((1, 0),), model=model, speed=6.6)
+    found = added_law_errors(system, hypothesis, np.array([3e-4]), rig, state, 0.01).reshape(S * L, 12, -1)
+    assert 2 <= found.shape[-1] <= 12
+    square = speed**2
+    share = np.linalg.norm(found, axis=1) / square[:, None] / 3e-4
+    assert share[: S * L // 2] == pytest.approx(share[S * L // 2 :], rel=1e-9, abs=1e-12)
+    along = np.einsum("nck,nc->nk", found, drag)
+    assert np.abs(along) == pytest.approx(share * 3e-4 * square[:, None] ** 2, rel=1e-9, abs=1e-12)
+    # They change its shape and not its size.
+    assert along.sum(axis=0) == pytest.approx(0, abs=1e-9 * np.abs(along).sum())
 
 
 @pytest.mark.parametrize("which", [0, 1])

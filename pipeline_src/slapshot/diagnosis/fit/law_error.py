@@ -140,7 +140,7 @@ def added_law_errors(
 ) -> Array:
     """Columns for errors of the laws that a hypothesis adds: their action times the shapes, or delayed.
 
-    For friction also a deviation near rest.
+    For friction also a deviation near rest; those of free bodies, as of drag, vary with speed alone.
 
     Args:
         system: with the hypothesis' own columns first.
@@ -155,16 +155,27 @@ def added_law_errors(
     """
     S, L, n, _ = system.W.shape
     columns = []
-    for effect, joint, law in _added(system, hypothesis, theta, rig):
+    joints = {joint.name: joint for joint in rig.joints}
+    bodies = {rig.model.body(body).name: v for body, v in rig.free_bodies}
+    for effect, law in _added(system, hypothesis, theta):
+        joint, v = joints.get(effect.part), bodies.get(effect.part)
         weight = np.sum(law**2, axis=-1).reshape(-1)
         total = float(weight.sum())
         if total <= 0:
             continue
-        torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
-        usual = state.v[:, joint.v] / joint.speed, state.torque[:, joint.v] / torque
+        if joint is not None:
+            torque = max(float(np.sqrt(np.mean(state.torque[:, joint.v] ** 2))), 1e-12)
+            usual = state.v[:, joint.v] / joint.speed, state.torque[:, joint.v] / torque
+        elif v is not None:
+            speed = np.linalg.norm(state.v[:, v : v + 3], axis=1)
+            usual = speed / max(rig.speed, 1e-6), np.zeros(len(speed))
+        else:
+            continue
         shapes = Shapes(*usual, weight, _ADDED)
         errors = shapes(*usual).reshape(S, L, 1, -1)
         columns += [law * errors[..., k] * share for k, share in enumerate(shapes.share)]
+        if joint is None:
+            continue
         # In stiction the column of a friction vanishes, and so would any multiple of it.
         if effect.friction:
             friction = Friction.of(system, law, state, joint)
@@ -244,7 +255,9 @@ def friction_at_rest(
     Returns:
         (S, L, nv) in N² m² or N²; None without frictions.
     """
-    frictions = [own for own in _added(system, hypothesis, theta, rig) if own[0].friction]
+    joints = {joint.name: joint for joint in rig.joints}
+    added = _added(system, hypothesis, theta)
+    frictions = [(joints[effect.part], law) for effect, law in added if effect.friction]
     if not frictions:
         return None
     act = system.process_force
@@ -255,7 +268,7 @@ def friction_at_rest(
     lacks = np.abs(np.linalg.solve(square, along[..., None])[..., 0]) / scale
     variance = np.zeros_like(lacks)
     nv = act.shape[-1]
-    for _, joint, law in frictions:
+    for joint, law in frictions:
         near = Friction.of(system, law, state, joint)
         following = np.concatenate([near.speed[:, 1:], near.speed[:, -1:]], axis=1)
         holds = np.abs(following + system.d[..., nv + joint.v]) > np.abs(following)
@@ -289,16 +302,13 @@ def soft_limit(system: Linear, hypothesis: Hypothesis, theta: Array, x: Array, s
     return np.concatenate(columns, axis=-1)
 
 
-def _added(
-    system: Linear, hypothesis: Hypothesis, theta: Array, rig: RigMotion
-) -> Iterator[tuple[JointEffect, Joint, Array]]:
-    """Empirical laws that a hypothesis adds to joints, with their columns, (S, L, n)."""
-    joints = {joint.name: joint for joint in rig.joints}
+def _added(system: Linear, hypothesis: Hypothesis, theta: Array) -> Iterator[tuple[JointEffect, Array]]:
+    """Empirical laws that a hypothesis adds, with what they do, (S, L, n)."""
     for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
-        if effect.empirical and effect.part in joints:
+        if effect.empirical:
             # Size parameters only: the action is proportional to them.
             sizes = [k for k in range(part.start, part.stop) if effect.parameters[k - part.start].start == 0]
-            yield effect, joints[effect.part], system.W[..., sizes] @ theta[sizes]
+            yield effect, system.W[..., sizes] @ theta[sizes]
 
 
 def _normalised(column: Array, total: float) -> Array:

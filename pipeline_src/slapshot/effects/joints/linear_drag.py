@@ -14,6 +14,7 @@ class LinearDrag(JointEffect):
     physics = "Slow or small bodies are dragged in proportion to their speed (Stokes)."
     source = "Batchelor, An Introduction to Fluid Dynamics (1967), section 4.9"
     phrase = "linear drag on {part}"
+    empirical = True
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["LinearDrag"]:

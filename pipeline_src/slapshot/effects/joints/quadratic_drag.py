@@ -14,6 +14,7 @@ class QuadraticDrag(JointEffect):
     physics = "Fast bodies leave a wake: drag grows with the square of speed."
     source = "Batchelor, An Introduction to Fluid Dynamics (1967), chapter 5"
     phrase = "air drag on {part}"
+    empirical = True
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["QuadraticDrag"]:
