@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import MjSpec
+from scipy.optimize import brentq
 from slapshot.diagnosis.fit.linear import STEP_ERROR, Linearised, linearise, perturbations_of
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.model.rig import Rig, bind
@@ -249,6 +250,32 @@ def test_derivatives_of_several_steps_are_those_of_the_whole_interval(integrator
         errors.append([np.linalg.norm(own - true) / np.linalg.norm(true) for own, true in pairs])
     assert np.all(np.array(errors[1]) < 0.02)
     assert np.all(np.array(errors[1]) < 0.35 * np.array(errors[0]))
+
+
+@pytest.mark.parametrize("integrator", ["RK4", "implicitfast"])
+def test_where_a_stop_is_just_hit_derivatives_are_wide_differences_over_the_interval(integrator):
+    """A mass whose state in the middle of an interval lies less than a difference's step before its stop."""
+    text = f"""<option timestep="0.0025" gravity="0 0 0" integrator="{integrator}"/><worldbody><body>
+    <joint name="rail" type="slide" axis="1 0 0" limited="true" range="-1 0" solreflimit="0.02 1"/>
+    <geom size=".05" mass="1"/></body></worldbody>"""
+    rig, segments = made(f"<mujoco>{text}</mujoco>", {"x": joint("rail", unit="m")}, 3, 0.01)
+    segments = segments.finer(4)
+    simulator, hypothesis = Simulator(rig), Hypothesis(rig)
+    model, nothing = hypothesis.compiled(NONE, segments.step), np.zeros((1, segments.substeps, 0))
+
+    def goes(place: float) -> np.ndarray:
+        return simulator.run(model, np.array([[place, 1.0]]), nothing)[0][0]
+
+    middle = 0.5 if integrator == "RK4" else 0.5 - 0.5 / segments.substeps
+    near = brentq(lambda at: at + middle * (goes(at)[0] - at) + 5e-7, -0.02, -1e-4, xtol=1e-9)
+    trajectory = np.tile(goes(near), (1, segments.shape[1], 1))
+    trajectory[0, :2] = [-0.5, 1.0], [near, 1.0]
+    found = linearise(simulator, hypothesis, NONE, segments, trajectory).system
+    assert found.A[0, 0] == pytest.approx(np.array([[1, 0.01], [0, 1]]), abs=1e-8)
+    wide = (goes(near + 1e-4) - goes(near)) / 1e-4
+    assert found.A[0, 1, :, 0] == pytest.approx(wide, rel=1e-6)
+    # Of a force: at most what it does without the stop, within what the stop's damping changes.
+    assert found.B[0, 1, 1] == pytest.approx(0.01, rel=0.5)
 
 
 def test_a_path_that_the_model_goes_has_no_defect():

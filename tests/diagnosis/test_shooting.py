@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mujoco import MjSpec
+from slapshot.diagnosis.fit.fit import Fit
 from slapshot.diagnosis.fit.shooting import shoot, simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
@@ -76,11 +77,18 @@ def test_a_spring_and_play_are_recovered(
     own = [e for e in instances(of.rig_motion) if isinstance(e, kind)][variant]
     moved = of.restructured(own, of.trajectory)
     hypothesis = Hypothesis(moved.rig, (own.on(moved.rig_motion),))
-    noise = replace(moved.initial_noise, white=np.array([WHITE]))
+    noise, noise_of_rigid = (replace(p.initial_noise, white=np.array([WHITE])) for p in (moved, of))
     theta = np.array([factor * values[0], hypothesis.start[1]])
-    found = shoot(
-        moved.fitter.simulator, hypothesis, theta, moved.segments, moved.trajectory, noise, rounds=40
-    )
+
+    def shot(level: float = -np.inf) -> Fit:
+        simulator, segments = moved.fitter.simulator, moved.segments
+        return shoot(simulator, hypothesis, theta, segments, moved.trajectory, noise, 40, level=level)
+
+    found = shot()
+    # A rigid model explains less: one with a spring or play comes there, and is not given up on the way.
+    rigid = shoot(of.simulator, Hypothesis(of.rig), np.zeros(0), of.segments, of.trajectory, noise_of_rigid)
+    assert shot(rigid.log_evidence).log_evidence == found.log_evidence > rigid.log_evidence
+    assert shot(found.log_evidence + 1e5).log_evidence == -np.inf
     if kind is Backlash:
         # The gap is what a verdict tells; damping within it acts for milliseconds, and hardly shows.
         assert found.theta[0] == pytest.approx(values[0], rel=0.05)

@@ -18,6 +18,9 @@ from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
 
 _POSITION_STEP, _VELOCITY_STEP = 1e-6, 1e-5
 _FORCE_STEP = 1e-2  # share of the rms torque
+# Entries of a transition that nothing has but a stop which one of two states hits and the other misses; and
+# the steps, in those above, over which such intervals are differenced.
+_JUMP, _WIDE = 1e4, 100.0
 # Speeds below this many times what an interval changes, or friction's constraint stops, are near rest.
 _MARGIN = 2.0
 _INERTIA = "body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature"
@@ -58,9 +61,10 @@ class Midpoint:
         self._x = self._tangent.add(x, share * self._way)
         self._h = float(model.opt.timestep)
         self._time, self._order = time + share * self._steps * self._h, order
+        self._whole = x, end, u, time
         self._u = u.mean(axis=1, keepdims=True)
         self._hypothesis, self._theta = hypothesis, theta
-        self._model = _explicit(model) if self._smooth else model
+        self._given, self._model = model, _explicit(model) if self._smooth else model
 
     @cached_property
     def _end(self) -> Array:
@@ -117,11 +121,33 @@ class Midpoint:
                     change[:, :nv] = 0.0
             J[:, :, i] = change / delta[i]
         one = np.eye(dim)
-        if not self._smooth:
-            return _powers(J, self._steps, np.broadcast_to(one, J.shape))
-        hJ = self._h * J
-        share = one + hJ @ (one / 2 + hJ @ (one / 6 + hJ / 24))
-        return _powers(one + hJ @ share, self._steps, self._h * share)
+        if self._smooth:
+            hJ = self._h * J
+            share = one + hJ @ (one / 2 + hJ @ (one / 6 + hJ / 24))
+            A, spread = _powers(one + hJ @ share, self._steps, self._h * share)
+        else:
+            A, spread = _powers(J, self._steps, np.broadcast_to(one, J.shape))
+        jumps = np.flatnonzero(~(np.abs(A).max(axis=(1, 2)) < _JUMP))
+        if len(jumps):
+            A[jumps] = self._over(jumps)
+            step = self._h if self._smooth else 1.0
+            spread[jumps] = self._steps * step * (one + A[jumps]) / 2
+        return A, spread
+
+    def _over(self, some: NDArray[np.intp]) -> Array:
+        """Transition over some intervals, (k, dim, dim), by wide differences of simulations."""
+        x, end, u, time = (array[some] for array in self._whole)
+        dim, nv = self._tangent.dim, self._tangent.nv
+        A = np.empty((len(some), dim, dim))
+        for i in range(dim):
+            delta = np.zeros(dim)
+            delta[i] = _WIDE * (_POSITION_STEP if i < nv else _VELOCITY_STEP)
+            moved, _, _ = self._simulator.advance(
+                self._hypothesis, self._theta, self._given, self._tangent.add(x, delta), u, time,
+                self._order[some],
+            )  # fmt: skip
+            A[:, :, i] = self._tangent.subtract(moved, end) / delta[i]
+        return A
 
     def force(self, spread: Array, scale: Array) -> Array:
         """Effect of forces held over the interval on the state at its end, (n, dim, nv), for sizes (nv,)."""
@@ -211,4 +237,4 @@ def _powers(one: Array, steps: int, spread: Array) -> tuple[Array, Array]:
     A, total = one, spread
     for _ in range(steps - 1):
         A, total = one @ A, one @ total + spread
-    return A, np.asarray(total)
+    return A, np.array(total)

@@ -20,6 +20,7 @@ _POSITION_STEP, _VELOCITY_STEP = 1e-4, 1e-2
 _PARAMETER_STEP = 0.03  # prior standard deviations
 _DAMPINGS = 8
 _LEAST = 1e-3  # minimum relative to the start, for positive values
+_HOPE = 3.0  # factor on what all further rounds would gain by the pace of the last two
 
 
 def simulate(
@@ -64,6 +65,7 @@ def shoot(
     noise: Noise,
     rounds: int = 12,
     held: bool = False,
+    level: float = -np.inf,
 ) -> Fit:
     """Fit values and first states by Levenberg and Marquardt's method.
 
@@ -76,6 +78,8 @@ def shoot(
         noise: of the observations; its process force is ignored.
         rounds: at most.
         held: whether values are fixed and only initial states are fitted.
+        level: log evidence that it has to reach: it is given up where it goes on too slowly for that, and
+            its log evidence is then -inf.
     """
     tangent, S = simulator.tangent, segments.shape[0]
     p, dim = 0 if held else len(theta), tangent.dim
@@ -100,7 +104,12 @@ def shoot(
     positive = np.array([q.start > 0 and q.low >= 0 for q in hypothesis.parameters], bool)
     prior = hypothesis.prior_sd[:p] ** -2.0
     precision = np.diag(prior)
+    gained: list[float] = []
     for number in range(rounds + 1):
+        further = _HOPE * (rounds - number) * max(gained[-2:], default=np.inf)
+        if len(gained) > 1 and evidence + gained[-1] + further < level:
+            evidence = -np.inf
+            break
         Z = np.empty((S, e.shape[1], p))
         for k in range(p):
             step = _PARAMETER_STEP * hypothesis.prior_sd[k]
@@ -150,6 +159,7 @@ def shoot(
                 sd = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)
                 moved = float(np.max(np.abs(target - theta)[:p] / sd, initial=0.0))
                 converged = now - value < CONVERGED_SD and moved < 1
+                gained.append(now - value)
                 theta, first, e, x, now = target, states, tried, trace, value
                 damping = max(damping / 10, 1e-8)
                 break

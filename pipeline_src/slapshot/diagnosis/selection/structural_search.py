@@ -45,26 +45,21 @@ def structural_step(
     parts = sorted(statistic, key=lambda part: -statistic[part])[:_JOINTS]
     # All are fitted by shooting to the same segments under the same noise, including the rival.
     own, some = rival.scored.fit, _segment_subset(problem, scored.noise)
-    law = _shooting_fit(
-        rival.problem,
-        own.hypothesis,
-        own.theta,
-        own.trajectory,
-        _white_equivalent(scored.noise),
-        some,
-    )
+    noise = _white_equivalent(scored.noise)
+    law = _shooting_fit(rival.problem, own.hypothesis, own.theta, own.trajectory, noise, some)
+    level = law.log_evidence - _MARGIN
     candidates: list[StructuralFit] = []
     for effect in problem.catalogue:
         if not effect.hidden_state or (effect.part in statistic and effect.part not in parts):
             continue
         report(f"trying {effect.key}")
-        candidate = _fit_structure(before, effect, report)
-        if candidate is not None:
+        candidate = _fit_structure(before, effect, report, level)
+        if candidate is not None and np.isfinite(candidate.fit.log_evidence):
             candidates.append(candidate)
     candidates.sort(key=lambda candidate: -candidate.fit.log_evidence)
-    candidates = [_converged(candidate, some) for candidate in candidates[:_MOST_WHOLE]]
+    candidates = [_converged(candidate, some, level) for candidate in candidates[:_MOST_WHOLE]]
     candidates.sort(key=lambda candidate: -candidate.fit.log_evidence)
-    if not candidates or candidates[0].fit.log_evidence < law.log_evidence - _MARGIN:
+    if not candidates or candidates[0].fit.log_evidence < level:
         return None
     nearest = [c for c in candidates if c.fit.log_evidence >= candidates[0].fit.log_evidence - _MARGIN]
     candidates = _not_hopeless(nearest, rival, some, report)
@@ -143,8 +138,13 @@ def structural_fit(before: Step, effect: JointEffect) -> ScoredFit | None:
     return scored
 
 
-def _fit_structure(before: Step, effect: JointEffect, report: Report) -> StructuralFit | None:
-    """Fit an effect with hidden states to a subset of segments; None where there is no such model."""
+def _fit_structure(
+    before: Step, effect: JointEffect, report: Report, level: float = -np.inf
+) -> StructuralFit | None:
+    """Fit an effect with hidden states to a subset of segments; None where there is no such model.
+
+    It is given up where it cannot reach a level of log evidence.
+    """
     problem, scored = before.problem, before.scored
     try:
         moved = problem.restructured(effect, scored.fit.trajectory)
@@ -156,19 +156,12 @@ def _fit_structure(before: Step, effect: JointEffect, report: Report) -> Structu
     own = replace(scored.noise, torque=moved.torque, initial=moved.initial_noise.initial)
     noise = _white_equivalent(own)
     theta = np.concatenate([scored.fit.theta, [p.start for p in effect.parameters]])
-    return StructuralFit(
-        effect,
-        moved,
-        theta,
-        _shooting_fit(
-            moved, hypothesis, theta, moved.trajectory, noise, _segment_subset(problem, scored.noise)
-        ),
-        noise,
-        own,
-    )
+    some = _segment_subset(problem, scored.noise)
+    fit = _shooting_fit(moved, hypothesis, theta, moved.trajectory, noise, some, _ROUNDS, level)
+    return StructuralFit(effect, moved, theta, fit, noise, own)
 
 
-def _converged(candidate: StructuralFit, some: NDArray[np.intp]) -> StructuralFit:
+def _converged(candidate: StructuralFit, some: NDArray[np.intp], level: float) -> StructuralFit:
     """The same, fitted until it converges, for some rounds more.
 
     From its first values: from where it was, with undeflected initial states, it may end elsewhere.
@@ -178,7 +171,7 @@ def _converged(candidate: StructuralFit, some: NDArray[np.intp]) -> StructuralFi
         return candidate
     hypothesis, trajectory = fit.hypothesis, problem.trajectory
     again = _shooting_fit(
-        problem, hypothesis, candidate.start, trajectory, candidate.noise, some, _MOST_ROUNDS
+        problem, hypothesis, candidate.start, trajectory, candidate.noise, some, _MOST_ROUNDS, level
     )
     return replace(candidate, fit=again) if again.log_evidence > fit.log_evidence else candidate
 
@@ -251,11 +244,12 @@ def _shooting_fit(
     noise: Noise,
     some: NDArray[np.intp],
     rounds: int = _ROUNDS,
+    level: float = -np.inf,
 ) -> Fit:
     """A fit to a subset of segments by shooting."""
     subset = noise.select(some)
     simulator, segments = problem.simulator, problem.segments.select(some)
-    return shoot(simulator, hypothesis, theta, segments, trajectory[some], subset, rounds)
+    return shoot(simulator, hypothesis, theta, segments, trajectory[some], subset, rounds, level=level)
 
 
 def _refitted_evidence(
