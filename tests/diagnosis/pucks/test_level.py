@@ -311,6 +311,17 @@ def test_the_best_of_those_rounds_counts_that_stay_where_they_were_simulated(end
     assert search.seen["linear_drag",] is found
 
 
+def test_no_more_rounds_are_simulated_where_one_is_far_behind():
+    """A round of -300 nats ends it where -210 are asked for, and not where -310 are, near or far."""
+    for values in ([0.3, 0.6], [2.0, 4.0]):
+        ends = list(zip(values, (300.0, 200.0), strict=True))
+        search = Rounds(ends)
+        begin = Candidate(("linear_drag",), search.at(0.0, 500.0), 0.0, search.fitter, final=False)
+        assert search.finish(begin, least=-210.0).fit.objective == 300.0
+        search = Rounds([*ends, (values[1], 200.0)])
+        assert search.finish(begin, least=-310.0).fit.objective == 200.0
+
+
 def test_a_value_stays_that_moves_by_less_than_half_its_standard_error():
     """By as much the scatter of contact moves it: two scales of an error of five."""
     search = Rounds([(2.0, 100.0), (4.0, 90.0)], sd=5.0)

@@ -288,10 +288,11 @@ class Search(Generic[F]):
         self.seen[key] = Candidate(key, fit, evidence, at.fitter, final=self.about is None or not launched)
         return self.seen[key]
 
-    def finish(self, candidate: Candidate) -> Candidate:
+    def finish(self, candidate: Candidate, least: float = -np.inf) -> Candidate:
         """A candidate with a fitter that is exact where it is: the best of all rounds of simulation and fit.
 
         Contacts scatter what is simulated by a few nats, about which the last rounds only go to and fro.
+        With less evidence than the least that is asked for, no further round is simulated.
         """
         if candidate.final or self.about is None:
             return candidate
@@ -302,12 +303,13 @@ class Search(Generic[F]):
             fitter = self.about(fit)
             fitter.sizes = self.fitter.sizes
             fit = fitter.fit(fit.point, fit.scatter, candidate.effects)
+            hopeless = self._log_evidence(fit) < least
             # What went far from where it was simulated is not known to be as good as it seems.
-            if not self._stayed(before, fit, EXACT):
+            if not self._stayed(before, fit, EXACT) and not hopeless:
                 continue
             gained = min((f.objective for f, _ in near), default=np.inf) - fit.objective
             near.append((fit, fitter))
-            if self._stayed(before, fit, STAYED) or gained < 2 * ADD:
+            if self._stayed(before, fit, STAYED) or gained < 2 * ADD or hopeless:
                 break
         fit, fitter = min(near, key=lambda one: one[0].objective, default=(fit, fitter))
         evidence = self._log_evidence(fit)
@@ -398,7 +400,7 @@ class Search(Generic[F]):
                 others = tuple(n for n in candidate.effects if n != old)
                 at = self.seen.get(others, self.seen[()])
                 tried = self._added(at, [*others, new], {new: direction})
-                tried = None if tried is None else self.finish(tried)
+                tried = None if tried is None else self.finish(tried, _least_rival(best.log_evidence))
                 if tried is not None and not self.at_bound(tried) and tried.log_evidence > best.log_evidence:
                     best = tried
         return best
