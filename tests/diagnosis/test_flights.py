@@ -16,17 +16,21 @@ BALL = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody><body na
 MASS, DRAG, NOISE, FLIGHTS = 0.0027, 3.4e-4, 0.002, 10  # of a table tennis ball; drag in N s^2/m^2
 
 
-def flights(seed: int, lift: float = 0.0) -> tuple[np.ndarray, list[np.ndarray]]:
+def flights(
+    seed: int, lift: float = 0.0, buoyancy: float = 0.0, slow: float = 0.0
+) -> tuple[np.ndarray, list[np.ndarray]]:
     """Times in s, and a (n, 3) array in m of each flight, too short for two windows of half a second.
 
-    Each has a spin of its own, which lifts it by a multiple (1/s) of its speed.
+    Each has a spin of its own, which lifts it by a multiple (1/s) of its speed. The air carries a share of
+    the weight, and the drag of a slow ball is larger than the square of its speed says by another share.
     """
     rng, t = np.random.default_rng(seed), np.arange(70) * 0.01
 
     def change(_: float, state: np.ndarray, spin: np.ndarray) -> np.ndarray:
         v = state[3:]
-        air = np.cross(spin, v) - DRAG / MASS * np.linalg.norm(v) * v
-        return np.concatenate([v, np.array([0, 0, -9.81]) + air])
+        speed = np.linalg.norm(v)
+        air = np.cross(spin, v) - DRAG / MASS * (1 + slow * np.exp(-speed / 3)) * speed * v
+        return np.concatenate([v, np.array([0, 0, -9.81 * (1 - buoyancy)]) + air])
 
     found = []
     for _ in range(FLIGHTS):
@@ -64,6 +68,20 @@ def test_spins_that_differ_from_flight_to_flight_are_a_force_across_the_motion()
     assert "spin_lift" not in [effect.name for effect in told.effects]
     assert told.unknown.flagged
     assert "across the motion of ball, another one in each episode" in told.unknown.description
+
+
+@pytest.mark.slow
+def test_a_light_ball_has_buoyancy_and_a_drag_that_holds_to_some_per_cent():
+    """A table tennis ball in air, whose drag is a little more than the square of its speed says."""
+    t, found = flights(6, buoyancy=0.0145, slow=0.15)
+    channels = {c: (place("body", "ball", c), [one[:, i] for one in found]) for i, c in enumerate("xyz")}
+    made = recording([t] * FLIGHTS, channels)
+    told = diagnose(made, bind(MjSpec.from_string(BALL), made.channels), seed=1).verdict
+    assert [effect.name for effect in told.effects] == ["quadratic_drag", "buoyancy"]
+    drag, lift = (effect.parameters[0] for effect in told.effects)
+    assert DRAG < drag.value < 1.15 * DRAG
+    assert not told.unknown.flagged
+    assert lift.low < 0.0145 * 9.81 * MASS < lift.high
 
 
 def test_a_force_of_each_flight_is_across_its_own_motion():

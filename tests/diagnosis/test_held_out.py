@@ -17,6 +17,7 @@ from slapshot.diagnosis.model.rig import Rig, bind
 from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.pulses import WINDOW_S
+from slapshot.diagnosis.verdict_of_search import MAX_REDUCED_CHI2
 from slapshot.errors import InputError
 from slapshot.recordings.signals import SignalRecording
 
@@ -166,6 +167,20 @@ def test_errors_as_large_as_expected_are_no_excess():
     wild[::3, 0] = 1e6
     wild[:, 1] = np.nan
     assert replace(some, error=wild).excess(rng)[0] < 1.2
+
+
+def test_two_windows_whose_errors_last_are_seldom_an_excess():
+    """Of 2000 pairs of windows with a random offset and slope of each of three channels."""
+    rng, t = np.random.default_rng(6), np.linspace(0, 1, 40)[:, None]
+    calls = 0
+    for _ in range(2000):
+        offset, slope = rng.normal(size=(2, 2, 1, 3))
+        error = (offset + slope * t) / np.sqrt(1 + t**2)
+        one = np.ones_like(error)
+        pair = Predictions(error, error, one, one, np.zeros(2), np.ones((1, 1, 1)))
+        calls += pair.excess(rng)[0] > MAX_REDUCED_CHI2
+        assert replace(pair, error=4 * np.abs(error) + 4).excess(rng)[0] > 1
+    assert calls < 0.02 * 2000
 
 
 def test_a_step_that_cannot_be_is_not_taken(monkeypatch):

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
+from scipy.stats import chi2
 
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Innovations, Linear, innovations, leave_one_out, smooth
@@ -36,7 +37,7 @@ _CONVERGED = 1e-3  # convergence of a trajectory, relative to the noise
 _MAX_STEP = 1.0  # largest accepted last step, relative to the noise
 _SHOOTING_ROUNDS = 15
 _MAX_GROWTH = 2.0  # largest growth of a segment's errors in a step
-_RESAMPLES = 1000
+_RESAMPLES, _FEW = 1000, 5  # of windows; fewer than these may all be above the mean by chance
 _SAME_TIME_S = 1e-6
 # Standard deviations by which a reading is off that is no reading, whatever force acts; the nodes around one
 # that it throws off, too; and how often others are looked for once the worst are out.
@@ -77,12 +78,17 @@ class Predictions:
     def excess(self, rng: np.random.Generator) -> tuple[float, float]:
         """Reduced chi² of the errors: 99 % bootstrap interval over windows.
 
-        Errors beyond four standard deviations, as of outliers, count as four.
+        Errors beyond four standard deviations, as of outliers, count as four. A few windows may all be above
+        the mean by chance, since errors last: within each, those of a first place and speed of each channel
+        do. Of these the lower end is no higher than chi² allows.
         """
         each = np.nanmean(np.minimum((self.error / self.expected) ** 2, CLIP**2), axis=(1, 2))
         each = each[np.isfinite(each)]
         picks = rng.integers(0, len(each), (_RESAMPLES, len(each)))
         low, high = np.quantile(each[picks].mean(axis=1), [0.005, 0.995])
+        if len(each) < _FEW:
+            count = 2 * self.error.shape[-1] * len(each)
+            low = min(low, each.mean() * count / chi2.ppf(0.995, count))
         return float(low), float(high)
 
     def squares(self, columns: NDArray[np.intp]) -> Array:
