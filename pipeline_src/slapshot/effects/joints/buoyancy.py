@@ -17,13 +17,13 @@ class Buoyancy(JointEffect):
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["Buoyancy"]:
-        """One for each free body, where there is gravity; prior: a twentieth of its weight."""
+        """One for each free body, where there is gravity; prior: a fiftieth of its weight, as of a ball."""
         gravity = rig.model.opt.gravity
         size = float(np.linalg.norm(gravity))
         if size > 0:
             for body, v in rig.free_bodies:
                 heavy = weight(rig.model, body)
-                parameter = Parameter("force", "N", 0.05 * heavy, low=0.0, probe=5e-4 * heavy)
+                parameter = Parameter("force", "N", 0.02 * heavy, low=0.0, probe=2e-4 * heavy)
                 yield cls(rig.model.body(body).name, v, -gravity / size, heavy, parameter)
 
     def __init__(self, part: str, v: int, upwards: Array, weight: float, parameter: Parameter) -> None:

@@ -14,7 +14,6 @@ class SpinLift(JointEffect):
     physics = "A spinning ball drags air round with it and is pushed across its trajectory (Magnus)."
     source = "Mehta (1985), Annual Review of Fluid Mechanics 17"
     phrase = "spin force on {part}"
-    empirical = True
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["SpinLift"]:
