@@ -20,7 +20,7 @@ _POSITION_STEP, _VELOCITY_STEP = 1e-4, 1e-2
 _PARAMETER_STEP = 0.03  # prior standard deviations
 _DAMPINGS = 8
 _LEAST = 1e-3  # minimum relative to the start, for positive values
-_HOPE = 3.0  # factor on what all further rounds would gain by the pace of the last two
+_HORIZON = 20  # rounds in which a fit must come near a level by the pace of the last two, or is given up
 
 
 def simulate(
@@ -78,8 +78,8 @@ def shoot(
         noise: of the observations; its process force is ignored.
         rounds: at most.
         held: whether values are fixed and only initial states are fitted.
-        level: log evidence that it has to reach: it is given up where it goes on too slowly for that, and
-            its log evidence is then -inf.
+        level: log evidence that it has to reach, in these rounds or later ones: it is given up where it goes
+            on too slowly for that, and its log evidence is then -inf.
     """
     tangent, S = simulator.tangent, segments.shape[0]
     p, dim = 0 if held else len(theta), tangent.dim
@@ -106,8 +106,8 @@ def shoot(
     precision = np.diag(prior)
     gained: list[float] = []
     for number in range(rounds + 1):
-        further = _HOPE * (rounds - number) * max(gained[-2:], default=np.inf)
-        if len(gained) > 1 and evidence + gained[-1] + further < level:
+        further = max(_HORIZON - number, 1) * max(gained[-2:], default=np.inf)
+        if len(gained) > 1 and number < rounds and evidence + gained[-1] + further < level:
             evidence = -np.inf
             break
         Z = np.empty((S, e.shape[1], p))
