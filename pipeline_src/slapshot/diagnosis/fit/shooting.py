@@ -20,7 +20,7 @@ _POSITION_STEP, _VELOCITY_STEP = 1e-4, 1e-2
 _PARAMETER_STEP = 0.03  # prior standard deviations
 _DAMPINGS = 8
 _LEAST = 1e-3  # minimum relative to the start, for positive values
-_HORIZON = 20  # rounds in which a fit must come near a level by the pace of the last two, or is given up
+MOST_ROUNDS = 20  # in which a fit must come near a level by the pace of the last two, or is given up
 
 
 def simulate(
@@ -106,7 +106,7 @@ def shoot(
     precision = np.diag(prior)
     gained: list[float] = []
     for number in range(rounds + 1):
-        further = max(_HORIZON - number, 1) * max(gained[-2:], default=np.inf)
+        further = max(MOST_ROUNDS - number, 1) * max(gained[-2:], default=np.inf)
         if len(gained) > 1 and number < rounds and evidence + gained[-1] + further < level:
             evidence = -np.inf
             break

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.noise import Noise, fit_noise, fit_process_force
-from slapshot.diagnosis.fit.shooting import shoot, simulate
+from slapshot.diagnosis.fit.shooting import MOST_ROUNDS, shoot, simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score
 from slapshot.diagnosis.selection.steps import Report, Rival, Step, mismatch_and_push_test
@@ -17,7 +17,7 @@ from slapshot.effects.joints.effect import JointEffect
 
 _JOINTS = 3  # with the largest scores
 _ROUNDS, _SEGMENTS = 6, 12  # of a preliminary fit
-_MOST_ROUNDS, _MOST_WHOLE = 20, 2  # of fits of the best ones, and how many are fitted to all segments
+_MOST_WHOLE = 2  # of the best ones that are fitted to all segments
 _SPREAD, _LEAST_SPREAD = (
     3.0,
     1e-8,
@@ -171,7 +171,7 @@ def _converged(candidate: StructuralFit, some: NDArray[np.intp], level: float) -
         return candidate
     hypothesis, trajectory = fit.hypothesis, problem.trajectory
     again = _shooting_fit(
-        problem, hypothesis, candidate.start, trajectory, candidate.noise, some, _MOST_ROUNDS, level
+        problem, hypothesis, candidate.start, trajectory, candidate.noise, some, MOST_ROUNDS, level
     )
     return replace(candidate, fit=again) if again.log_evidence > fit.log_evidence else candidate
 
@@ -181,7 +181,7 @@ def _refit_all_segments(candidate: StructuralFit) -> tuple[float, StructuralFit]
     problem, part = candidate.problem.with_steps_for(candidate.effect), candidate.fit
     every = np.arange(problem.segments.shape[0])
     fit = _shooting_fit(
-        problem, part.hypothesis, part.theta, problem.trajectory, candidate.noise, every, _MOST_ROUNDS
+        problem, part.hypothesis, part.theta, problem.trajectory, candidate.noise, every, MOST_ROUNDS
     )
     evidence, fit, noise = _evidence_of(candidate, problem.fitter, fit, every)
     return evidence, replace(candidate, problem=problem, fit=fit, noise=noise)
