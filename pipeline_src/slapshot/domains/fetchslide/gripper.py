@@ -31,6 +31,7 @@ _TOWARDS = np.array([1.0, 0.0, 1.0, 0.0])  # added to the gripper's quaternion, 
 _BASE = {"robot0:slide0": 0.05, "robot0:slide1": 0.48, "robot0:slide2": 0.0}
 _FIRST_MOVE = np.array([-0.498, 0.005, -0.431 - 0.02])  # m
 _FIRST_PERIODS = 10
+_BASE_BODY, _ARM = "robot0:base_link", "robot0:shoulder_pan_link"
 PUCK_HOME = np.array([1.7, 1.1, 0.41])  # m, position of the puck during the set-up
 
 
@@ -58,7 +59,7 @@ class Grippers:
     """Simulates up to `size` robots, each with a puck on its table."""
 
     def __init__(self, scene: Scene, size: int, threads: int) -> None:
-        self._model = scene.compile()
+        self._model = _without_idle_geoms(scene.compile())
         self._qpos0, self._qvel0 = prepare(self._model)
         self._batch = Batch(self._model, nsim=size, nthread=threads)
         self._friction = self._batch.expand("geom_friction")
@@ -93,7 +94,7 @@ class Grippers:
         self._qpos[np.ix_(ids, self._puck_q[:2])] = places
         for name in (OBJECT, TABLE):
             self._friction[ids, self._model.geom(name).id] = friction
-        self._batch.forward(ids=ids)
+        self._batch.forward(ids=ids, stage=mujoco.mjtStage.mjSTAGE_POS)
 
     def restore(self, ids: Rows, positions: Array, velocities: Array) -> None:
         """Restore a state of the robots' joints (ids, joints) that `joints` returned."""
@@ -119,3 +120,20 @@ class Grippers:
     def pucks(self, ids: Rows) -> tuple[Array, Array]:
         """Pose (ids, 7) and velocity (ids, 6) of the pucks, in MuJoCo's convention for a free joint."""
         return self._qpos[np.ix_(ids, self._puck_q)], self._qvel[np.ix_(ids, self._puck_v)]
+
+
+def _without_idle_geoms(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The model without contacts of the geoms that touch nothing, those between base and arm.
+
+    The base stands on the floor. Looking for contacts among the others is a tenth of a step.
+    """
+    arm = {model.body(_ARM).id}
+    for body in range(model.nbody):  # parents come first
+        if model.body_parentid[body] in arm:
+            arm.add(body)
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        name = model.body(body).name
+        if name.startswith("robot0:") and name != _BASE_BODY and body not in arm:
+            model.geom_contype[geom] = model.geom_conaffinity[geom] = 0
+    return model
