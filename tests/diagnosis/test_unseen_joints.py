@@ -1,4 +1,4 @@
-"""Joints whose position nobody recorded: seen by places of a site, or by their velocity alone."""
+"""Joints whose position nobody recorded: seen by places of a site, by their velocity alone, or by a loop."""
 
 import mujoco
 import numpy as np
@@ -8,6 +8,7 @@ from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.model.unseen_joints import Loops
 
 from .mechanisms import ARM, PENDULUM, control_channel, joint, place, recording, simulate
 
@@ -98,3 +99,53 @@ def test_nothing_is_found_where_nothing_is_missing(seen):
     made, _ = swings(seen, 0.0)
     rig = bind(MjSpec.from_string(PENDULUM), made.channels)
     assert diagnose(made, rig).verdict.headline == "nothing_found"
+
+
+# Two equal rods, and a coupler that joins their ends: it keeps its direction, whatever the angle of the rods.
+PARALLELOGRAM = """
+<mujoco>
+  <option timestep="0.005"/>
+  <worldbody>
+    <body name="first">
+      <joint name="first" axis="0 1 0"/>
+      <inertial mass="0.2" pos="0 0 0.05" diaginertia="2e-4 2e-4 1e-5"/>
+      <body name="coupler" pos="0 0 0.1">
+        <joint name="coupler" axis="0 1 0"/>
+        <inertial mass="0.3" pos="0.15 0 0" diaginertia="1e-5 1e-3 1e-3"/>
+        <site name="end" pos="0.3 0 0"/>
+      </body>
+    </body>
+    <body name="second" pos="0.3 0 0">
+      <joint name="second" axis="0 1 0"/>
+      <inertial mass="0.2" pos="0 0 0.05" diaginertia="2e-4 2e-4 1e-5"/>
+      <site name="top" pos="0 0 0.1"/>
+    </body>
+  </worldbody>
+  <equality><connect site1="end" site2="top"/></equality>
+  <actuator><motor name="drive" joint="first"/></actuator>
+</mujoco>
+"""
+
+
+def test_joints_of_a_loop_follow_the_one_that_is_read():
+    t = np.arange(200) * 0.01
+    angle = 0.9 * np.sin(2 * t)
+    made = recording(t, {"q": (joint("first"), angle), "u": (control_channel(actuator="drive"), 0 * t)})
+    rig = bind(MjSpec.from_string(PARALLELOGRAM), made.channels)
+    segments = segment_recording(made, rig)
+    x, inside = recorded_trajectory(rig, segments), segments.inside
+    wanted, rate = 0.9 * np.sin(2 * segments.time[inside]), 1.8 * np.cos(2 * segments.time[inside])
+    # Steps of inverse kinematics end at 1e-5 rad; differences over 10 ms err by 3e-4 of the rate, and by
+    # .01 of it where they are one-sided.
+    for k, sign in enumerate((1, -1, 1)):
+        np.testing.assert_allclose(x[inside][:, k], sign * wanted, atol=1e-4)
+        np.testing.assert_allclose(x[inside][:, 3 + k], sign * rate, atol=0.04)
+
+
+def test_a_weld_to_what_drags_a_gripper_is_no_loop():
+    dragged = ARM.replace(
+        "<worldbody>", '<worldbody><body name="hand-hold" mocap="true" pos="0.3 0.05 -0.6"/>'
+    ).replace("<actuator>", '<equality><weld body1="hand-hold" body2="lower"/></equality><actuator>')
+    assert Loops(MjSpec.from_string(PARALLELOGRAM).compile())
+    assert not Loops(MjSpec.from_string(dragged).compile())
+    assert not Loops(MjSpec.from_string(ARM).compile())

@@ -9,6 +9,7 @@ from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.model.smoothed_readings import smoothed
 from slapshot.diagnosis.model.tangent import Tangent, angular_velocity
 from slapshot.diagnosis.model.unseen_joints import (
+    Loops,
     find_first_angles,
     integrate_velocity,
     is_place,
@@ -22,9 +23,9 @@ def recorded_trajectory(rig: Rig, segments: Segments) -> Array:
 
     Positions and velocities of joints that are observed, and of bodies with a free joint, follow the record;
     so do rotations of which all four components are observed. Joints that are seen by their velocity alone
-    follow its integral, those that are seen by places of sites or bodies alone are found by inverse
-    kinematics. Other coordinates rest at the model's first keyframe, or at its initial position. Fits move
-    the trajectory towards the model's motion.
+    follow its integral; those that are seen by places of sites or bodies alone, or belong to a loop that
+    equality constraints close, are found by inverse kinematics. Other coordinates rest at the model's first
+    keyframe, or at its initial position. Fits move the trajectory towards the model's motion.
     """
     tangent = Tangent(rig.model)
     S, L = segments.shape
@@ -52,7 +53,7 @@ def recorded_trajectory(rig: Rig, segments: Segments) -> Array:
     unseen = [v for v in unseen if v not in turned]
     direct = {column for columns, *_ in targets for column in columns}
     places = [c for c, o in enumerate(rig.observations) if is_place(rig, c) and c not in direct]
-    if unseen and places:
+    if unseen and (places or Loops(rig.model)):
         solve_positions(rig, segments, x, unseen, places)
     for v in turned:
         if rig.model.jnt_type[rig.model.dof_jntid[v]] == int(mujoco.mjtJoint.mjJNT_HINGE):

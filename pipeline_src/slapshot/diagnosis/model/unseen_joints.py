@@ -1,4 +1,4 @@
-"""Positions of joints that have no encoder: of those that are seen by places or by their velocity alone."""
+"""Positions of joints without encoder, from places, their own velocity, or the loops that they close."""
 
 import mujoco
 import numpy as np
@@ -87,11 +87,50 @@ def is_place(rig: Rig, column: int) -> bool:
     return rig.observations[column].quantity == "position" and kind == int(mujoco.mjtSensor.mjSENS_FRAMEPOS)
 
 
+class Loops:
+    """Equality constraints that hold whatever is commanded, as of linkages that close a loop.
+
+    A weld to a mocap body is none: it drags a gripper.
+
+    Args:
+        model: compiled.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model, self._data = model, mujoco.MjData(model)
+        self._own = np.array([not _is_dragged(model, e) for e in range(model.neq)], bool)
+
+    def __bool__(self) -> bool:
+        return bool(np.any(self._own & (self._data.eq_active != 0)))
+
+    def violations(self, states: Array) -> Array:
+        """How far states (n, nq + nv + na) violate them, in m or rad, (n, rows)."""
+        nq = self._model.nq
+        return np.array([self._violations(state[:nq]) for state in states]).reshape(len(states), -1)
+
+    def _violations(self, qpos: Array) -> Array:
+        data = self._data
+        data.qpos[:] = qpos
+        mujoco.mj_fwdPosition(self._model, data)
+        rows = slice(data.ne)  # those of equalities come first
+        return np.asarray(data.efc_pos[rows][self._own[data.efc_id[rows]]])
+
+
+def _is_dragged(model: mujoco.MjModel, constraint: int) -> bool:
+    kind = model.eq_objtype[constraint]
+    ends = np.array([model.eq_obj1id[constraint], model.eq_obj2id[constraint]])
+    if kind == int(mujoco.mjtObj.mjOBJ_SITE):
+        ends = model.site_bodyid[ends]
+    elif kind != int(mujoco.mjtObj.mjOBJ_BODY):
+        return False
+    return bool(np.any(model.body_mocapid[ends] >= 0))
+
+
 def solve_positions(rig: Rig, segments: Segments, x: Array, unseen: list[int], places: list[int]) -> None:
     """Inverse kinematics by Levenberg and Marquardt's method, on all nodes at once.
 
     All nodes begin at the model's initial position, or at the same distance from it where that leads to no
-    solution, so that of several all take the same. What places do not tell stays there.
+    solution, so that of several all take the same. What neither places nor loops tell stays there.
     """
     (S, L), model = segments.shape, rig.model
     inside, nq = segments.inside, model.nq
@@ -104,12 +143,13 @@ def solve_positions(rig: Rig, segments: Segments, x: Array, unseen: list[int], p
     at = np.argwhere(inside & np.isfinite(wanted).all(axis=2))
     if not len(at):
         return
-    simulator, tangent = Simulator(rig), Tangent(model)
+    simulator, tangent, loops = Simulator(rig), Tangent(model), Loops(model)
     first, target = x[at[:, 0], at[:, 1]].copy(), wanted[at[:, 0], at[:, 1]]
     controls = segments.control()[at[:, 0], at[:, 1], :1]
 
     def miss(states: Array) -> Array:
-        return np.asarray(target - simulator.run(model, states, controls)[1][:, places])
+        seen = target - simulator.run(model, states, controls)[1][:, places]
+        return np.concatenate([seen, -loops.violations(states)], axis=1)
 
     def moved(states: Array, change: Array) -> Array:
         delta = np.zeros((len(states), tangent.dim))
