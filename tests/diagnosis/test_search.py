@@ -19,6 +19,7 @@ from slapshot.effects.joints.direction_friction import DirectionFriction
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.encoder_delay import EncoderDelay
 from slapshot.effects.joints.encoder_scale import EncoderScale
+from slapshot.effects.joints.external_pulse import ExternalPulse
 from slapshot.effects.joints.joint_offset import JointOffset
 from slapshot.effects.joints.payload import Payload
 from slapshot.effects.joints.viscous_friction import ViscousFriction
@@ -110,6 +111,30 @@ def test_once_something_is_found_what_is_left_need_not_be_significant_but_open(
     assert found[1:] == added
     assert len(added) == laws
     assert all(p_value < P_VALUE for p_value in asked)
+
+
+@pytest.mark.parametrize(
+    ("added", "tried"),
+    [("push push push push push", 2), ("push law push push push", 4), ("law push push push push", 3)],
+)
+def test_hidden_states_are_not_fitted_again_after_every_push(monkeypatch, added, tried):
+    """Twice beside the same laws, where another push was added since, and not beside two laws."""
+    effects = {"push": ExternalPulse.__new__(ExternalPulse), "law": None}
+    more = iter(added.split())
+    count = []
+
+    def step(effect: JointEffect | None) -> Step:
+        fit = SimpleNamespace(hypothesis=SimpleNamespace(effects=()))
+        scored = SimpleNamespace(noise=SimpleNamespace(set_aside=None), fit=fit)
+        return Step(None, scored, SimpleNamespace(p_value=0.001), effect, 20.0)
+
+    monkeypatch.setattr(search, "_forward_step", lambda *_: step(effects[next(more)]))
+    monkeypatch.setattr(search, "pair_step", lambda before, *_: (before, []))
+    monkeypatch.setattr(search, "_much_is_left", lambda _: True)
+    monkeypatch.setattr(search, "structural_step", lambda *_: count.append(1))
+    found, *_ = _forward_search([step(None)], np.random.default_rng(1), lambda text: None)
+    assert len(found) == 1 + len(added.split())
+    assert len(count) == tried
 
 
 @pytest.mark.parametrize(("more", "taken"), [(-2.9, False), (2.9, False), (3.1, True)])

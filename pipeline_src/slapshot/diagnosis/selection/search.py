@@ -5,6 +5,7 @@ fitted (elasticity or backlash of a joint), by shooting. Free forms are never na
 named effects do not, an effect outside the catalogue is missing.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -55,7 +56,8 @@ MAX_EFFECTS = 5
 MAX_REFITS = 6  # candidates refitted in a step
 _PRESELECTION_NODES, _PRESELECTION_ROUNDS = 2000, 4  # of a preliminary refit
 _OPEN_P_VALUE = 0.1  # of what laws leave, below which structures are fitted besides
-_STRUCTURE_STEPS = 2  # steps in which structures are fitted: alone, and besides the best law
+_STRUCTURE_LAWS = 1  # largest number of laws besides which structures are fitted
+_STRUCTURE_STEPS = 2  # steps in which they are fitted besides the same laws, which pushes alone tell apart
 
 
 def search(problem: Problem, free: Sequence[JointEffect], seed: int, report: Report) -> Search:
@@ -104,14 +106,14 @@ def _forward_search(
     the pushes are added, before laws that gain less than the windows are worth.
     """
     steps, by_laws, by_structure = list(steps), list[Step](), list[Step]()
+    fitted = Counter[int]()  # by number of laws, steps in which structures were fitted
     while (
         steps[-1].test.p_value < (_OPEN_P_VALUE if len(steps) > 1 else P_VALUE) and len(steps) <= MAX_EFFECTS
     ):
         more = list[Step]()
         try:
             last = steps[-1]
-            laws = has_windows_set_aside(last) and has_laws(last.hypothesis)
-            if laws and worth_of_set_aside(last) < 0:
+            if has_windows_set_aside(last) and has_laws(last.hypothesis) and worth_of_set_aside(last) < 0:
                 steps[-1] = without_needless_windows(last, rng)
                 if steps[-1] is not last:
                     continue
@@ -126,12 +128,15 @@ def _forward_search(
                 before, more = pair_step(before, single, rng, report)
             steps[-1], more = before, more or ([] if single is None else [single])
             split = any(effect.hidden_state for effect in before.hypothesis.effects)
+            laws = sum(not _is_push(step) for step in steps[1:])
             if (
                 significant
-                and sum(not _is_push(step) for step in steps) <= _STRUCTURE_STEPS
+                and laws <= _STRUCTURE_LAWS
+                and fitted[laws] < _STRUCTURE_STEPS
                 and not split
                 and _much_is_left(more[-1] if more else before)
             ):
+                fitted[laws] += 1
                 structure = structural_step(before, more, rng, report)
                 gained = sum(step.gain for step in more) + EQUIVALENCE_NATS
                 if structure is not None and structure.gain >= gained:
