@@ -66,6 +66,38 @@ def test_a_hit_whose_step_makes_it_worse_takes_shorter_ones(start):
     assert np.abs(fit.point.latents).max() < 1e-3
 
 
+class Estimated(Arctangents):
+    """One hit whose objective is what is estimated to be its scatter, one value after the other."""
+
+    first_scatter = 1e5
+    iterations = 30
+
+    def __init__(self, scatters):
+        super().__init__()
+        self.scatters = iter(scatters)
+
+    def evaluate(self, point, columns, scatter):
+        none = np.zeros((1, 0))
+        return Marginal(
+            none[:, None][..., :0], none, np.array([scatter]), np.zeros(1), np.zeros((1, 1)),
+            np.zeros((1, 1, 1)), np.zeros((1, 1, 0)),
+        )  # fmt: skip
+
+    def _scatter(self, point, state, before):
+        return next(self.scatters)
+
+
+def test_a_fit_that_wavers_has_arrived_at_the_lowest_of_its_places_and_one_that_falls_has_not():
+    start = Point(np.zeros((1, 1)), np.zeros((0, 3)))
+    falls = 1e5 - 5 * np.arange(1, 31)
+    wavers = Estimated([*falls[:8], *np.tile([99_963.0, 99_960.0, 99_966.0], 10)]).fit(start)
+    assert wavers.converged
+    assert wavers.objective == wavers.scatter == 99_960
+    falling = Estimated(falls).fit(start)
+    assert not falling.converged
+    assert falling.objective == falls[-1]
+
+
 class _Bounded(Arctangents):
     """Only its steps are asked for; parameters of one effect between -1 and 1."""
 

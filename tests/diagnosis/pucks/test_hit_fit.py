@@ -13,6 +13,7 @@ from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter, Scatter, with_readin
 from slapshot.diagnosis.pucks.fit.marginal import Marginal
 from slapshot.diagnosis.pucks.launch.encoders import Encoders
 from slapshot.diagnosis.pucks.launch.execution import Execution
+from slapshot.diagnosis.pucks.launch.launch_model import weighted_projection
 from slapshot.diagnosis.pucks.launch.launch_prior import UnknownLaunch
 from slapshot.diagnosis.pucks.launch.strikes import TIMESTEP, _told_at
 from slapshot.diagnosis.pucks.selection.law_error import with_law_errors
@@ -325,3 +326,14 @@ def test_readings_add_what_they_tell_of_the_columns_that_they_see():
     np.testing.assert_allclose(found.information, both.transpose(0, 2, 1) @ both)
     np.testing.assert_allclose(found.scores, np.einsum("nrp,nr->np", both, left))
     np.testing.assert_allclose(found.squares, (left**2).sum(1))
+
+
+def test_a_projection_weighted_value_by_value_is_that_of_weighted_least_squares():
+    rng = np.random.default_rng(3)
+    basis, values, weights = rng.normal(size=(40, 4)), rng.normal(size=(40, 5)), rng.uniform(0, 1, (40, 5))
+    found = weighted_projection(basis, values, weights)
+    for k in range(5):
+        root = np.sqrt(weights[:, k])
+        best, *_ = np.linalg.lstsq(root[:, None] * basis, root * values[:, k], rcond=None)
+        np.testing.assert_allclose(found[:, k], basis @ best, atol=1e-10)
+    assert (weighted_projection(basis[:, :0], values, weights) == 0).all()

@@ -20,6 +20,8 @@ FIELD = ARM_JOINTS
 WORSE = 1.0  # of the objective, which a step may be
 # A fit whose objective stays within so little over so many steps only goes to and fro: it has arrived.
 TO_AND_FRO, PATIENCE = 1.0, 4
+# So has one that no longer falls and stays within this share of it, as where launches are hardly told.
+WAVERS = 1e-4
 MOST_DAMPING = 1e4
 DISTRUST = 0.25  # by which the steps of a hit shorten that made it worse
 # Of logarithms of mu_x, mu_y and of the torsional friction in m.
@@ -105,6 +107,7 @@ class GaussNewton(ABC):
         trust = np.ones(len(state.squares))
         objective = self._objective(state, point, columns)
         passed = [objective]
+        lowest = objective, point, scatter, state  # of those that passed
         for _ in range(self.iterations):
             information = state.information.sum(0) + np.diag(precision)
             score = state.scores.sum(0) + precision * (mean - shared(point, columns))
@@ -124,7 +127,13 @@ class GaussNewton(ABC):
             point, scatter, state = new, spread, self.evaluate(new, columns, spread)
             objective = self._objective(state, point, columns)
             passed = [*passed[-PATIENCE:], objective]
-            arrived = len(passed) > PATIENCE and max(passed) - min(passed) < TO_AND_FRO
+            between = max(passed) - min(passed)
+            arrived = len(passed) > PATIENCE and between < TO_AND_FRO
+            if objective <= min(passed):
+                lowest = objective, point, scatter, state
+            elif len(passed) > PATIENCE and between < WAVERS * abs(objective) and lowest[0] in passed:
+                objective, point, scatter, state = lowest
+                arrived = True
             if max(abs(objective - before), abs(value - before)) < CONVERGED or arrived:
                 converged = True
                 break

@@ -376,8 +376,12 @@ class LaunchModel:
             noise: (n, 5, 5) covariance of those.
             before: (5, 5) of the step before.
         """
-        smooth = np.einsum("nji,nj->ni", self._turn, measured - self.means(point))
-        rough = np.einsum("nij,nj->ni", self._turn, smooth - self._smooth @ (self._smooth.T @ smooth))
+        offset = np.einsum("nji,nj->ni", self._turn, measured - self.means(point))
+        # A launch that its slide hardly tells would throw that of all others off, and the fit to and fro.
+        known = np.diag(before)
+        untold = np.einsum("nji,njk,nki->ni", self._turn, noise, self._turn)
+        smooth = weighted_projection(self._smooth, offset, known / (known + untold))
+        rough = np.einsum("nij,nj->ni", self._turn, offset - smooth)
         scatter = before
         for _ in range(EXPECTATIONS):
             whole = self._whole(scatter)
@@ -403,3 +407,10 @@ class LaunchModel:
         """(n,) of a Student's t."""
         distance = np.einsum("ni,nij,nj->n", offset, information, offset)
         return np.minimum((TAILS + LAUNCH) / (TAILS + distance), 1.0)
+
+
+def weighted_projection(basis: Array, values: Array, weights: Array) -> Array:
+    """(n, k) values (n, k) as combinations of a basis (n, b), by least squares weighted by (n, k)."""
+    product = np.einsum("nb,nk,nc->kbc", basis, weights, basis)
+    fitted = np.linalg.solve(product, np.einsum("nb,nk,nk->kb", basis, weights, values)[..., None])[..., 0]
+    return np.asarray(basis @ fitted.T)
