@@ -148,4 +148,5 @@ def test_a_weld_to_what_drags_a_gripper_is_no_loop():
     ).replace("<actuator>", '<equality><weld body1="hand-hold" body2="lower"/></equality><actuator>')
     assert Loops(MjSpec.from_string(PARALLELOGRAM).compile())
     assert not Loops(MjSpec.from_string(dragged).compile())
+    assert Loops(MjSpec.from_string(dragged).compile()).violations(np.zeros((3, 4))).shape == (3, 0)
     assert not Loops(MjSpec.from_string(ARM).compile())

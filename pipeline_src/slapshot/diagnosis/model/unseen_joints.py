@@ -105,8 +105,9 @@ class Loops:
 
     def violations(self, states: Array) -> Array:
         """How far states (n, nq + nv + na) violate them, in m or rad, (n, rows)."""
-        nq = self._model.nq
-        return np.array([self._violations(state[:nq]) for state in states]).reshape(len(states), -1)
+        if not self:
+            return np.zeros((len(states), 0))
+        return np.array([self._violations(state[: self._model.nq]) for state in states])
 
     def _violations(self, qpos: Array) -> Array:
         data = self._data
