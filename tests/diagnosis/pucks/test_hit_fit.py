@@ -13,7 +13,7 @@ from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter, Scatter, with_readin
 from slapshot.diagnosis.pucks.fit.marginal import Marginal
 from slapshot.diagnosis.pucks.launch.encoders import Encoders
 from slapshot.diagnosis.pucks.launch.execution import Execution
-from slapshot.diagnosis.pucks.launch.launch_model import weighted_projection
+from slapshot.diagnosis.pucks.launch.launch_model import LaunchModel, weighted_projection
 from slapshot.diagnosis.pucks.launch.launch_prior import UnknownLaunch
 from slapshot.diagnosis.pucks.launch.strikes import TIMESTEP, _told_at
 from slapshot.diagnosis.pucks.selection.law_error import with_law_errors
@@ -337,3 +337,24 @@ def test_a_projection_weighted_value_by_value_is_that_of_weighted_least_squares(
         best, *_ = np.linalg.lstsq(root[:, None] * basis, root * values[:, k], rcond=None)
         np.testing.assert_allclose(found[:, k], basis @ best, atol=1e-10)
     assert (weighted_projection(basis[:, :0], values, weights) == 0).all()
+
+
+def test_launches_that_slides_hardly_tell_leave_the_scatter_of_others_alone():
+    """Of 200 launches a twentieth is known to a hundred times what launches scatter by."""
+    rng, count, sd = np.random.default_rng(4), 200, np.array([0.002, 0.003, 0.03, 0.02])
+    untold = np.ones((count, 1))
+    untold[::20] = 1e3
+    model = LaunchModel.__new__(LaunchModel)
+    model._turn, model.spread = np.tile(np.eye(5), (count, 1, 1)), np.zeros((count, 5, 5))
+    model._smooth = np.linalg.qr(rng.normal(size=(count, 6)))[0]
+    model.means = lambda point: np.zeros((count, 5))
+    variance = np.zeros((count, 5))
+    variance[:, :4], variance[:, 4] = 0.01 * untold**2 * sd**2, 1.0
+    measured = np.sqrt(variance) * rng.normal(size=(count, 5))
+    measured[:, :4] += sd * rng.normal(size=(count, 4))
+    noise = np.einsum("ni,ij->nij", variance, np.eye(5))
+    scatter = model.first_scatter
+    for _ in range(20):
+        scatter = model.scatter(None, measured, noise, scatter)
+    # The standard error of a standard deviation is 1 / sqrt(2 n); tails weigh less.
+    np.testing.assert_allclose(np.sqrt(np.diag(scatter)[:4]), sd, rtol=4 / np.sqrt(2 * count) + 0.05)
