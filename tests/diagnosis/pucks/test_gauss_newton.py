@@ -1,6 +1,6 @@
 """Steps of single hits where Newton's own overshoot, and of parameters at their bounds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -77,11 +77,7 @@ class Estimated(Arctangents):
         self.scatters = iter(scatters)
 
     def evaluate(self, point, columns, scatter):
-        none = np.zeros((1, 0))
-        return Marginal(
-            none[:, None][..., :0], none, np.array([scatter]), np.zeros(1), np.zeros((1, 1)),
-            np.zeros((1, 1, 1)), np.zeros((1, 1, 0)),
-        )  # fmt: skip
+        return replace(super().evaluate(point, columns, scatter), squares=np.array([scatter]))
 
     def _scatter(self, point, state, before):
         return next(self.scatters)

@@ -170,7 +170,7 @@ class PucksAlone:
 
 
 def _puck_on_plane(scene: Scene) -> mujoco.MjModel:
-    """Puck and table of the scene."""
+    """The scene's puck, and its table as a plane."""
     included = {name: text for name, text in scene.assets.items() if name.endswith(".xml")}
     spec = mujoco.MjSpec.from_string(scene.xml, include=included, assets=dict(scene.assets))
     for equality in list(spec.equalities):

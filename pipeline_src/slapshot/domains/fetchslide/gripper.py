@@ -123,9 +123,9 @@ class Grippers:
 
 
 def _without_idle_geoms(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The model without contacts of the geoms that touch nothing, those between base and arm.
+    """The model without contacts of geoms that touch nothing: of the robot, all but base, arm and gripper.
 
-    The base stands on the floor. Looking for contacts among the others is a tenth of a step.
+    Looking for contacts among them is a tenth of a step. The base stays: it stands on the floor.
     """
     arm = {model.body(_ARM).id}
     for body in range(model.nbody):  # parents come first

@@ -127,11 +127,11 @@ class GaussNewton(ABC):
             point, scatter, state = new, spread, self.evaluate(new, columns, spread)
             objective = self._objective(state, point, columns)
             passed = [*passed[-PATIENCE:], objective]
-            between = max(passed) - min(passed)
-            arrived = len(passed) > PATIENCE and between < TO_AND_FRO
+            extent = max(passed) - min(passed) if len(passed) > PATIENCE else np.inf
+            arrived = extent < TO_AND_FRO
             if objective <= min(passed):
                 lowest = objective, point, scatter, state
-            elif len(passed) > PATIENCE and between < WAVERS * abs(objective) and lowest[0] in passed:
+            elif extent < WAVERS * abs(objective) and lowest[0] in passed:
                 objective, point, scatter, state = lowest
                 arrived = True
             if max(abs(objective - before), abs(value - before)) < CONVERGED or arrived:
