@@ -48,7 +48,7 @@ def test_it_takes_the_place_of_the_line_of_progress_and_learns_from_the_run(tmp_
     clock[0] = 120.0
     assert left(event("job_finished", job_id=7))
     assert left(event("progress", done=1, total=5)) is False
-    expected = "1 of 5 jobs done, about 4 minutes left and jobs of unknown length: 1\n"
+    expected = "1 of 5 jobs done, more than 4 minutes left (1 job of unknown length)\n"
     assert capsys.readouterr().err == expected
 
 

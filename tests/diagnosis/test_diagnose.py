@@ -339,7 +339,7 @@ def test_held_out_blocks_of_a_long_episode_are_windows():
     assert {f for first in windows.first for f in (first, first + 50)} == blocks
 
 
-def test_the_size_of_a_force_over_load_is_that_at_the_loads_that_acted():
+def test_the_size_of_a_force_over_load_is_that_at_the_loads_that_acted_with_its_interval():
     rng, t = np.random.default_rng(8), np.arange(400) * 0.01
     drive = 3 * np.sin(2 * t) + 0.1 * rng.standard_normal(len(t))
     made = recording(
@@ -356,7 +356,14 @@ def test_the_size_of_a_force_over_load_is_that_at_the_loads_that_acted():
     gear = rig.model.actuator_gear[0, 0]
     held = gear * drive[np.rint(problem.segments.time[problem.segments.inside] / 0.01).astype(int)]
     force = form.basis(held) @ (values * [parameter.scale for parameter in form.parameters])
-    assert _size(step, form, values).value == pytest.approx(np.sqrt(np.mean(force**2)), rel=1e-6)
+    size = _size(step, form, values, 1e-4 * np.eye(len(values)))
+    assert size.value == pytest.approx(np.sqrt(np.mean(force**2)), rel=1e-6)
+    # By draws of the weights; 4000 tell a standard deviation to four times 1.1 %.
+    draws = values + 1e-2 * rng.standard_normal((4000, len(values)))
+    drawn = form.basis(held) @ (draws * [parameter.scale for parameter in form.parameters]).T
+    spread = np.std(np.sqrt(np.mean(drawn**2, axis=0)))
+    assert (size.high - size.value) / 1.645 == pytest.approx(spread, rel=0.045)
+    assert size.value - size.low == pytest.approx(size.high - size.value)
 
 
 def test_errors_in_rad_and_in_m_are_told_apart():

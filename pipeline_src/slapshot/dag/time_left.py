@@ -68,8 +68,10 @@ class TimeLeft:
         unknown = sum(count for stage, count in left.items() if stage not in self._took)
         if unknown == sum(left.values()):
             return ""
-        about = f", about {seconds / 60:.0f} minutes left" if seconds > 90 else ", about a minute left"
-        return f"{about} and jobs of unknown length: {unknown}" if unknown else about
+        length = f"{seconds / 60:.0f} minutes" if seconds > 90 else "a minute"
+        if not unknown:
+            return f", about {length} left"
+        return f", more than {length} left ({unknown} {'job' if unknown == 1 else 'jobs'} of unknown length)"
 
     def _of_store(self) -> dict[str, list[float]]:
         took: dict[str, list[float]] = {}

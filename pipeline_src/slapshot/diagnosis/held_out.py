@@ -145,7 +145,7 @@ def predict(
     # Responses of all columns given the data before the windows: observations within them get no weight.
     blind = quiet.weight.copy()
     blind[:, half:] = _NO_WEIGHT
-    laws = problem.law_columns.on(fitter.simulator, hypothesis, theta, windows, trajectory, found.system)
+    laws = problem.law_columns.on(fitter.simulator, hypothesis, theta, windows, trajectory)
     drifts = problem.drifts(windows)
     wide = Fitter(fitter.simulator, windows, problem.torque, NUISANCE, problem.rig_motion, laws, drifts)
     columns, prior = wide.system(hypothesis, theta, trajectory, jacobian=system)

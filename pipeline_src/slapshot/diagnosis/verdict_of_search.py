@@ -260,18 +260,27 @@ def _location(step: Step) -> Location:
         return Location(part=effect.part, follows="the whole motion", size=None)
     best = max(free, key=lambda i: found[i].log_evidence)
     effect = scored.effects[best]
-    size = _size(step, effect, found[best].values)
+    columns = scored.columns[best]
+    precision = np.eye(len(columns)) + scored.eliminated.information[np.ix_(columns, columns)]
+    size = _size(step, effect, found[best].values, np.asarray(np.linalg.inv(precision)))
     return Location(part=effect.part, follows=getattr(effect, "variable", "the motion"), size=size)
 
 
-def _size(step: Step, effect: JointEffect, values: Array) -> Interval | None:
-    """Rms of a free form along the trajectory."""
+def _size(step: Step, effect: JointEffect, values: Array, covariance: Array) -> Interval | None:
+    """Rms of a free form along the trajectory, with a 90 % interval to first order in its weights.
+
+    Args:
+        step: with the trajectory.
+        effect: the form.
+        values: (k,) of its weights, in units of their priors.
+        covariance: (k, k) of these.
+    """
     problem, fit = step.problem, step.scored.fit
     segments, model = problem.segments, problem.rig.model
-    weights = values * np.array([parameter.scale for parameter in effect.parameters])
+    units = np.diag([parameter.scale for parameter in effect.parameters])
     x = fit.trajectory[segments.inside]
     order = np.repeat(segments.order[:, None], segments.shape[1], 1)[segments.inside]
-    unit = effect.parameters[0].unit
+    parts: list[Array | None]
     if overrides(effect, "force"):
         torque = actuator_torque(model, x, segments.control()[..., 0, :][segments.inside], problem.rig.load)
         state = State(
@@ -281,15 +290,21 @@ def _size(step: Step, effect: JointEffect, values: Array) -> Interval | None:
             segments.time[segments.inside],
             order,
         )
-        change = effect.force(state, weights)
+        parts = [effect.force(state, one) for one in units]
     else:
         y = np.nan_to_num(segments.y[segments.inside])
         rate = problem.rates(segments, fit.trajectory)[segments.inside]
-        change = effect.observe(Observed(y, rate, 0 * y, order), weights)
-    if change is None:
+        parts = [effect.observe(Observed(y, rate, 0 * y, order), one) for one in units]
+    there = [part for part in parts if part is not None]
+    if len(there) < len(parts):
         return None
-    rms = float(np.sqrt(np.mean(np.sum(change**2, axis=1))))
-    return Interval(value=rms, low=rms, high=rms, unit=unit)
+    # The form is linear in its weights: its mean square is a quadratic form.
+    along = np.stack([part.reshape(-1) for part in there])
+    square = along @ along.T / len(x)
+    rms = float(np.sqrt(values @ square @ values))
+    slope = square @ values / max(rms, 1e-300)
+    margin = _Z90 * float(np.sqrt(slope @ covariance @ slope))
+    return Interval(value=rms, low=max(rms - margin, 0.0), high=rms + margin, unit=effect.parameters[0].unit)
 
 
 def _dropped_note(effect: JointEffect) -> str:

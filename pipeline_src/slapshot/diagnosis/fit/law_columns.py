@@ -28,12 +28,14 @@ class LawColumns:
         mixtures: (shapes, k) for each law.
         information: (k,) for each law, on each mixture at the largest law error.
         W: (S, L, dim, k of all) their columns along the trajectory that they were chosen on.
+        torque: (nv,) scale of forces.
     """
 
     laws: tuple[Sequence[Perturbation], ...]
     mixtures: tuple[Array, ...]
     information: tuple[Array, ...]
     W: Array
+    torque: Array
 
     def identifiable_at(self, law_error: float) -> "LawColumns":
         """The mixtures that are identifiable at a given size of law errors."""
@@ -44,6 +46,7 @@ class LawColumns:
             tuple(mixture[:, information] for mixture, information in zip(self.mixtures, keep, strict=True)),
             tuple(values[information] for values, information in zip(self.information, keep, strict=True)),
             np.ascontiguousarray(self.W[..., np.concatenate([np.zeros(0, bool), *keep])]),
+            self.torque,
         )
 
     def on(
@@ -53,13 +56,12 @@ class LawColumns:
         theta: Array,
         segments: Segments,
         trajectory: Array,
-        known: Linear | None = None,
     ) -> Array:
-        """The same columns along another trajectory, (S, L, dim, k); `known` is a system about it."""
+        """The same columns along another trajectory, (S, L, dim, k)."""
         columns = [np.zeros((*segments.shape, simulator.tangent.dim, 0))]
         for perturbations, mixture in zip(self.laws, self.mixtures, strict=True):
-            W, known = _law_columns(
-                simulator, hypothesis, theta, segments, trajectory, perturbations, None, known
+            W, _ = _law_columns(
+                simulator, hypothesis, theta, segments, trajectory, perturbations, self.torque
             )
             columns.append(W @ mixture)
         return np.concatenate(columns, axis=-1)
@@ -83,14 +85,14 @@ def law_columns(
         laws: perturbations for the shapes of each law.
         noise: approximate noise of the data.
     """
-    hypothesis, known = Hypothesis(simulator.rig), None
+    hypothesis = Hypothesis(simulator.rig)
     quiet = replace(noise, force=_LOW_FORCE).covariances(segments.interval)
     found: list[tuple[Array, Array, Array]] = []
     for perturbations in laws:
-        W, known = _law_columns(
-            simulator, hypothesis, np.zeros(0), segments, trajectory, perturbations, torque, known
+        W, system = _law_columns(
+            simulator, hypothesis, np.zeros(0), segments, trajectory, perturbations, torque
         )
-        seen = innovations(known.with_columns(W, np.zeros((*known.r.shape, len(perturbations)))), quiet)
+        seen = innovations(system.with_columns(W, np.zeros((*system.r.shape, len(perturbations)))), quiet)
         z = LARGEST_LAW_ERROR * seen.Z.reshape(seen.e.size, -1)
         found.append((*np.linalg.eigh(z.T @ z), W))
     largest = np.sort(np.concatenate([np.zeros(1), *(values for values, *_ in found)]))[::-1]
@@ -99,7 +101,8 @@ def law_columns(
     information = tuple(values[values > least] for values, *_ in found)
     empty = np.zeros((*segments.shape, simulator.tangent.dim, 0))
     columns = [W @ mixture for (*_, W), mixture in zip(found, mixtures, strict=True)]
-    return LawColumns(tuple(laws), tuple(mixtures), information, np.concatenate([empty, *columns], axis=-1))
+    W = np.concatenate([empty, *columns], axis=-1)
+    return LawColumns(tuple(laws), tuple(mixtures), information, W, torque)
 
 
 def _law_columns(
@@ -109,12 +112,11 @@ def _law_columns(
     segments: Segments,
     trajectory: Array,
     perturbations: Sequence[Perturbation],
-    torque: Array | None,
-    known: Linear | None,
+    torque: Array,
 ) -> tuple[Array, Linear]:
     """Columns of one law in units of their priors, and the system without them."""
     system = linearise(
-        simulator, hypothesis, theta, segments, trajectory, perturbations, torque_scale=torque, jacobian=known
+        simulator, hypothesis, theta, segments, trajectory, perturbations, torque_scale=torque
     ).system
     own = system.W[..., len(theta) :] * [perturbation.scale for perturbation in perturbations]
     return own, system.without_columns()

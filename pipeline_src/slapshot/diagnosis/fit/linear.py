@@ -5,24 +5,19 @@ interval. The column of a stateless force law is a product with the effect B of 
 simulation.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
-from mujoco import MjModel
 
 from slapshot.arrays import Array
-from slapshot.diagnosis.fit.derivatives import Midpoint
 from slapshot.diagnosis.fit.filter import Linear
+from slapshot.diagnosis.fit.operating_point import OperatingPoint
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator, actuator_torque
 from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.effects.joints.effect import JointEffect, Observed, State, overrides
-
-_STEP = 1e-6  # of differences of observations
-_OF_THE_STATE = (int(mujoco.mjtSensor.mjSENS_JOINTPOS), int(mujoco.mjtSensor.mjSENS_JOINTVEL))
 
 
 @dataclass(frozen=True)
@@ -99,40 +94,14 @@ def linearise(
             has columns, the first are those of this hypothesis, and are taken but for those of laws.
     """
     (S, L), tangent = segments.shape, simulator.tangent
-    n, nv, dim = S * L, tangent.nv, tangent.dim
-    x = trajectory.reshape(n, -1)
-    time, order = segments.time.reshape(n), np.repeat(segments.order, L)
-    model = hypothesis.compiled(theta, segments.step)
-    control = hypothesis.control(segments, theta).reshape(n, segments.substeps, -1)
-    ny = segments.y.shape[2]
-
-    def advance(
-        h: Hypothesis, values: Array, m: MjModel, states: Array, u: Array, extra: Array | None = None
-    ) -> tuple[Array, Array, Array]:
-        return simulator.advance(h, values, m, states, u, time, order, extra)
-
-    base, y, torque = advance(hypothesis, theta, model, x, control)
-    middle = Midpoint(simulator, hypothesis, theta, model, x, base, control, time, order)
-    plain = _reads_joints(hypothesis.rig)
-
-    def observed_at(h: Hypothesis, values: Array, m: MjModel, states: Array) -> Array:
-        """Observations at some states, without what effects add."""
-        return advance(h, values, m, states, control[:, :1])[1]
-
+    n, nv, dim, ny = S * L, tangent.nv, tangent.dim, segments.y.shape[2]
+    scale = np.ones(nv) if torque_scale is None else np.maximum(torque_scale, 1e-9)
+    point = OperatingPoint.at(simulator, hypothesis, theta, segments, trajectory, scale)
+    x, base, y, torque = point.x, point.end, point.y, point.torque
+    model, control, time, order = point.model, point.control, point.time, point.order
+    middle, plain, advance = point.middle, point.reads_joints, point.advance
     if jacobian is None or jacobian.spread is None:
-        scale = np.ones(nv) if torque_scale is None else np.maximum(torque_scale, 1e-9)
-        A, spread = middle.transition()
-        B = middle.force(spread, scale)
-        pushed = middle.under_process_force(hypothesis.compiled(hypothesis.start, segments.step))
-        process = None if pushed is None else pushed.force(spread, scale)
-        C = np.empty((n, ny, dim))
-        for i in range(dim):
-            delta = np.zeros(dim)
-            delta[i] = _STEP
-            if plain:
-                C[:, :, i] = simulator.read(delta) / _STEP
-            else:
-                C[:, :, i] = (observed_at(hypothesis, theta, model, tangent.add(x, delta)) - y) / _STEP
+        A, B, C, spread, process = point.jacobian
     else:
         A, B, C, spread = (
             array.reshape(n, -1, k)
@@ -165,7 +134,7 @@ def linearise(
     read_forces = None
     if _reads_accelerations(hypothesis.rig):
         # What acts on a joint is read at once by a sensor of forces or accelerations.
-        sizes = np.eye(nv) * (np.ones(nv) if torque_scale is None else np.maximum(torque_scale, 1e-9))
+        sizes = np.eye(nv) * scale
         read = [
             (advance(hypothesis, theta, model, x, control[:, :1], np.tile(one, (n, 1)))[1] - y) / one.sum()
             for one in sizes
@@ -231,8 +200,7 @@ def linearise(
     for k, perturbation in enumerate(perturbations, start=p):
         if perturbation.effect is None:
             if halved is None:
-                moved = _with_other_steps(hypothesis, theta, segments.step, control, x, base, advance)
-                halved = tangent.subtract(moved, base).reshape(S, L, dim)
+                halved = point.halved.reshape(S, L, dim)
             W[:, :, k] = halved.reshape(n, dim)
         elif is_law(perturbation.effect):
             start = np.array([parameter.start for parameter in perturbation.effect.parameters])
@@ -253,26 +221,6 @@ def linearise(
     )  # fmt: skip
     mean = (torque + there) / 2
     return Linearised(system, mean.reshape(*shapes, nv), predicted.reshape(*shapes, ny))
-
-
-def _with_other_steps(
-    hypothesis: Hypothesis,
-    theta: Array,
-    step: float,
-    control: Array,
-    x: Array,
-    base: Array,
-    advance: Callable[..., Any],
-) -> Array:
-    """Next states by steps half as long, or halfway from `base` to those by the integrator that was given."""
-    given = hypothesis.rig.given_integrator
-    if given is None:
-        finer = hypothesis.compiled(theta, step / 2)
-        return np.asarray(advance(hypothesis, theta, finer, x, np.repeat(control, 2, axis=1))[0])
-    model, tangent = hypothesis.compiled(theta, step), hypothesis.tangent
-    model.opt.integrator = given
-    change = tangent.subtract(advance(hypothesis, theta, model, x, control)[0], base)
-    return tangent.add(base, change / 2)
 
 
 def _reads_accelerations(rig: Rig) -> bool:
@@ -321,10 +269,3 @@ def residuals(rig: Rig, segments: Segments, predicted: Array) -> Array:
         y = y.copy()
         y[..., columns] *= sign[..., None]
     return y - predicted
-
-
-def _reads_joints(rig: Rig) -> bool:
-    """Whether only positions and velocities of joints are observed, which are part of the state."""
-    read = np.flatnonzero(rig.reading.any(0))
-    sensors = [int(np.flatnonzero(rig.model.sensor_adr <= address)[-1]) for address in read]
-    return all(rig.model.sensor_type[sensor] in _OF_THE_STATE for sensor in sensors)

@@ -3,6 +3,7 @@
 import copy
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -26,6 +27,7 @@ _CONTROL = sum(
     )
 )
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_CONSTRAINTS = "jnt_limited", "dof_frictionloss", "tendon_limited", "tendon_frictionloss"
 _JOINTPOS, _JOINTVEL = int(mujoco.mjtSensor.mjSENS_JOINTPOS), int(mujoco.mjtSensor.mjSENS_JOINTVEL)
 _GAINS = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
 _BIASES = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
@@ -98,8 +100,11 @@ class Hypothesis:
                 edited = True
         # After the edits, which must not depend on the step.
         model.opt.timestep = step
-        if not self.rig.collides:  # looking for contacts is a fifth of a step
-            model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        if not self.rig.collides:
+            # Looking for contacts is a fifth of a step; for constraints where there are none, another tenth.
+            free = not (model.neq or any(getattr(model, name).any() for name in _CONSTRAINTS))
+            off = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT if free else mujoco.mjtDisableBit.mjDSBL_CONTACT
+            model.opt.disableflags |= int(off)
         if edited:
             mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
@@ -158,6 +163,7 @@ class Simulator:
         self.tangent = Tangent(rig.model)
         self._data = [mujoco.MjData(rig.model) for _ in range(threads)]
         self._loads = rig.load
+        self.kept: list[Any] = []  # see `OperatingPoint.at`
 
     def run(
         self,

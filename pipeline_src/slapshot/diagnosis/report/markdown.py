@@ -135,7 +135,7 @@ def _where(verdict: Verdict) -> str:
     follows = escaped(VARIABLES.get(location.follows, location.follows))
     text = f"{at}. The mismatch follows {follows}"
     if location.size is not None:
-        text += f"; described without a name, it is {quantity(location.size.value, location.size.unit)} (rms)"
+        text += f"; described without a name, its rms is {between(location.size)}"
     return f"{text}."
 
 
