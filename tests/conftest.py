@@ -31,6 +31,7 @@ from slapshot.config.trajectories import (
     SwingsSettings,
     TrajectoryModelSettings,
 )
+from slapshot.memory import keep_freed_memory
 from slapshot.rollouts.hits import Hits
 from slapshot.scenes.domain import build_scene
 from slapshot.scenes.randomisation import draw_conditions, draw_start_errors
@@ -49,6 +50,8 @@ settings.register_profile(
     "slapshot", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("slapshot")
+# As in commands.
+keep_freed_memory()
 
 
 class Rig(NamedTuple):

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel
 
 from slapshot.errors import InputError, writing
+from slapshot.memory import keep_freed_memory
 from slapshot.store.folder import Store
 from slapshot.store.recipe import Recipe
 
@@ -61,6 +62,7 @@ def stage_command(stage: str, produce: Callable[[Run], None], resume: bool = Fal
     parser.add_argument("--log", type=Path, help="file that gets a copy of all messages")
     parser.add_argument("--label", help="what the version is, for people")
     args = parser.parse_args()
+    keep_freed_memory()
     store = Store(args.store)
     try:
         set_up_logging(args.label or stage, args.log)

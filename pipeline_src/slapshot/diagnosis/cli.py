@@ -14,6 +14,7 @@ from slapshot.diagnosis.report.terminal import terminal_text
 from slapshot.diagnosis.verdict import versioned
 from slapshot.effects.joints.catalogue import import_joint_effects
 from slapshot.errors import InputError, check_writable, writing
+from slapshot.memory import keep_freed_memory
 from slapshot.progress import Steps
 from slapshot.recordings.signal_quality import quality_warning_lines
 from slapshot.recordings.signals import read_signals
@@ -31,6 +32,7 @@ def run_diagnose(args: argparse.Namespace) -> int:
     if args.out.exists() or args.out.is_symlink():
         raise InputError(f"{args.out}: exists already; name a folder that does not, or remove it")
     check_writable(args.out)
+    keep_freed_memory()
     file = _rig(args)
     for module, where in file.effects.items():
         import_joint_effects(module, where)
