@@ -9,6 +9,7 @@ import pytest
 from mujoco import MjSpec
 from scipy.signal import lfilter
 from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.fit.linear import perturbations_of
 from slapshot.diagnosis.fit.noise import LARGEST_LAW_ERROR, TYPICAL_LAW_ERROR, Noise
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
@@ -21,9 +22,10 @@ from slapshot.diagnosis.selection.problem import (
     noise_without_followed,
 )
 from slapshot.effects.joints.catalogue import instances
+from slapshot.recordings.channels import QUATERNION
 from slapshot.recordings.signals import SignalRecording
 
-from .mechanisms import ARM, PENDULUM, control_channel, joint, recording, simulate
+from .mechanisms import ARM, HANGER, PENDULUM, control_channel, joint, recording, simulate
 
 SERVO = """
 <mujoco>
@@ -129,6 +131,46 @@ def test_what_nobody_observed_may_begin_with_any_velocity():
     shoulder, elbow = np.sqrt(problem.initial_noise.initial[2:4])
     assert elbow == pytest.approx(3 * 5 / np.sqrt(2), rel=0.05)  # three rms speeds
     assert shoulder == elbow
+
+
+def test_no_air_acts_on_a_loose_body_that_nothing_shows():
+    """A cube beside the rod, whose pose is not recorded, has no speed by which drag could have a scale."""
+    geom = '<geom size=".02" contype="0" conaffinity="0"/>'
+    cube = f'<body name="cube" pos="1 0 0"><freejoint/>{geom}</body>'
+    t = np.arange(200) * 0.01
+    made = recording(t, {"a": (joint("swing"), np.sin(3 * t))})
+    rig = bind(MjSpec.from_string(PENDULUM.replace("</worldbody>", f"{cube}</worldbody>")), made.channels)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    assert not {e.name for e in problem.catalogue if e.part == "cube"} & {
+        "linear_drag", "quadratic_drag", "wind", "buoyancy", "spin_lift",
+        "free_force_along", "free_force_across",
+    }  # fmt: skip
+    perturbations = perturbations_of([e for e in problem.catalogue if e.probe_values])
+    system, _ = problem.fitter.system(problem.base(()), np.zeros(0), problem.trajectory, perturbations)
+    assert np.isfinite(system.W).all()
+
+
+def test_a_ball_joint_may_begin_with_any_angular_velocity():
+    """One that turns at 2 rad/s; the prior is at least that wide."""
+    t = np.arange(200) * 0.01
+    turned = {
+        name: (joint("hook", unit="1", component=name), values)
+        for name, values in zip(QUATERNION, [np.cos(t), 0 * t, 0 * t, np.sin(t)], strict=True)
+    }
+    made = recording(t, turned)
+    rig = bind(MjSpec.from_string(HANGER), made.channels)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    assert (np.sqrt(problem.initial_noise.initial[3:6]) > 2.0).all()
+
+
+def test_quantised_readings_of_a_joint_that_rests_have_the_noise_of_their_step():
+    """It moves in one of five intervals, and most third differences are 0."""
+    t, step = np.arange(1000) * 0.01, 2 * np.pi / 4096
+    angle = 0.4 * np.sin(2 * np.pi * np.clip(t - 8, 0, 2))
+    made = recording(t, {"a": (joint("swing"), np.round(angle / step) * step)})
+    rig = bind(MjSpec.from_string(PENDULUM), made.channels)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    assert problem.initial_noise.white[0] >= 0.999 * step / np.sqrt(12)
 
 
 def test_what_nobody_observed_is_no_faster_than_forces_keep_it_up_against_enormous_damping():

@@ -55,6 +55,22 @@ def test_what_nobody_observed_rests_at_the_keyframe():
     )
 
 
+@pytest.mark.parametrize("kind", ["filter", "filterexact"])
+def test_a_filter_follows_its_control(kind):
+    """As MuJoCo simulates it, which begins where the control does."""
+    motor = f'<general name="servo" joint="shoulder" dyntype="{kind}" dynprm="0.05"/>'
+    text = ARM.replace('<position name="servo" joint="shoulder" kp="30" kv="2"/>', motor)
+    t = np.arange(300) * 0.004
+    u = np.where(t < 0.4, 0.5, -1.0)
+    data = {"e": (joint("elbow"), 0 * t), "servo": (control_channel(actuator="servo"), u)}
+    rig, segments = cut_up(text, t, data)
+    x = recorded_trajectory(rig, segments)[segments.inside]
+    expected = np.where(t < 0.4, 0.5, -1.0 + 1.5 * np.exp(-(t - 0.4) / 0.05))
+    np.testing.assert_allclose(x[:, -1], expected, atol=1e-6)
+    scales = rig_motion(rig, segments, recorded_trajectory(rig, segments))
+    assert scales.joints[0].largest == pytest.approx((1.0,), rel=1e-3)
+
+
 def test_gaps_and_jitter_are_bridged():
     rng = np.random.default_rng(2)
     t = np.arange(300) * 0.01

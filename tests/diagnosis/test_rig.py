@@ -6,10 +6,11 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis.model.hypothesis import Simulator
 from slapshot.diagnosis.model.rig import bind, load_spec
+from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.errors import InputError
 from slapshot.recordings.channels import QUATERNION, Channel
 
-from .mechanisms import ARM, BRICK, HANGER, PENDULUM, control_channel, joint, place
+from .mechanisms import ARM, BRICK, HANGER, PENDULUM, control_channel, joint, place, recording
 
 URDF = """<?xml version="1.0"?>
 <!-- exported -- not by hand -->
@@ -422,6 +423,11 @@ REFUSED = {
         {"a": joint("elbow"), "u": control_channel(joint="shoulder")},
         "which servo drives by a law of its own",
     ),
+    "torque into a servo": (
+        ARM,
+        {"a": joint("elbow"), "u": control("torque", "N m", actuator="servo")},
+        "channel u: a torque at actuator servo, which has a law of its own; record its input as a command",
+    ),
     "nothing observed": (PENDULUM, {"u": control_channel(actuator="drive")}, "channels: nothing is observed"),
     "one number of many": (
         SENSED,
@@ -480,6 +486,17 @@ def test_what_cannot_be_bound_is_refused_in_one_line(case):
         bind(spec(text), channels)
     assert message in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def test_a_torque_at_a_motor_is_the_force_that_it_makes_whatever_its_gain():
+    """Before its gear, as MuJoCo's sensors of actuators read it; a command is the input itself."""
+    text = PENDULUM.replace("<motor", '<general gainprm="0.25" gear="50"')
+    t, torque = np.arange(50) * 0.01, np.linspace(-1, 1, 50)
+    for quantity, gain in (("torque", 0.25), ("command", 1.0)):
+        drive = control_channel(actuator="drive").model_copy(update={"quantity": quantity})
+        made = recording(t, {"a": (joint("swing"), 0 * t), "u": (drive, torque)})
+        u = segment_recording(made, bind(spec(text), made.channels)).control().reshape(-1)
+        np.testing.assert_allclose(gain * u[: len(t) - 1], torque[:-1], rtol=1e-9, atol=1e-12)
 
 
 def test_a_force_and_a_torque_along_one_axis_of_a_free_body_are_two_motors():

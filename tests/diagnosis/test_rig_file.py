@@ -114,6 +114,8 @@ def test_a_binding_replaces_the_target_whole(folder: Path):
         ("model: rod.xml\nchannels:\n  angle: {component: x}\n", ("name one of",)),
         ("model: rod.xml\nchannels:\n  angle: {joint: elbow}\n", ("no joint 'elbow'", "swing")),
         ("model: rod.xml\nignore: [angle, rate]\n", ("nothing is observed",)),
+        ("model: rod.xml\nchannels:\n  angle: {site: tip}\n", ("channels.angle", "component")),
+        ("model: rod.xml\nignore: [rate]\nchannels:\n  rate: {joint: swing}\n", ("'rate'", "keep one")),
         ("model: rod.xml\ntimestep: 0\n", ("timestep",)),
         ("model: rod.xml\ntimestep: fast\n", ("timestep",)),
         ("model: rod.xml\neffects: [/tmp/mine.py]\n", ("effects",)),
@@ -124,6 +126,11 @@ def test_refusals_are_one_line_that_says_what_and_where(folder: Path, text: str,
     said = refusal(folder, text)
     for word in words:
         assert word in said
+
+
+def test_a_channel_may_be_ignored_twice(folder: Path):
+    rig, _ = bound(folder, "model: rod.xml\nignore: [rate, rate]\n")
+    assert [observation.channel for observation in rig.observations] == ["angle"]
 
 
 def test_a_rig_file_that_is_missing_is_refused(folder: Path):

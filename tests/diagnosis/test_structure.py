@@ -92,6 +92,18 @@ def test_masses_stay_as_they_are(kind: type[JointEffect], added: int):
     assert [o.channel for o in of.rig.observations] == ["angle", "rate"]
 
 
+@pytest.mark.parametrize(("kind", "added"), [(JointElasticity, 1), (Backlash, 1), (BaseCompliance, 2)])
+def test_a_keyframe_is_the_same_pose_and_what_was_added_rests_there(kind: type[JointEffect], added: int):
+    text = ROD.replace("</mujoco>", '<keyframe><key qpos="0.4" qvel="-0.3"/></keyframe></mujoco>')
+    of = RigSimulator(kind, text=text)
+    model = of.rig.spec.copy().compile()
+    for values, sizes, expected in ((model.key_qpos, model.nq, 0.4), (model.key_qvel, model.nv, -0.3)):
+        own = int(model.joint("swing").qposadr[0])
+        assert values.shape == (1, sizes)
+        assert values[0, own] == pytest.approx(expected)
+        assert np.delete(values[0], own) == pytest.approx(np.zeros(added))
+
+
 def by_runge_and_kutta(model: mujoco.MjModel) -> mujoco.MjModel:
     """The method by which restructured models are simulated."""
     model = copy.copy(model)

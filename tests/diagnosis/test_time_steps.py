@@ -73,6 +73,15 @@ def test_the_error_of_euler_steps_is_that_of_a_parabola():
     assert error == pytest.approx([np.sqrt(np.mean(expected**2))], rel=1e-6)
 
 
+def test_an_integrator_that_is_none_of_a_robot_is_left_as_it_is():
+    """MuJoCo's discrete one, of which nothing is known here."""
+    made = swings(40, "RK4", 6)
+    rig = bind(MjSpec.from_string(COARSE.replace("<option", '<option integrator="discrete"')), made.channels)
+    assert rig.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_DISCRETE)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    assert diagnosis._accurate_problem(problem) is None
+
+
 def test_a_model_that_diverges_is_left_to_the_search(monkeypatch):
     made = swings(40, "RK4", 6)
     rig = bind(MjSpec.from_string(COARSE), made.channels)

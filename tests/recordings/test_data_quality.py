@@ -152,6 +152,18 @@ def vary_friction(tracks: Tracks) -> Tracks:
     )
 
 
+def aim_twice(tracks: Tracks) -> Tracks:
+    # Two of three hits in one direction within a fraction of a degree; friction follows the speed.
+    headings = np.where(np.arange(len(tracks)) % 4 == 0, 1.1, 0.3 + 0.001 * np.sin(np.arange(len(tracks))))
+    speeds = np.random.default_rng(1).uniform(0.8, 1.6, len(tracks))
+    return clocked(
+        [
+            slide(s, h, friction=0.1 + 0.1 * s, seed=i)
+            for i, (s, h) in enumerate(zip(speeds, headings, strict=True))
+        ]
+    )
+
+
 def drag(tracks: Tracks) -> Tracks:
     # Deceleration mu g + c v, in closed form.
     rng, pull, c = np.random.default_rng(2), 0.2 * G, 1.0
@@ -182,6 +194,7 @@ CASES: dict[str, tuple[WarningKind, Callable[[Tracks], Tracks], str, int]] = {
     "second push": ("second_push", push_again, "in 3 of 40 hits the speed rises again", 3),
     "nudge": ("moves_again", nudge, "2 of 40 hits move more than once", 2),
     "sampled tracker": ("moving_noise", shake_clock, "long and short steps alternate", 0),
+    "friction of two aims": ("scatter", aim_twice, "speed (rank correlation +", 0),
     "friction by heading": ("scatter", vary_friction, "heading (rank correlation +1.00)", 0),
     "drag": ("friction_changes", drag, "in the slower half of the slide", 0),
     "few": ("few_hits", lambda tracks: tracks[:10], "only 10 hits", 0),

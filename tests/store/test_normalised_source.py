@@ -153,6 +153,7 @@ MAY_IMPORT = {
     "rich",
     "tqdm",
     "slapshot.json_types",
+    "slapshot.memory",
     "slapshot.text",
     "slapshot.whole_file",
     "pyarrow",

@@ -292,8 +292,8 @@ def _size(step: Step, effect: JointEffect, values: Array, covariance: Array) -> 
         )
         parts = [effect.force(state, one) for one in units]
     else:
-        y = np.nan_to_num(segments.y[segments.inside])
-        rate = problem.rates(segments, fit.trajectory)[segments.inside]
+        y = problem.readings(segments, fit.trajectory)
+        y, rate = y[segments.inside], segments.rate(y)[segments.inside]
         parts = [effect.observe(Observed(y, rate, 0 * y, order), one) for one in units]
     there = [part for part in parts if part is not None]
     if len(there) < len(parts):

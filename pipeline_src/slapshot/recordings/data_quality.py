@@ -315,8 +315,8 @@ def _by_group(slides: pd.DataFrame, hits: pd.DataFrame) -> str:
     heading = np.rad2deg(_centred(table["heading"].to_numpy()) + _middle(table["heading"].to_numpy()))
     if np.ptp(heading) > np.rad2deg(_MIN_HEADING_RANGE) and len(table) >= _THIRDS_HITS:
         thirds = pd.qcut(pd.Series(heading), 3, precision=0, duplicates="drop")
-        names = [f"{third.left:.0f} to {third.right:.0f} degrees" for third in thirds.cat.categories]
-        groups["heading"] = thirds.cat.rename_categories(names)
+        digits = next(n for n in range(10) if len(set(_ranges(thirds, n))) == len(thirds.cat.categories))
+        groups["heading"] = thirds.cat.rename_categories(_ranges(thirds, digits))
     texts = []
     for name, group in groups.items():
         medians = table["friction"].groupby(group, observed=True).median()
@@ -324,6 +324,11 @@ def _by_group(slides: pd.DataFrame, hits: pd.DataFrame) -> str:
             each = ", ".join(f"{label} {value:.3f}" for label, value in medians.items())
             texts.append(f"; by {name}: {each}")
     return "".join(texts)
+
+
+def _ranges(intervals: pd.Series, digits: int) -> list[str]:
+    """Categories that are intervals of headings, in words."""
+    return [f"{one.left:.{digits}f} to {one.right:.{digits}f} degrees" for one in intervals.cat.categories]
 
 
 def _middle(heading: Array) -> float:

@@ -81,6 +81,11 @@ class Scene:
             model.opt.timestep = timestep
         return model
 
+    def spec(self) -> mujoco.MjSpec:
+        """A new specification to edit."""
+        included = {name: text for name, text in self.assets.items() if name.endswith(".xml")}
+        return mujoco.MjSpec.from_string(self.xml, include=included, assets=dict(self.assets))
+
     @cached_property
     def layout(self) -> "Layout":
         """Addresses in qpos, qvel and the model's arrays."""

@@ -12,16 +12,19 @@ from slapshot.diagnosis.pucks import held_out
 from slapshot.diagnosis.pucks.diagnose import LEAST_NOISE, _noise, diagnose
 from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.held_out import FEWEST_COMMANDS, split_hits
+from slapshot.diagnosis.pucks.launch.strikes import commands_through
 from slapshot.diagnosis.pucks.report import wording
 from slapshot.diagnosis.pucks.result import Setting
 from slapshot.diagnosis.pucks.selection.judgement import _limits_of
 from slapshot.diagnosis.pucks.selection.search import Search
 from slapshot.diagnosis.pucks.slide.noise import CameraNoise, leaps
 from slapshot.diagnosis.pucks.slide.slide_model import Column, Point, SlideModel
-from slapshot.diagnosis.pucks.slide.suitability import cannot_tell
+from slapshot.diagnosis.pucks.slide.suitability import REMEDIES, cannot_tell
 from slapshot.diagnosis.pucks.slide.tracks import (
+    FEW_READINGS,
     NO_COMMAND,
     NO_READINGS,
+    ONE_COMMAND,
     HitTracks,
     hit_tracks,
     hits_without_swing,
@@ -111,6 +114,37 @@ def test_hits_of_whose_swing_nothing_is_known_are_left_out_with_the_reason():
     tracks = rest_tracks(made, hits_without_swing(made))
     assert tracks.hit.tolist() == [numbers[k] for k in (0, 1, 3, 5)]
     assert set(tracks.dropped.values()) == {NO_COMMAND, NO_READINGS}
+
+
+def test_hits_whose_swing_is_told_in_part_are_left_out_and_do_not_shorten_the_others():
+    made = recording(np.random.default_rng(4), 6)
+    numbers = made.hits["hit"].tolist()
+    t = np.arange(10) / 10
+    rows = pd.DataFrame({"hit": np.repeat(numbers, 10), "t": np.tile(t, 6), "q0": 0.0})
+    hit = rows["hit"]
+    # Of .9 s, one is read for .4 and one for .3; another one is read twice at both ends.
+    unread = (
+        ((hit == numbers[0]) & (rows["t"] < 0.45))
+        | ((hit == numbers[1]) & (rows["t"] > 0.35))
+        | ((hit == numbers[3]) & rows["t"].between(0.05, 0.85))
+    )
+    once = (hit == numbers[2]) & (rows["t"] > 0)
+    found = hits_without_swing(replace(made, joints=rows[~unread], commands=rows[~once]))
+    assert found == {numbers[k]: FEW_READINGS for k in (0, 1, 3)} | {numbers[2]: ONE_COMMAND}
+    assert set(REMEDIES) >= set(found.values())
+
+
+def test_an_arm_waits_where_its_command_begins():
+    """A swing of .8 rad, read with an encoder's noise, that begins half a second late."""
+    info = SimpleNamespace(control_period=0.02, servo_time=0.1)
+    t = 0.5 + np.arange(50) * 0.02
+    share = (t - t[0]) / (t[-1] - t[0])
+    q = 0.8 * share**3 * (10 - 15 * share + 6 * share**2) + np.random.default_rng(0).normal(0, 1e-4, len(t))
+    told = commands_through([np.column_stack([t, q])], SimpleNamespace(info=info), 2.0)
+    before, after = told.positions[0, :25, 0], told.positions[0, 76:, 0]
+    assert before == pytest.approx(np.full(25, q[0]), abs=1e-12)
+    assert after == pytest.approx(np.full(len(after), q[-1]), abs=1e-12)
+    np.testing.assert_array_equal(told.targets[0, :25, 0], before)
 
 
 def seen(places: np.ndarray, resting: np.ndarray) -> HitTracks:

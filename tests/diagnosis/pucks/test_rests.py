@@ -80,6 +80,15 @@ def test_scatter_is_told_along_and_across_the_way():
     assert np.sqrt(np.diag(scatter)) == pytest.approx([ALONG, ACROSS], rel=4 * error + 0.03)
 
 
+def test_hits_that_the_simulation_misses_do_not_end_a_diagnosis():
+    """They stay where they lie: two of 150 that go wrong, one of which was missed indeed."""
+    whole, some = (fitter(np.random.default_rng(1)) for _ in range(2))
+    some._launches.mean[[3, 50], 2:] = 0.0
+    some.measured[50] = some._launches.mean[50, :2]
+    sd = [np.sqrt(np.diag(of.fit(of.start()).scatter)) for of in (whole, some)]
+    assert sd[1] == pytest.approx(sd[0], rel=0.1)
+
+
 def test_a_tilt_is_found_and_nothing_where_nothing_is():
     tilted = examined(np.random.default_rng(2), effects={"tilt": {"slope_x": 0.0, "slope_y": 0.03}})
     assert tilted.mismatch.found

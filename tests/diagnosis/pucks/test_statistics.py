@@ -80,6 +80,16 @@ def test_the_stated_error_of_the_noise_is_that_by_which_estimates_scatter(rng):
     assert variances.std() / variances.mean() == pytest.approx(stated, rel=0.28)
 
 
+@pytest.mark.parametrize("ratio", [1, 3, 10])
+def test_noise_that_is_larger_along_one_axis_is_not_taken_for_mistracks(rng, ratio):
+    """A variance of 4000 values has a standard error of sqrt(2 / 4000); so has the mean if one dominates."""
+    residuals = rng.normal(0, 1, (4000, 2)) * (0.001 * ratio, 0.001)
+    intervals = np.full(4000, 0.02)
+    intervals[::20] = np.inf
+    noise = estimate_noise(residuals, intervals)
+    assert noise.sd**2 == pytest.approx(0.001**2 * (1 + ratio**2) / 2, rel=4 * np.sqrt(2 / 4000))
+
+
 @pytest.mark.parametrize("time", [0.0, 0.02])
 def test_noise_is_estimated_in_spite_of_mistracks(rng, time):
     """20,000 frames at 50 Hz, 1 % of them anywhere: sd within 2 %, memory within 15 %."""

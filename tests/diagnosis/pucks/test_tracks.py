@@ -6,7 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from slapshot.calibration.slide_recordings import slide_recording as recording
-from slapshot.diagnosis.pucks.slide.release_detection import RELEASE_DISTANCE
+from slapshot.diagnosis.pucks.slide.release_detection import (
+    NEVER_RESTED,
+    RELEASE_DISTANCE,
+    moving_frames,
+)
 from slapshot.diagnosis.pucks.slide.tracks import hit_tracks
 
 RATE = 50.0
@@ -20,14 +24,14 @@ def rng():
     return np.random.default_rng(4)
 
 
-def of_paths(rng, paths, noise=NOISE):
+def of_paths(rng, paths, noise=NOISE, rate=RATE):
     """Recording of ways (frames,) in m along x."""
     made = recording(rng, hits=len(paths))
     tracks = [
         pd.DataFrame(
             {
                 "hit": hit,
-                "t": np.arange(len(path)) / RATE,
+                "t": np.arange(len(path)) / rate,
                 "x": path + rng.normal(0, noise, len(path)),
                 "y": rng.normal(0, noise, len(path)),
                 "yaw": np.nan,
@@ -116,3 +120,40 @@ def test_what_still_moves_in_the_end_is_left_out(rng):
     slide = pushed(0.03, 1.5)
     whole = int((CONTACT + 0.04 + 1.5 / SLOWING) * RATE)
     assert len(hit_tracks(of_paths(rng, [slide[: whole - 10]] * 3))) == 0
+
+
+@pytest.mark.parametrize("rate", [60, 120, 240, 500, 1000])
+def test_a_fast_camera_is_no_reason_to_take_a_moving_object_for_one_at_rest(rate):
+    """Cut at .8 m/s; a frame of 1 ms shows less than 1 mm of the way."""
+    until = CONTACT + 0.04 + (1.5 - 0.8) / SLOWING
+    t = np.arange(0, until, 1 / rate)
+    way = np.interp(t, np.arange(len(pushed(0.03, 1.5))) / RATE, pushed(0.03, 1.5))
+    assert moving_frames(t, np.stack([way, 0 * way], axis=1)) == NEVER_RESTED
+
+
+def carried_back(speed, to):
+    """An object that slides, rests for a second, and is then carried to a place in m in two seconds."""
+    slide = pushed(0.03, speed)
+    return np.concatenate([slide, np.linspace(slide[-1], to, int(2 * RATE)), np.full(int(RATE), to)])
+
+
+@pytest.mark.parametrize("to", [0.0, -0.3])
+def test_an_object_that_a_hand_carries_back_slid_before_that(to):
+    speeds = np.linspace(1.2, 2.0, 12)
+    plain = hit_tracks(of_paths(np.random.default_rng(5), [pushed(0.03, v) for v in speeds]))
+    back = hit_tracks(of_paths(np.random.default_rng(5), [carried_back(v, to) for v in speeds]))
+    assert back.hit.tolist() == plain.hit.tolist()
+    assert np.abs(back.release - plain.release).max() <= 2 / RATE
+    ends = [tracks.places[np.arange(12), tracks.valid.sum(1) - 1, 0] for tracks in (plain, back)]
+    assert np.abs(ends[1] - ends[0]).max() < 6 * NOISE
+
+
+def test_where_an_object_lay_is_not_told_by_frames_in_which_it_moves(rng):
+    """Of twelve tracks, six begin when the object slides already, of which a frame shows 1 cm."""
+    t, rate = np.arange(0, 2, 0.01), 100
+    whole = [np.interp(t, np.arange(len(way)) / RATE, way) for way in [pushed(0.03, 1.2)] * 12]
+    late = int((CONTACT + 0.06) * rate)
+    tracks = hit_tracks(of_paths(rng, [*whole[:6], *(way[late:] for way in whole[6:])], rate=rate))
+    seen = np.isfinite(tracks.seen_start).all(1)
+    assert tracks.hit.tolist() == list(range(12))
+    assert seen.tolist() == [True] * 6 + [False] * 6

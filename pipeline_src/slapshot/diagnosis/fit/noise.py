@@ -209,7 +209,9 @@ def initial_noise(segments: Segments, torque: Array, n: int, position: Array, sp
     """
     white = np.array([_white_noise(channel) for channel in np.moveaxis(segments.y, -1, 0)])
     spread = np.nanstd(segments.y, axis=(0, 1))
-    white = np.maximum(white, np.maximum(1e-6 * np.nan_to_num(spread), 1e-9))
+    finest = np.maximum(1e-6 * np.nan_to_num(spread), 1e-9)
+    # Of a joint that rests for most of the time, most differences are 0.
+    white = np.maximum(white, np.maximum(finest, segments.quantisation / np.sqrt(12)))
     initial = np.concatenate([position**2, speed**2, np.ones(n - 2 * len(torque))])
     ny = segments.y.shape[2]
     return Noise(white, np.zeros(ny), np.full(ny, 0.05), 1e-2, torque, initial, np.ones_like(segments.y))

@@ -62,7 +62,8 @@ def with_accurate_steps(
         trajectory: (S, L, nx) recorded.
         noise: (ny,) standard deviation of a reading.
     """
-    if rig.model.opt.integrator == _RUNGE_KUTTA or not len(noise):
+    given = int(rig.model.opt.integrator)
+    if given not in _NAMES or not len(noise):
         return None
     error = step_error(Simulator(rig), segments, trajectory) / noise
     worst = int(np.argmax(error))
@@ -70,7 +71,6 @@ def with_accurate_steps(
         return None
     spec = rig.spec.copy()
     spec.option.integrator = _RUNGE_KUTTA
-    given = int(rig.model.opt.integrator)
     better = replace(bind(spec, channels, rig.name, rig.free), controls=rig.controls, given_integrator=given)
     if not np.max(step_error(Simulator(better), segments, trajectory) / noise) < error[worst] / 2:
         return None

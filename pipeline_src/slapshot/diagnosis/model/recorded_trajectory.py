@@ -18,6 +18,10 @@ from slapshot.diagnosis.model.unseen_joints import (
 )
 
 
+_FILTERS = int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT)
+_FASTEST_FILTER_S = 1e-9
+
+
 def recorded_trajectory(rig: Rig, segments: Segments) -> Array:
     """States on all nodes, (S, L, nq + nv + na).
 
@@ -25,12 +29,14 @@ def recorded_trajectory(rig: Rig, segments: Segments) -> Array:
     so do rotations of which all four components are observed. Joints that are seen by their velocity alone
     follow its integral; those that are seen by places of sites or bodies alone, or belong to a loop that
     equality constraints close, are found by inverse kinematics. Other coordinates rest at the model's first
-    keyframe, or at its initial position. Fits move the trajectory towards the model's motion.
+    keyframe, or at its initial position. Activations of filters follow the controls. Fits move the trajectory
+    towards the model's motion.
     """
     tangent = Tangent(rig.model)
     S, L = segments.shape
     x = np.zeros((S, L, tangent.size))
     x[..., : tangent.nq] = rig.model.key_qpos[0] if rig.model.nkey else rig.model.qpos0
+    _filter_controls(rig.model, segments, x[..., tangent.nq + tangent.nv :])
     targets = _targets(rig)
     for columns, q, v in targets:
         for own in segments.runs():
@@ -59,6 +65,22 @@ def recorded_trajectory(rig: Rig, segments: Segments) -> Array:
         if rig.model.jnt_type[rig.model.dof_jntid[v]] == int(mujoco.mjtJoint.mjJNT_HINGE):
             find_first_angles(rig, segments, x, v)
     return x
+
+
+def _filter_controls(model: mujoco.MjModel, segments: Segments, act: Array) -> None:
+    """Write the activations (S, L, na) of first-order filters, which begin where their controls do."""
+    control = segments.control().mean(axis=2)
+    for i in np.flatnonzero(np.isin(model.actuator_dyntype, _FILTERS) & (model.actuator_actnum == 1)):
+        share = -np.expm1(-segments.interval / max(float(model.actuator_dynprm[i, 0]), _FASTEST_FILTER_S))
+        limits = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else (-np.inf, np.inf)
+        bounds = model.actuator_actrange[i] if model.actuator_actlimited[i] else (-np.inf, np.inf)
+        for own in segments.runs():
+            u = np.clip(control[own, :, i].reshape(-1), *limits)
+            value, along = float(np.clip(u[0], *bounds)), np.empty(len(u))
+            for t, target in enumerate(u):
+                along[t] = value
+                value = float(np.clip(value + share * (target - value), *bounds))
+            act[own, :, model.actuator_actadr[i]] = along.reshape(len(own), -1)
 
 
 def _targets(rig: Rig) -> list[tuple[list[int], int, int]]:

@@ -166,7 +166,9 @@ def bind(
                 raise InputError(
                     f"channels: {bound[target].channel} and {channel_name} both drive {target}; keep one"
                 )
-            bound[target] = Control(target, channel_name)
+            bound[target] = Control(
+                target, channel_name, _input_per_unit(model, channel_name, channel, target)
+            )
     plain = spec.copy()
     sensed, added = spec, []
     balanced = {model.body(b).name for b in range(model.nbody) if model.body_simple[b] == 1}
@@ -287,6 +289,25 @@ def _input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Chann
         added.ctrllimited = added.forcelimited = added.actlimited = mujoco.mjtLimited.mjLIMITED_AUTO
         added.ctrlrange = added.forcerange = added.actrange = [0.0, 0.0]
     return motor
+
+
+def _input_per_unit(model: mujoco.MjModel, name: str, channel: Channel, target: str) -> float:
+    """Input of an actuator for a unit of what its channel records: a force, before its gear, or the input."""
+    if channel.joint is not None or channel.body is not None or channel.quantity not in ("torque", "force"):
+        return 1.0
+    actuator = model.actuator(target)
+    plain = (
+        actuator.gaintype[0] == int(mujoco.mjtGain.mjGAIN_FIXED)
+        and actuator.biastype[0] == int(mujoco.mjtBias.mjBIAS_NONE)
+        and actuator.dyntype[0] == int(mujoco.mjtDyn.mjDYN_NONE)
+        and actuator.gainprm[0] != 0
+    )
+    if not plain:
+        raise InputError(
+            f"channel {name}: a {channel.quantity} at actuator {target}, which has a law of its "
+            "own; record its input as a command, or remove it from the model and name the joint"
+        )
+    return 1.0 / float(actuator.gainprm[0])
 
 
 def _transmission(model: mujoco.MjModel, name: str, channel: Channel) -> tuple[mujoco.mjtTrn, list[float]]:

@@ -111,11 +111,14 @@ def bound_rig(rig: RigFile, recording: SignalRecording) -> tuple[Rig, SignalReco
                 f"{rig.file}: channel {name!r} is not in the recording, which has: {', '.join(channels)}"
             )
     for name in settings.ignore:
-        del channels[name]
+        if name in settings.channels:
+            raise InputError(f"{rig.file}: channel {name!r} is bound and ignored; keep one of the two")
+        channels.pop(name, None)
     for name, binding in settings.channels.items():
         values = dict.fromkeys((*TARGETS, "component"))
         given = binding.model_dump(exclude_none=True)
-        channels[name] = Channel(**{**channels[name].model_dump(), **values, **given})
+        bound_so = {**channels[name].model_dump(), **values, **given}
+        channels[name] = validated(Channel, bound_so, f"{rig.file}: channels.{name}")
     spec = load_spec(rig.model)
     if settings.timestep is not None:
         spec.option.timestep = settings.timestep

@@ -28,6 +28,7 @@ def restructured(rig: Rig, effect: JointEffect, channels: dict[str, Channel]) ->
     """The rig restructured by an effect."""
     spec = rig.spec.copy()
     spec = effect.restructure(spec)
+    _keep_keyframes(spec, rig.model)
     # First-order integrators would need ten times shorter steps for the light and stiff addition.
     spec.option.integrator = int(mujoco.mjtIntegrator.mjINT_RK4)
     second = deflection(effect.part)
@@ -45,6 +46,24 @@ def restructured(rig: Rig, effect: JointEffect, channels: dict[str, Channel]) ->
                 sensor = new.model.sensor(f"{OWN}{observation.quantity}:{second}")
                 new.reading[row, int(sensor.adr[0])] = 1
     return new
+
+
+def _keep_keyframes(spec: mujoco.MjSpec, old: mujoco.MjModel) -> None:
+    """Keyframes in the order of joints of a restructured model, with added joints where they begin.
+
+    Args:
+        spec: of the restructured model, whose keyframes MuJoCo has padded at their ends.
+        old: the model before.
+    """
+    new = spec.copy().compile()
+    for key, qpos, qvel in zip(spec.keys, old.key_qpos, old.key_qvel, strict=True):
+        own_q, own_v = new.qpos0.copy(), np.zeros(new.nv)
+        for j in range(old.njnt):
+            to, q, v = new.joint(old.joint(j).name), old.jnt_qposadr[j], old.jnt_dofadr[j]
+            own_q[to.qposadr[0] :][: len(to.qpos0)] = qpos[q : q + len(to.qpos0)]
+            width = len(new.dof_jntid[new.dof_jntid == to.id])
+            own_v[to.dofadr[0] :][:width] = qvel[v : v + width]
+        key.qpos, key.qvel = own_q, own_v
 
 
 def reindexed_motion(of: RigMotion, rig: Rig) -> RigMotion:

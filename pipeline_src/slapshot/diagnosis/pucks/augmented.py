@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
-
 from slapshot.diagnosis.pucks.launch.swing_error import LATENESS, JointLateness
 from slapshot.diagnosis.pucks.slide.slide_model import Values
 from slapshot.effects.catalogue import named
@@ -29,7 +27,7 @@ def effects_of(values: Mapping[str, Values]) -> list[tuple[Effect, Values]]:
 
 def augmented_scene(scene: Scene, values: Mapping[str, Values]) -> Scene:
     """The scene with all effects in its model that act there; the others act on commands, slide or camera."""
-    spec = mujoco.MjSpec.from_string(scene.xml)
+    spec = scene.spec()
     for effect, own in effects_of(values):
         effect.edit(dict(own), spec, scene.info)
     spec.compile()  # to_xml wants a compiled spec

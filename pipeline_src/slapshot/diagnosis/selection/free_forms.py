@@ -170,7 +170,7 @@ def free_forms(rig: RigMotion, segments: Segments) -> Iterator[JointEffect]:
 
 
 def _of_free_bodies(rig: RigMotion, orders: Array) -> Iterator[JointEffect]:
-    for body, v in rig.free_bodies:
+    for body, v in rig.flying:
         name, own = rig.model.body(body).name, weight(rig.model, body)
         yield FreeForceAlong(name, v, own, rig.speed)
         if rig.episodes >= _FEWEST_EPISODES:

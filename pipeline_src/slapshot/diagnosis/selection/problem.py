@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,6 +60,7 @@ from slapshot.effects.joints.external_pulse import ExternalPulse
 from slapshot.effects.joints.split import FASTEST
 from slapshot.recordings.channels import Channel
 
+_BALL, _FREE = mujoco.mjtJoint.mjJNT_BALL, mujoco.mjtJoint.mjJNT_FREE
 NUISANCE = (STEP_ERROR,)  # of every hypothesis, besides law errors
 POSITION_SPREAD = 0.05  # rad or m, prior sd of an initial state about the trajectory
 _SPEED_SPREAD = 3  # rms speeds
@@ -189,6 +191,10 @@ class Problem:
         """Initial noise."""
         nv = self.rig.model.nv
         speed = np.full(nv, max([j.speed for j in self.rig_motion.joints] + [self.rig_motion.speed, 1e-3]))
+        for dofs in self._rotations:
+            # Wide even where nothing travels.
+            turning = np.sqrt(np.mean(np.sum(self.speed(self.trajectory)[..., dofs] ** 2, axis=-1)))
+            speed[dofs] = np.maximum(speed[dofs], turning)
         observed = {observation.dof for observation in self.rig.observations}
         for joint in self.rig_motion.joints:
             if joint.v in observed:  # others are not observed
@@ -200,6 +206,16 @@ class Problem:
         clocks = [self.channels[observation.channel].clock for observation in self.rig.observations]
         first = replace(first, clock=np.unique(clocks, return_inverse=True)[1])
         return self.noise_on(self.segments, self.trajectory, first)
+
+    @property
+    def _rotations(self) -> list[slice]:
+        """Degrees of freedom of the rotation of each ball joint and free body."""
+        model, first = self.rig.model, {int(_BALL): 0, int(_FREE): 3}
+        return [
+            slice(int(model.jnt_dofadr[j]) + first[kind], int(model.jnt_dofadr[j]) + first[kind] + 3)
+            for j, kind in enumerate(model.jnt_type.tolist())
+            if kind in first
+        ]
 
     @property
     def _position_spread(self) -> Array:
@@ -236,13 +252,17 @@ class Problem:
             if any(effect.friction and effect.part == joint.name for effect in hypothesis.effects)
         }
 
-    def rates(self, segments: Segments, trajectory: Array) -> Array:
-        """(S, L, ny) time derivatives of the observations along a trajectory."""
+    def readings(self, segments: Segments, trajectory: Array) -> Array:
+        """(S, L, ny) observations of the nominal model along a trajectory."""
         (S, L), u = segments.shape, segments.control()[:, :, :1]
         _, y, _ = self.simulator.run(
             self.rig.model, trajectory.reshape(S * L, -1), u.reshape(S * L, 1, u.shape[-1])
         )
-        return segments.rate(y.reshape(S, L, -1))
+        return y.reshape(S, L, -1)
+
+    def rates(self, segments: Segments, trajectory: Array) -> Array:
+        """(S, L, ny) time derivatives of the observations along a trajectory."""
+        return segments.rate(self.readings(segments, trajectory))
 
     def noise_on(self, segments: Segments, trajectory: Array, noise: Noise) -> Noise:
         """A noise for segments along a trajectory, without outliers or pushes."""

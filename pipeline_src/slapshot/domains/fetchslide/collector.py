@@ -171,8 +171,7 @@ class PucksAlone:
 
 def _puck_on_plane(scene: Scene) -> mujoco.MjModel:
     """The scene's puck, and its table as a plane."""
-    included = {name: text for name, text in scene.assets.items() if name.endswith(".xml")}
-    spec = mujoco.MjSpec.from_string(scene.xml, include=included, assets=dict(scene.assets))
+    spec = scene.spec()
     for equality in list(spec.equalities):
         spec.delete(equality)
     for exclude in list(spec.excludes):

@@ -21,7 +21,7 @@ class Buoyancy(JointEffect):
         gravity = rig.model.opt.gravity
         size = float(np.linalg.norm(gravity))
         if size > 0:
-            for body, v in rig.free_bodies:
+            for body, v in rig.flying:
                 heavy = weight(rig.model, body)
                 parameter = Parameter("force", "N", 0.02 * heavy, low=0.0, probe=2e-4 * heavy)
                 yield cls(rig.model.body(body).name, v, -gravity / size, heavy, parameter)

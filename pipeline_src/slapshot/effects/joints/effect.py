@@ -120,6 +120,11 @@ class RigMotion:
     episodes: int
     speed: float = 0.0
 
+    @property
+    def flying(self) -> tuple[tuple[int, int], ...]:
+        """Free bodies on which air may act; none where no reading shows that any moves along."""
+        return self.free_bodies if self.speed > 0 else ()
+
 
 @dataclass(frozen=True)
 class State:

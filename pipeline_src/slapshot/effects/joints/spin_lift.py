@@ -21,7 +21,7 @@ class SpinLift(JointEffect):
 
         Its spin, the same in all episodes, is an axis times a strength.
         """
-        for body, v in rig.free_bodies:
+        for body, v in rig.flying:
             scale = 0.3 * weight(rig.model, body) / max(rig.speed, 1e-6)
             axes = [Parameter(f"spin_{axis}", "N s/m", scale, probe=0.01 * scale) for axis in "xyz"]
             yield cls(rig.model.body(body).name, v, axes)

@@ -18,7 +18,7 @@ class Wind(JointEffect):
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["Wind"]:
         """One for each free body; prior: a tenth of its weight, level."""
-        for body, v in rig.free_bodies:
+        for body, v in rig.flying:
             scale = 0.1 * weight(rig.model, body)
             axes = level(rig.model.opt.gravity)
             pushes = [Parameter(f"force_{'xyz'[a]}", "N", scale, probe=0.01 * scale) for a in axes]

@@ -88,8 +88,7 @@ def _fetchslide_arm() -> Rig:
     from slapshot.lab.joints.gripper import reset_state
 
     scene = build_scene(SceneSettings(domain="fetchslide"))
-    included = {name: text for name, text in scene.assets.items() if name.endswith(".xml")}
-    spec = mujoco.MjSpec.from_string(scene.xml, include=included, assets=dict(scene.assets))
+    spec = scene.spec()
     for body in list(spec.worldbody.bodies):
         if not body.name.startswith("robot0:"):
             spec.delete(body)

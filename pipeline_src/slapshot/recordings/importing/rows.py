@@ -229,7 +229,7 @@ def _numbers(
     values = np.empty(len(cells))
     column, style = mapping.numbers[role], mapping.csv
     least, limit = mapping.sizes
-    if role == "t":
+    if role in ("t", "order"):
         limit = _LARGEST_TIME
     for i, cell in enumerate(cells):
         text = cell.strip()

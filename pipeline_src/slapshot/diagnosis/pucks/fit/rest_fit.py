@@ -21,6 +21,7 @@ from slapshot.effects.effect import Effect
 LEAST_SHARE = 0.005  # of the distance: what rest points scatter by at least
 FIRST_SHARE = 0.1
 SHORTEST = 0.1  # m: shorter ways scatter like that one
+_MISSED = 1e-6  # m: a shorter way is none
 WAY = np.linspace(0.0, 1.0, 9)  # places between launch and rest where an effect may reach an object
 
 
@@ -164,8 +165,12 @@ class RestFitter(GaussNewton):
         else:
             predicted, slopes = self._slides.predict(at), np.zeros((len(begin), 2, 0))
         way = predicted[:, 0] - begin[:, :2]
-        distance = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
-        along = way / distance[:, None]
+        # An object that the simulation misses scatters as one that is meant to go where it went.
+        missed = np.linalg.norm(way, axis=1) < _MISSED
+        way[missed] = (self.measured - begin[:, :2])[missed]
+        distance = np.linalg.norm(way, axis=1)
+        there = distance[:, None] >= _MISSED
+        along = np.where(there, way / np.maximum(distance, _MISSED)[:, None], (1.0, 0.0))
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
         frames = np.stack([along, across], axis=-1) * np.maximum(distance, SHORTEST)[:, None, None]
         return _Rests(predicted[:, 0], slopes, frames)

@@ -33,7 +33,7 @@ class Commands:
     """What n hits were told to do.
 
     Attributes:
-        positions: (n, ticks, joints) rad, one every control period; the last is held.
+        positions: (n, ticks, joints) rad, one every control period; the first and the last are held.
         targets: (n, ticks, joints) rad, what servos are sent.
         period: s.
     """
@@ -76,9 +76,10 @@ def commands_through(rows: Sequence[Array], scene: Scene, until: float) -> Comma
     speeds = np.empty_like(positions)
     for i, command in enumerate(rows):
         spline = CubicSpline(command[:, 0], command[:, 1:], bc_type="clamped")
-        end = command[-1, 0]
-        positions[i] = spline(np.minimum(times, end))
-        speeds[i] = np.where((times < end)[:, None], spline(np.minimum(times, end), 1), 0.0)
+        begin, end = command[[0, -1], 0]
+        at, moves = np.clip(times, begin, end), (begin < times) & (times < end)
+        positions[i] = spline(at)
+        speeds[i] = np.where(moves[:, None], spline(at, 1), 0.0)
     return Commands(positions, positions + info.servo_time * speeds, info.control_period)
 
 
@@ -161,7 +162,7 @@ class Striker:
                 moment is looked at as much later or earlier, and the launch is told as it would have been at
                 the release if nothing but friction had acted in between; None to look at the release.
         """
-        spec = mujoco.MjSpec.from_string(self._scene.xml)
+        spec = self._scene.spec()
         targets = self._commands.targets
         for effect, values in effects:
             effect.edit(values, spec, self._scene.info)
@@ -175,7 +176,7 @@ class Striker:
         since = ticks - contact[:, None]
         moved = offset + slope * since[..., None]
         targets = self._commands.targets + moved + self._scene.info.servo_time * slope
-        spec = mujoco.MjSpec.from_string(self._scene.xml)
+        spec = self._scene.spec()
         return self._run(spec, targets, starts, self._commands.positions[:, 0] + moved[:, 0])
 
     def _run(

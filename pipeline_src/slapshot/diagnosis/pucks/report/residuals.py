@@ -63,7 +63,7 @@ def linear_estimate(
     own.model = copy(fitter.model)
     own.effects = own.model.effects = {**fitter.model.effects, form.name: form}
     columns, marginal, _ = own.quadratic(at.fit, [*at.effects, form.name])
-    mine = np.array([c for c, column in enumerate(columns) if column.owner == form.name])
+    mine = np.array([c for c, column in enumerate(columns) if column.owner == form.name], np.int64)
     # Where the fit leaves more than noise, all that is told from it is less certain.
     inflation = max(1.0, at.fit.dispersion)
     information = marginal.information.sum(0)[np.ix_(mine, mine)] / inflation

@@ -126,8 +126,10 @@ def estimate_noise(residuals: Array, intervals: Array) -> CameraNoise:
     sd = float(1.4826 * np.median(np.abs(residuals)))
     if sd == 0:
         return CameraNoise(0.0, 0.0)
-    # A few mistracks are left out; the rest tells the variance better than the median does.
-    core: NDArray[np.bool_] = np.all(np.abs(residuals) < CORE * sd, axis=1)
+    # A few mistracks are left out; the rest tells the variance better than the median does. Noise may be
+    # larger along one axis, as that along which a camera looks.
+    each = np.maximum(1.4826 * np.median(np.abs(residuals), axis=0), sd)
+    core: NDArray[np.bool_] = np.all(np.abs(residuals) < CORE * each, axis=1)
     residuals, intervals = residuals[core], _without(intervals, core)
     begins = np.isinf(intervals)
     likelihood = _RestLikelihood(residuals, intervals)

@@ -12,6 +12,7 @@ SPEED_FRAMES = 4  # fewest of a piece of a way whose acceleration is told
 FASTER = 4.0  # sd by which an acceleration must exceed 0 to be that of a push
 MOVING_DISTANCE = 0.02  # m from the start at which an object has begun to move, above any camera's noise
 FEWEST_FRAMES = 8  # of a slide that is used
+_REST_S = 0.1  # s, shortest time at the end in which an object may not move
 
 # Why hits are not used.
 TOO_FEW_FRAMES = "there are too few frames"
@@ -25,7 +26,9 @@ def moving_frames(times: Array, places: Array) -> tuple[int, int, int] | str:
     if len(times) < FEWEST_FRAMES:
         return TOO_FEW_FRAMES
     smooth = _running_median(places)
-    end = np.median(places[-FEWEST_FRAMES:], axis=0)
+    # A fast camera sees a moving object in nearly the same place for many frames.
+    still = max(FEWEST_FRAMES, int(np.sum(times > times[-1] - _REST_S)))
+    end = np.median(places[-still:], axis=0)
     origin = np.median(smooth[:3], axis=0)
     away = np.linalg.norm(smooth - origin, axis=1)
     if away.max() < RELEASE_DISTANCE:

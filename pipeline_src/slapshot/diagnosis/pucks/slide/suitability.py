@@ -12,10 +12,12 @@ from slapshot.diagnosis.pucks.slide.release_detection import (
     TOO_SHORT_A_WAY,
 )
 from slapshot.diagnosis.pucks.slide.tracks import (
+    FEW_READINGS,
     NO_COMMAND,
     NO_FRAMES,
     NO_READINGS,
     NO_REST_POINT,
+    ONE_COMMAND,
     PUSHED_AGAIN,
     HitTracks,
 )
@@ -34,6 +36,8 @@ REMEDIES = {
     NO_REST_POINT: "record where every object comes to rest",
     NO_COMMAND: "record the command of every hit",
     NO_READINGS: "record the joints of every hit, or of none",
+    ONE_COMMAND: "record the command of every hit over its whole time",
+    FEW_READINGS: "record the joints of every hit over the whole swing, or of none",
     TOO_FEW_FRAMES: "record more frames a second, or hit harder",
     TOO_SHORT_A_WAY: "hit harder",
     TOO_SHORT_A_SLIDE: "record more frames a second (Hz), or hit harder",

@@ -13,15 +13,19 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.slide.release_detection import moving_frames, noise_at_rest
 from slapshot.diagnosis.pucks.slide.yaw import Turn, spins_seen, turn_of
 from slapshot.recordings.format import Recording
+from slapshot.recordings.motion_detection import find_motion_intervals, find_slide
 
 RESTED_S = 6.0  # s after the release
 AFTER_REST = 12  # frames at rest that are kept: more of them only repeat the rest point
+_FEWEST_READINGS = 3  # of a hit's joints
 
 # Why hits are not used.
 NO_FRAMES = "there are no frames"
 NO_REST_POINT = "there is no rest point"
 NO_COMMAND = "there is no command"
 NO_READINGS = "there are no joint readings, which other hits have"
+ONE_COMMAND = "its command has a single row"
+FEW_READINGS = "its joint readings are few, or cover less than half the time of those of other hits"
 PUSHED_AGAIN = "the speed rose again after its first peak, as if the object was pushed or hit a second time"
 
 
@@ -113,18 +117,21 @@ def hit_tracks(recording: Recording, left_out: Mapping[int, str] | None = None) 
             dropped[number] = NO_FRAMES
             continue
         times, places = frames["t"].to_numpy(), frames[["x", "y"]].to_numpy()
+        starts_late, until = _one_motion(times, places)
+        times, places, yaw = times[:until], places[:until], frames["yaw"].to_numpy(float)[:until]
         cut = moving_frames(times, places)
         if isinstance(cut, str):
             dropped[number] = cut
             continue
         begin, first, last = cut
+        begin = 0 if starts_late else begin
         resting += [
             noise_at_rest(times, places, slice(0, begin)),
             noise_at_rest(times, places, slice(last, None)),
         ]
         used = slice(first, last + AFTER_REST)
         seen = np.median(places[:begin], axis=0) if begin >= 3 else np.full(2, np.nan)
-        turns.append(turn_of(times, frames["yaw"].to_numpy(float), begin, first, last))
+        turns.append(turn_of(times, yaw, begin, first, last))
         rows.append((hit, seen, times[used] - times[first], times[first], places[used]))
     longest = max((len(r[2]) for r in rows), default=1)
     count = len(rows)
@@ -154,13 +161,33 @@ def hit_tracks(recording: Recording, left_out: Mapping[int, str] | None = None) 
     )
 
 
+def _one_motion(times: Array, places: Array) -> tuple[bool, int]:
+    """Whether an object slides in its first frame, and the frame at which it is moved once more."""
+    motions = find_motion_intervals(times, places)
+    slide = find_slide(motions)
+    if slide is None:
+        return False, len(times)
+    later = [motion.begin for motion in motions if motion.begin >= slide.end and not motion.jump]
+    return slide.begin == 0, min(later, default=len(times))
+
+
 def hits_without_swing(recording: Recording) -> dict[int, str]:
-    """Hits of which a table of the swing says nothing while it does of others -> why they cannot be used."""
+    """Hits of which a table of the swing says too little, unlike of others -> why they cannot be used."""
     found: dict[int, str] = {}
     for table, why in ((recording.joints, NO_READINGS), (recording.commands, NO_COMMAND)):
         if table is not None:
             unheard = ~recording.hits["hit"].isin(table["hit"].unique())
             found |= dict.fromkeys(recording.hits.loc[unheard, "hit"].astype(int), why)
+    if recording.commands is not None:
+        rows = recording.commands.groupby("hit").size()
+        found |= dict.fromkeys(rows.index[rows < 2].astype(int), ONE_COMMAND)
+    if recording.joints is not None:
+        # A swing is known over the time that the readings of all hits that are used cover.
+        times = recording.joints.groupby("hit")["t"].agg(["size", "min", "max"])
+        begin, end = times["min"].median(), times["max"].median()
+        covers = times["max"].clip(upper=end) - times["min"].clip(lower=begin)
+        few = (times["size"] < _FEWEST_READINGS) | (covers < (end - begin) / 2)
+        found |= dict.fromkeys(times.index[few].astype(int), FEW_READINGS)
     return found
 
 
