@@ -602,7 +602,7 @@ def test_buoyancy_slows_a_fall_by_the_weight_of_the_air():
 
 def test_effects_add_up():
     """Two at once: drag and wind give the speed at which both balance."""
-    level = flying((0, 0, 0), seconds=2.0)
+    level = flying((0.2, 0, 0), seconds=2.0)
     pair = (level.effect("linear_drag"), level.effect("wind"))
     hypothesis = Hypothesis(level.rig, pair)
     assert hypothesis.slices == (slice(0, 1), slice(1, 3))
