@@ -18,7 +18,10 @@ ROWS = {
     "nothing concealed: a mismatch is found by mistake": ("false_alarm", "null"),
     "nothing concealed, cluttered data: found by mistake": ("false_alarm", "null, cluttered"),
     "nothing concealed: p below .05": ("p_below_05", "null"),
-    "one effect of slide or camera, at least half as large as the scatter from hit to hit: named first": ("naming_top1", "plain"),
+    "one effect of slide or camera, at least half as large as the scatter from hit to hit: named first": (
+        "naming_top1",
+        "plain",
+    ),
     "the same: it is in the class that is named": ("in_class", "plain"),
     "the same: the phase is right": ("phase_right", "plain"),
     "the same: something unknown is claimed besides, which is not there": ("false_unknown", "plain"),

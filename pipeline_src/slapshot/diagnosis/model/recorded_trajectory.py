@@ -17,7 +17,6 @@ from slapshot.diagnosis.model.unseen_joints import (
     unseen_joints,
 )
 
-
 _FILTERS = int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT)
 _FASTEST_FILTER_S = 1e-9
 
