@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from slapshot.config.scene import PuckName
+from slapshot.diagnosis.pucks.augmented import augmented_scene
 from slapshot.domains.hockey.model import PUCKS
 from slapshot.scenes.domain import PARTS, build_scene, load_domain, load_part, part_module, scene_settings
 from slapshot.trajectories.motion import Motion
@@ -19,6 +20,14 @@ def test_a_scene_survives_being_saved(bench):
     assert bench.loaded == bench.scene
     first, second = (mujoco.mj_sizeModel(s.compile()) for s in (bench.loaded, bench.scene))
     assert first == second
+
+
+def test_a_scene_can_be_edited_and_written_with_its_files(bench):
+    """Meshes and included files among them; XML has six digits."""
+    model = bench.scene.compile()
+    for other in (bench.scene.spec().compile(), augmented_scene(bench.scene, {}).compile()):
+        assert (other.nq, other.nbody, other.nmesh) == (model.nq, model.nbody, model.nmesh)
+        np.testing.assert_allclose(other.body_mass, model.body_mass, rtol=1e-5)
 
 
 def test_the_same_settings_give_the_same_scene(bench):
