@@ -13,11 +13,11 @@ from slapshot.diagnosis.held_out_validation import distinguishable, improves, pr
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
-from slapshot.diagnosis.selection.free_forms import FreeForce
+from slapshot.diagnosis.selection.free_forms import FreeForce, FreeReading
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.steps import Search, Step
 from slapshot.diagnosis.verdict_of_search import _size, _unknown, channel_groups
-from slapshot.effects.joints.effect import JointEffect
+from slapshot.effects.joints.effect import JointEffect, Observed
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.joint_elasticity import JointElasticity
 from slapshot.effects.joints.payload import Payload
@@ -364,6 +364,26 @@ def test_the_size_of_a_force_over_load_is_that_at_the_loads_that_acted_with_its_
     spread = np.std(np.sqrt(np.mean(drawn**2, axis=0)))
     assert (size.high - size.value) / 1.645 == pytest.approx(spread, rel=0.045)
     assert size.value - size.low == pytest.approx(size.high - size.value)
+
+
+def test_the_size_of_an_error_of_readings_is_that_where_the_joint_was_read():
+    """About 2 m, where a slow clock has no reading at every second node; about 0 the error is another."""
+    t = np.arange(400) * 0.01
+    place = 2 + 0.3 * np.sin(t)
+    made = recording(t, {"p": (joint("rail", unit="m"), place)})
+    rig = bind(MjSpec.from_string(CART), made.channels)
+    problem = Problem.of(rig, made.channels, segment_recording(made, rig))
+    problem.segments.y[:, ::2] = np.nan
+    (rail,) = problem.rig_motion.joints
+    form = FreeReading(rail, [0], "position", -1.0, 3.0)
+    values = np.array([5.0, 4.0, 3.0, 2.0, 1.0, 0.5])
+    step = SimpleNamespace(
+        problem=problem, scored=SimpleNamespace(fit=SimpleNamespace(trajectory=problem.trajectory))
+    )
+    seen = Observed(place[:, None], 0 * place[:, None], 0 * place[:, None], 0 * place)
+    error = form.observe(seen, values * [parameter.scale for parameter in form.parameters])
+    size = _size(step, form, values, np.eye(len(values)))
+    assert size.value == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-3)
 
 
 def test_errors_in_rad_and_in_m_are_told_apart():

@@ -106,6 +106,18 @@ def test_columns_by_number_units_and_counted_time(tmp_path: Path) -> None:
     assert "no clock" in recording.note
 
 
+def test_a_clock_of_the_epoch_may_say_the_order(tmp_path: Path) -> None:
+    """Against that of the names: the faster slide came first."""
+    for name, begin, speed in (("a", 1.7e9 + 60, 1.0), ("b", 1.7e9, 1.6)):
+        t, xy = slide(speed)
+        write_csv(tmp_path / "csv" / f"{name}.csv", rows_of(begin + t, xy), ["stamp", "x", "y"])
+    recording, _ = imported(tmp_path, columns={"t": "stamp", "x": "x", "y": "y", "order": "stamp"})
+    assert recording.tracks is not None
+    ways = recording.tracks.groupby("hit")[["x", "y"]].agg(np.ptp).max(axis=1)
+    first, second = recording.hits.sort_values("order")["hit"]
+    assert ways[first] > 2 * ways[second]
+
+
 def test_one_long_table_with_a_hit_column_order_dates_and_fields(tmp_path: Path) -> None:
     rows = []
     for hit, place, object_id, day in (("b", 1, "big", 2), ("a", 2, "small", 1), ("c", 0, "big", 1)):
