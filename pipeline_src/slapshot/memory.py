@@ -11,8 +11,8 @@ _NEVER = 2**31 - 1
 def keep_freed_memory() -> None:
     """Keep freed memory in this process: the system need not clear pages anew for the next array.
 
-    That is an eighth of the CPU time of a diagnosis of joints, for a twelfth more memory, and a few per cent
-    of a training step. Without effect where the C library is not glibc.
+    That was an eighth of the CPU time of one diagnosis of joints, for 7 % more memory. Without effect where
+    the C library is not glibc.
     """
     if not sys.platform.startswith("linux"):
         return

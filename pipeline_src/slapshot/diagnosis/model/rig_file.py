@@ -117,8 +117,8 @@ def bound_rig(rig: RigFile, recording: SignalRecording) -> tuple[Rig, SignalReco
     for name, binding in settings.channels.items():
         values = dict.fromkeys((*TARGETS, "component"))
         given = binding.model_dump(exclude_none=True)
-        bound_so = {**channels[name].model_dump(), **values, **given}
-        channels[name] = validated(Channel, bound_so, f"{rig.file}: channels.{name}")
+        merged = {**channels[name].model_dump(), **values, **given}
+        channels[name] = validated(Channel, merged, f"{rig.file}: channels.{name}")
     spec = load_spec(rig.model)
     if settings.timestep is not None:
         spec.option.timestep = settings.timestep
