@@ -112,7 +112,7 @@ class RigSimulator:
             for i, state in zip(sliding.tolist(), self._contact.states(sliding), strict=True):
                 if strikers[i].misses(state, tick * period, self._contact.hardest(i)):
                     released[i] = tick
-        launches = self._contact.states(rows)
+        launches = self._contact.released(rows)
         ends = released
         if arm:
             ends = np.array([round((path.duration + SETTLE) / period) for path in paths])

@@ -19,9 +19,7 @@ Rows = NDArray[np.int64]
 BATCH_SIZE = 64  # hits simulated together, which share the overhead of Python
 FLAT = 1e-3  # m above the board: an object that is no higher counts as sliding
 # m/s, largest vertical speed of an object that counts as sliding. An object may still hop when it is
-# launched, and friction slows it only where it lands. From a launch with vertical speed w, the board's normal
-# impulse over a time t is m (g t - w), whereas `slide` assumes m g t. This is exact for w = 0; for w = 5 cm/s
-# the speed is wrong by mu w, or 1 %.
+# launched, and friction slows it only where it lands: `released` accounts for what is left.
 LEVEL = 0.01
 MOVING = 0.01  # m/s: slower objects have not been hit yet
 _ROLLING = 1e-4  # placeholder: contacts of dimension 4 do not use it
@@ -118,6 +116,18 @@ class RigBatch:
         )
         state[:, :2] += self._start
         return state
+
+    def released(self, rows: Rows) -> Array:
+        """`states` of objects from which on they slide: the same once what is left of a hop has ended.
+
+        An object that rises at w is pressed on the board by m w less until it lies on it, and one that falls
+        by as much more; that takes a few milliseconds, in which it loses mu w of its speed less or more.
+        """
+        states = self.states(rows)
+        speed = np.linalg.norm(states[:, 3:5], axis=1, keepdims=True)
+        against = self._friction[rows, :2] * states[:, 3:5] / np.maximum(speed, MOVING)
+        states[:, 3:5] += against * self._qvel[rows, self._object_v[2]][:, None]
+        return states
 
     def slides(self, rows: Rows) -> NDArray[np.bool_]:
         """(rows,) whether objects have been hit and no longer hop."""

@@ -12,6 +12,7 @@ from slapshot.diagnosis.pucks import held_out
 from slapshot.diagnosis.pucks.diagnose import LEAST_NOISE, _noise, diagnose
 from slapshot.diagnosis.pucks.fit.hit_fit import HitFitter
 from slapshot.diagnosis.pucks.held_out import FEWEST_COMMANDS, split_hits
+from slapshot.diagnosis.pucks.launch.execution import readings_of
 from slapshot.diagnosis.pucks.launch.strikes import commands_through
 from slapshot.diagnosis.pucks.report import wording
 from slapshot.diagnosis.pucks.result import Setting
@@ -71,6 +72,37 @@ def test_of_few_commands_hits_are_held_out_and_of_many_whole_commands(commands, 
     assert len(held) == pytest.approx(len(tracks) / 4, abs=1)
     shared = set(tracks.command[kept]) & set(tracks.command[held])
     assert shared == (set() if whole else {0, 1})
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_object_is_held_out_whole(seed):
+    """Ten objects of four hits each, of which a quarter is held out; and one of a single hit."""
+    tracks = hit_tracks(recording(np.random.default_rng(2), 48)).take(np.arange(41))
+    tracks = replace(tracks, object=np.append(np.arange(40) % 10, 10), command=np.arange(41))
+    kept, held = split_hits(tracks, np.random.default_rng(seed))
+    assert np.bincount(tracks.object[kept], minlength=11).tolist() == [3] * 10 + [1]
+    assert len(held) == 10
+
+
+def test_of_objects_that_are_hit_twice_hits_are_held_out_all_the_same():
+    tracks = hit_tracks(recording(np.random.default_rng(2), 48)).take(np.arange(40))
+    tracks = replace(tracks, object=np.arange(40) // 2, command=np.arange(40))
+    kept, held = split_hits(tracks, np.random.default_rng(0))
+    assert (len(kept), len(held)) == (30, 10)
+
+
+@pytest.mark.parametrize(
+    ("rate", "begin", "expected"), [(1000, 0.003, 0.01), (125, 0.0, 0.01), (100, 0.0, 0.01), (50, 0.01, 0.02)]
+)
+def test_encoders_are_read_where_swings_are_known(rate, begin, expected):
+    """At a kilohertz from 3 ms on, at 125 Hz, and as seldom as they are read."""
+    t = begin + np.arange(round(0.6 * rate)) / rate
+    joints = pd.concat([pd.DataFrame({"hit": hit, "t": t, "q0": hit + 2 * t, "q1": -t}) for hit in (4, 7)])
+    times, read = readings_of(joints, np.array([4, 7]), 1e-3, 0.5)
+    assert np.diff(times) == pytest.approx(expected)
+    assert times / expected == pytest.approx(np.round(times / expected))
+    assert (times[0], times[-1]) == pytest.approx((np.ceil(begin / expected) * expected, 0.5), abs=1e-9)
+    np.testing.assert_allclose(read[1], np.stack([7 + 2 * times, -times], axis=1), atol=1e-12)
 
 
 def moved(made, x):

@@ -125,10 +125,18 @@ def test_frames_taken_at_the_wrong_time_are_noisier_where_objects_are_fast(rng, 
 def test_a_jump_is_an_outlier_and_a_bend_is_none():
     t = np.linspace(0, 1, 30)
     residuals = np.stack([0.05 * t**2, np.zeros(30)], -1)[None]
-    valid = np.ones((1, 30), bool)
-    assert not outliers(residuals, valid, 0.003).any()
+    valid, sd = np.ones((1, 30), bool), np.full((1, 30), 0.003)
+    assert not outliers(residuals, valid, sd).any()
     residuals[0, 11] += (0.03, 0.0)
-    np.testing.assert_array_equal(np.flatnonzero(outliers(residuals, valid, 0.003)[0]), [11])
+    np.testing.assert_array_equal(np.flatnonzero(outliers(residuals, valid, sd)[0]), [11])
+
+
+def test_frames_whose_stamps_jitter_are_no_outliers(rng):
+    """At 2 m/s a jitter of 1 ms is 2 mm, seven times the noise at rest."""
+    valid, sd = np.ones((50, 40), bool), np.full((50, 40), 3e-4)
+    residuals = rng.normal(0, 2e-3, (50, 40, 2))
+    assert outliers(residuals, valid, sd).mean() > 0.2
+    assert outliers(residuals, valid, np.hypot(sd, 2e-3)).mean() < 1e-3
 
 
 def test_the_marginal_is_that_of_the_joint_gaussian(rng):

@@ -22,6 +22,7 @@ from slapshot.diagnosis.pucks.verdict import Errors, Interval
 
 HELD_OUT = 0.25  # share of commands
 FEWEST_COMMANDS = 8  # of which whole ones are held out; of fewer, hits
+FEWEST_HITS = 3  # of each object, that are not held out
 SEEN_SHARE = 0.35  # of a hit's frames, from which its launch is told
 RESAMPLES = 1000
 LIKELY, SURE = 0.9, 0.99  # probability of an interval, and of one that a headline rests on
@@ -52,13 +53,26 @@ class HeldOut:
 
 
 def split_hits(tracks: HitTracks, rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows to use and to hold out; repeats of one of many commands are on one side."""
+    """Rows to use and to hold out; repeats of one of many commands are on one side.
+
+    Of each object enough hits are used that its friction is known.
+    """
     groups = tracks.command
     if len(np.unique(groups)) < FEWEST_COMMANDS:
         groups = np.arange(len(tracks))
-    commands = np.unique(groups)
-    held = rng.permutation(commands)[: max(2, round(HELD_OUT * len(commands)))]
-    mask = np.isin(groups, held)
+    shuffled = rng.permutation(np.unique(groups))
+    wanted, mask = max(2, round(HELD_OUT * len(shuffled))), np.zeros(len(tracks), bool)
+    hits = np.bincount(tracks.object)
+    spare = hits - np.minimum(hits, np.maximum(FEWEST_HITS, -(-hits // 2)))
+    held = 0
+    for command in shuffled:
+        own = groups == command
+        taken = np.bincount(tracks.object[own], minlength=len(hits))
+        if held < wanted and np.all(taken <= spare):
+            mask |= own
+            spare, held = spare - taken, held + 1
+    if held < 2:
+        mask = np.isin(groups, shuffled[:wanted])
     return np.flatnonzero(~mask), np.flatnonzero(mask)
 
 

@@ -97,7 +97,7 @@ class HitFitter(GaussNewton):
     def drop_jumps(self, point: Point) -> None:
         """Leave mistracked frames out from now on."""
         left = self.model.tracks.places - self.model.predict(point)
-        self._drop(outliers(left, self.valid, self.noise.sd))
+        self._drop(outliers(left, self.valid, self.frame_sd))
 
     def _drop(self, jump: NDArray[np.bool_]) -> None:
         """Move frames behind the valid ones of their hit."""

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.recordings.format import joint_columns
 
+READ_EVERY = 0.01  # s
+_SAME = 1e-6  # relative difference of times that rounding makes
 POWERS = (1, 2, 3)
 ROUNDS = 6  # of expectation maximisation
 LEAST_NOISE = 1e-6  # rad, finer than any encoder's step
@@ -48,14 +50,21 @@ class Readings:
 def readings_of(
     joints: pd.DataFrame, hits: NDArray[np.int64], period: float, latest: float
 ) -> tuple[Array, Array]:
-    """Times (m,) on the control period's grid up to `latest`, and what the encoders of the hits read then."""
+    """Times (m,) at which swings are known, up to `latest` (s), and what the encoders of the hits read then.
+
+    They lie on the control period's grid, and are no closer than READ_EVERY, in multiples of which swings
+    are simulated: arms move slowly, and readings at a kilohertz would fill the memory.
+    """
     groups = dict(tuple(joints.groupby("hit")))
     columns = joint_columns(joints)
     first = groups[int(hits[0])]["t"].to_numpy()
-    every = max(1, round(float(np.median(np.diff(first))) / period))
+    apart, least = float(np.median(np.diff(first))), round(READ_EVERY / period)
+    every = max(1, round(apart / period)) if apart > (1 + _SAME) * READ_EVERY else max(1, least)
     end = min(latest, *(float(groups[int(h)]["t"].iloc[-1]) for h in hits))
     begin = max(float(groups[int(h)]["t"].iloc[0]) for h in hits)
-    ticks = np.arange(int(np.ceil(begin / period)), int(end / period) + 1, every)
+    ticks = np.arange(
+        -(-int(np.ceil(begin / period - _SAME)) // every) * every, int(end / period + _SAME) + 1, every
+    )
     times = ticks * period
     stacked = np.stack(
         [

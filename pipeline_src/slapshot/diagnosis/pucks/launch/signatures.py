@@ -19,6 +19,7 @@ from safetensors.numpy import save_file
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from slapshot.arrays import Array
+from slapshot.diagnosis.pucks.launch.execution import READ_EVERY
 from slapshot.diagnosis.pucks.launch.strikes import Commands, Striker
 from slapshot.effects.effect import Effect, Parameter
 from slapshot.errors import InputError, reading
@@ -29,7 +30,6 @@ from slapshot.text import reason_of
 LOOK = (
     0.05  # s after an object is struck at which launches are compared: contact is over, friction hardly acted
 )
-READ_EVERY = 0.01  # s
 ONE_SIDED = (0.25, 0.75, 1.5, 3.0, 6.0)  # sizes in scales of the parameter
 TWO_SIDED = (-3.0, -1.5, -0.5, 0.5, 1.5, 3.0)
 START_STEP = 0.004  # m

@@ -168,13 +168,13 @@ def _without(intervals: Array, kept: NDArray[np.bool_]) -> Array:
     return np.where(np.diff(sequence, prepend=0) != 0, np.inf, np.diff(passed, prepend=0.0))
 
 
-def outliers(residuals: Array, valid: NDArray[np.bool_], sd: float) -> NDArray[np.bool_]:
+def outliers(residuals: Array, valid: NDArray[np.bool_], sd: Array) -> NDArray[np.bool_]:
     """(n, frames) frames that jump away from both neighbours: mistracks, not missing physics.
 
     Args:
         residuals: (n, frames, 2) m from any smooth fit, be it a bad one.
         valid: (n, frames).
-        sd: m, of the camera's noise.
+        sd: (n, frames) m, of the camera's noise; larger where an object is fast and stamps jitter.
     """
     padded = np.where(valid[..., None], residuals, np.nan)
     padded = np.pad(padded, ((0, 0), (2, 2), (0, 0)), constant_values=np.nan)
@@ -182,7 +182,7 @@ def outliers(residuals: Array, valid: NDArray[np.bool_], sd: float) -> NDArray[n
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # columns of NaN behind the last frame
         middle = np.nanmedian(window, axis=0)
-    jump = np.abs(residuals - middle) > OUTLIER * sd
+    jump = np.abs(residuals - middle) > OUTLIER * sd[..., None]
     return jump.any(-1) & valid
 
 
