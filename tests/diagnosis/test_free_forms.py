@@ -33,7 +33,10 @@ def rig(of: Joint, episodes: int) -> RigMotion:
         "<mujoco><worldbody><body><joint name='a'/><geom size='1'/></body></worldbody>"
         "<actuator><motor joint='a'/></actuator></mujoco>"
     )
-    sensed = (SensedChannel(0, "angle", "position", of.name), SensedChannel(1, "rate", "velocity", of.name))
+    sensed = (
+        SensedChannel(0, "angle", "position", of.name, "main"),
+        SensedChannel(1, "rate", "velocity", of.name, "main"),
+    )
     return RigMotion(model, (of,), (), sensed, 0.1, episodes)
 
 

@@ -12,7 +12,7 @@ from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.fit.filter import Innovations
 from slapshot.diagnosis.fit.noise import Noise
 from slapshot.diagnosis.held_out import Predictions, _gains_without_a_reading, initial_trajectory, predict
-from slapshot.diagnosis.held_out_split import split
+from slapshot.diagnosis.held_out_split import split, thinned
 from slapshot.diagnosis.model.rig import Rig, bind
 from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.diagnosis.selection.problem import Problem
@@ -145,6 +145,43 @@ def test_of_few_episodes_blocks_are_held_out():
     used, held = split(segments)
     assert list(held) == [4, 5, 14, 15]
     assert used.shape[0] == segments.shape[0] - 4
+
+
+@pytest.mark.parametrize(("episodes", "seconds"), [(1, 40.0), (12, 3.0)])
+def test_of_too_much_data_pairs_of_neighbours_all_over_it_are_kept(episodes: int, seconds: float):
+    t = np.arange(round(100 * seconds)) * 0.01
+    of = recording([t] * episodes, {"a": (joint("swing"), [np.sin(t)] * episodes)})
+    segments = segment_recording(of, bind(MjSpec.from_string(PENDULUM), of.channels))
+    some = thinned(segments, 20)
+    assert len(some.episode) == 20
+    runs = some.runs()
+    assert {len(run) for run in runs} == {2}
+    place = some.episode * seconds + some.first * 0.01
+    assert np.all(np.diff(place[np.concatenate(runs)][::2]) < 1.6 * episodes * seconds / 10)
+    assert (place.min(), place.max()) == (0.0, episodes * seconds - 0.5)
+    assert len(thinned(segments, 10**6).episode) == len(segments.episode)
+
+
+def test_a_recording_that_is_too_long_for_the_memory_is_fitted_in_part(monkeypatch):
+    of = taken(8, episodes=8, seconds=3.0)
+    rig = bind(MjSpec.from_string(PENDULUM), of.channels)
+    used, _ = split(segment_recording(of, rig))
+    least = Problem.of(rig, of.channels, used).memory_per_segment
+    monkeypatch.setattr("slapshot.diagnosis.diagnose._MEMORY", 12.5 * least)
+    found = diagnose(of, rig).verdict
+    assert any(f"of {len(used.episode)} segments 12 were fitted" in note for note in found.findings)
+    assert found.headline == "nothing_found"
+
+
+@pytest.mark.parametrize(("episodes", "seconds", "expected"), [(8, 2.0, 8), (3, 10.0, 10), (1, 2.0, 4)])
+def test_blocks_are_episodes_or_tenths(episodes: int, seconds: float, expected: int):
+    t = np.arange(round(100 * seconds)) * 0.01
+    of = recording([t] * episodes, {"a": (joint("swing"), [np.sin(t)] * episodes)})
+    segments = segment_recording(of, bind(MjSpec.from_string(PENDULUM), of.channels))
+    block = segments.blocks()
+    assert len(np.unique(block)) == expected == block.max() + 1
+    order = np.lexsort([segments.first, segments.episode])
+    assert set(np.diff(block[order])) <= {0, 1}
 
 
 def test_too_little_to_hold_any_out_is_refused():

@@ -18,7 +18,9 @@ from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.rig_motion import rig_motion
 from slapshot.diagnosis.model.segments import segment_recording
-from slapshot.effects.joints.effect import Joint, Parameter, RigMotion, State
+from slapshot.effects.joints.actuator_lag import ActuatorLag
+from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State
+from slapshot.effects.joints.torque_ripple import TorqueRipple
 
 from .mechanisms import PENDULUM, control_channel, joint, recording
 
@@ -26,6 +28,14 @@ HINGE = Joint("swing", 0, 0, "N m", (), 1.0, (), 1.0, 1.0, 0.0, 1.0)
 HINGE_SIZE = Parameter("torque", "N m", 1.0)
 LESS = 0.3  # share by which friction may be less near rest
 WHOLE = 0.2  # size of a change of the whole law
+
+
+class Empirical(JointEffect):
+    empirical = True
+
+
+class Dry(Empirical):
+    friction = True
 
 
 def moving(text: str, torque: float | None = None) -> tuple[RigMotion, State]:
@@ -149,7 +159,7 @@ def test_a_drag_errs_smoothly_in_speed_alone_whichever_way_a_body_flies():
     state = State(np.zeros((S * L, 7)), np.pad(v, ((0, 0), (0, 3))), *np.zeros((3, S * L)))
     drag = np.concatenate([np.zeros((S * L, 6)), -speed[:, None] * v, np.zeros((S * L, 3))], axis=1)
     system = SimpleNamespace(W=drag.reshape(S, L, 12, 1))
-    effect = SimpleNamespace(empirical=True, friction=False, part="ball", parameters=[HINGE_SIZE])
+    effect = Empirical("ball", [HINGE_SIZE])
     hypothesis = SimpleNamespace(effects=(effect,), slices=(slice(0, 1),))
     model = SimpleNamespace(body=lambda body: SimpleNamespace(name="ball"))
     rig = SimpleNamespace(joints=(), free_bodies=((1, 0),), model=model, speed=6.6)
@@ -183,7 +193,7 @@ def test_near_rest_friction_lacks_what_the_motion_says_up_to_itself(which):
         W=(slides[..., None] * act[:, which])[..., None], B=process, process_force=process,
         d=np.einsum("ij,stj->sti", act, lacks),
     )  # fmt: skip
-    friction = SimpleNamespace(empirical=True, friction=True, part="ab"[which], parameters=[HINGE_SIZE])
+    friction = Dry("ab"[which], [HINGE_SIZE])
     hypothesis = SimpleNamespace(effects=(friction,), slices=(slice(0, 1),))
     state = State(speed.reshape(-1, 2), speed.reshape(-1, 2), *np.zeros((3, S * L)))
     variance = friction_at_rest(system, hypothesis, np.ones(1), SimpleNamespace(joints=joints), state)
@@ -196,9 +206,40 @@ def test_near_rest_friction_lacks_what_the_motion_says_up_to_itself(which):
     assert np.sqrt(variance[..., which]) == pytest.approx(expected, abs=1e-4 * 4)
     assert not variance[..., 1 - which].any()
     # Laws that are no friction hold nothing.
-    damping = SimpleNamespace(**vars(friction) | {"friction": False})
+    damping = Empirical("ab"[which], [HINGE_SIZE])
     other = SimpleNamespace(effects=(damping,), slices=(slice(0, 1),))
     assert friction_at_rest(system, other, np.ones(1), SimpleNamespace(joints=joints), state) is None
+
+
+def test_a_lag_may_differ_for_a_rise_and_a_fall_and_a_ripple_has_harmonics():
+    """A commanded torque lacks 3 sin(t) through one joint of two; a ripple of 0.5 N m at order 4."""
+    S, L, t = 2, 150, np.linspace(0, 12, 300)
+    lacks = 3 * np.sin(t).reshape(S, L)
+    act = np.array([[0.002, 0.001], [0.001, 0.003], [0.9, 0.4], [0.4, 1.2]])
+    joints = tuple(Joint(name, v, v, "N m", (v,), 1.0, (), 1.0, 1.0, 0.1, 1.0) for v, name in enumerate("ab"))
+    state = State(np.stack([t, t], 1), *np.zeros((2, 300, 2)), t, 0 * t)
+    rig = SimpleNamespace(joints=joints, free_bodies=())
+    lag = ActuatorLag("actuator b", (1,), HINGE_SIZE)
+    ripple = TorqueRipple.at(joints[0], 4.0)
+    waves = np.stack([np.sin(4 * (t - 0.1)), np.cos(4 * (t - 0.1)), 0 * t], axis=-1).reshape(S, L, 1, 3)
+    by_lag = lacks[..., None, None] * act[:, 1][:, None] / 0.02
+    by_ripple = waves * act[:, 0][:, None]
+    system = SimpleNamespace(W=np.concatenate([by_lag, by_ripple], axis=-1), B=np.tile(act, (S, L, 1, 1)))
+    hypothesis = SimpleNamespace(effects=(lag, ripple), slices=(slice(0, 1), slice(1, 4)))
+    found = added_law_errors(system, hypothesis, np.array([0.02, 0.3, 0.4, 4.0]), rig, state, 0.01)
+    force = np.linalg.lstsq(act, found.reshape(S * L, 4, -1).transpose(1, 0, 2).reshape(4, -1), rcond=None)[0]
+    force = force.reshape(2, S * L, -1)
+    # Lags of one and two nodes, the rise and fall, and two harmonics of two phases.
+    assert force.shape[-1] == 7
+    late = np.concatenate([np.repeat(lacks[:, :1], 2, 1), lacks[:, :-2]], 1) - lacks
+    rms = np.sqrt(np.mean(lacks**2))
+    for k, expected in ((1, late), (2, np.abs(lacks))):
+        scaled = 0.4 * rms * expected.ravel() / np.sqrt(np.mean(expected**2))
+        np.testing.assert_allclose(force[1, :, k], scaled, atol=1e-4)
+    np.testing.assert_allclose(force[0, :, :3], 0, atol=1e-4)
+    for k, wave in enumerate((np.sin(8 * (t - 0.1)), np.cos(8 * (t - 0.1)))):
+        np.testing.assert_allclose(force[0, :, 3 + k], 0.5 * wave, atol=1e-9)
+    np.testing.assert_allclose(force[1, :, 3:], 0, atol=1e-9)
 
 
 def test_a_friction_is_as_large_before_it_slips_as_in_sliding_either_way_in_each_episode():

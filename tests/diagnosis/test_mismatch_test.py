@@ -245,15 +245,33 @@ def test_the_number_of_draws_is_what_was_asked_for():
 def test_scores_that_spread_more_than_the_noise_says_are_told(scale):
     """Noise that is larger than thought by a factor: the mean over draws, with its own standard error."""
     rng, of = np.random.default_rng(5), columns(6, segments=40)
-    found = [overdispersion(of.scores(null_data(of, rng, scale))) for _ in range(200)]
+    found = [overdispersion(of.scores(null_data(of, rng, scale)), np.arange(40) // 4) for _ in range(200)]
     assert np.mean(found) == pytest.approx(scale**2, abs=4 * np.std(found) / np.sqrt(len(found)))
     # 40 segments of 6 candidates: some 39 x 6 degrees of freedom.
     assert np.std(found) == pytest.approx(scale**2 * np.sqrt(2 / (39 * CANDIDATES)), rel=0.3)
 
 
+def test_blocks_that_disagree_are_told_though_segments_hardly_do():
+    """An effect of another size in each of twenty blocks, as large as the noise of a segment."""
+    rng, block = np.random.default_rng(9), np.arange(160) // 8
+    by_block, by_chance = [], 0
+    for _ in range(400):
+        noise, effect = rng.standard_normal((160, 1)), rng.standard_normal((20, 1))[block]
+        told = [
+            Scores(b, np.ones((160, 1, 1)), np.ones(1), np.zeros(1, bool)) for b in (noise, noise + effect)
+        ]
+        by_chance += overdispersion(told[0], block) > overdispersion(told[0], np.arange(160))
+        by_block.append(overdispersion(told[1], block))
+    # The sum of eight has a variance of 8 + 64, of which 8 would be noise; what chance may make is left out.
+    expected = 9 / (stats.chi2.isf(0.05, 19) / 19)
+    assert np.mean(by_block) == pytest.approx(expected, abs=4 * np.std(by_block) / 20)
+    # At a twentieth, 20 are expected, and more than 35 once in a thousand.
+    assert by_chance <= 35
+
+
 def test_one_segment_cannot_disagree():
     of = columns(7, segments=1)
-    assert overdispersion(of.scores(3 * null_data(of, np.random.default_rng(8)))) == 1.0
+    assert overdispersion(of.scores(3 * null_data(of, np.random.default_rng(8))), np.zeros(1, int)) == 1.0
 
 
 def test_scores_are_drawn_where_rounding_makes_information_indefinite():

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from slapshot.diagnosis import held_out
 from slapshot.diagnosis.fit.time_steps import prefers_its_steps, with_accurate_steps
-from slapshot.diagnosis.held_out_split import held_out_windows, split
+from slapshot.diagnosis.held_out_split import held_out_windows, split, thinned
 from slapshot.diagnosis.held_out_validation import Prediction, held_out_pushes, predict_models
 from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments, segment_recording
@@ -29,6 +29,8 @@ from slapshot.errors import InputError
 from slapshot.recordings.channel_pair_quality import differentiated_velocities
 from slapshot.recordings.signal_statistics import channel_statistics
 from slapshot.recordings.signals import SignalRecording
+
+_MEMORY = 3e9  # bytes, of derivatives and scores; several times as much is in use at once
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,12 @@ def _diagnosis(
         segments = segment_recording(recording, rig)
         used, held = split(segments)
         problem = Problem.of(rig, channels, used, threads)
+        if used.shape[0] > (most := max(1, int(_MEMORY / problem.memory_per_segment))):
+            notes.append(
+                f"of {used.shape[0]} segments {most} were fitted, spread over the recording: for all, the "
+                "derivatives by everything that may be missing take too much memory"
+            )
+            problem = Problem.of(rig, channels, thinned(used, most), threads)
         if (accurate := _accurate_problem(problem)) is not None:
             problem, told = accurate
             rig, notes = problem.rig, [*notes, told]

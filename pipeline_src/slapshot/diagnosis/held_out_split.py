@@ -34,6 +34,14 @@ def split(segments: Segments) -> tuple[Segments, NDArray[np.intp]]:
     return segments.select(~out), np.flatnonzero(out)
 
 
+def thinned(segments: Segments, most: int) -> Segments:
+    """At most so many of the segments: neighbours in pairs, spread over the recording."""
+    order = np.concatenate(segments.runs())
+    pairs = np.array_split(order, -(-len(order) // 2))
+    some = np.linspace(0, len(pairs) - 1, max(1, min(len(pairs), most // 2))).round().astype(int)
+    return segments.select(np.sort(np.concatenate([pairs[k] for k in some])))
+
+
 def held_out_windows(
     recording: SignalRecording, rig: Rig, segments: Segments, held: NDArray[np.intp]
 ) -> Segments:

@@ -140,7 +140,9 @@ def added_law_errors(
 ) -> Array:
     """Columns for errors of the laws that a hypothesis adds: their action times the shapes, or delayed.
 
-    For friction also a deviation near rest; those of free bodies, as of drag, vary with speed alone.
+    For friction also a deviation near rest; those of free bodies, as of drag, vary with speed alone. Lags and
+    delays of commands may differ for a rise and a fall, or be of a higher order; for other laws the effect
+    says how they may deviate.
 
     Args:
         system: with the hypothesis' own columns first.
@@ -181,8 +183,16 @@ def added_law_errors(
             friction = Friction.of(system, law, state, joint)
             near = friction.level * friction.near_rest(LOW_SPEED)
             columns.append(_normalised(system.B[..., joint.v] * near[..., None], total))
-        for nodes in sorted({max(1, round(late / interval)) for late in LAGS_S}):
-            columns.append(_normalised(_lagged_difference(law, nodes), total))
+        columns += _delayed(law, total, interval)
+    for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
+        if overrides(effect, "control"):
+            law = _action(system, effect, theta, part)
+            total = float(np.sum(law**2))
+            if total > 0:
+                columns += [*_delayed(law, total, interval), _normalised(_rectified(system, law), total)]
+        forces = effect.deviations(state, theta[part])
+        if forces is not None:
+            columns += list(np.moveaxis(system.B @ forces.reshape(S, L, -1, forces.shape[-1]), -1, 0))
     columns = [column for column in columns if np.any(column)]
     return np.stack(columns, axis=-1) if columns else np.zeros((S, L, n, 0))
 
@@ -306,15 +316,34 @@ def _added(system: Linear, hypothesis: Hypothesis, theta: Array) -> Iterator[tup
     """Empirical laws that a hypothesis adds, with what they do, (S, L, n)."""
     for effect, part in zip(hypothesis.effects, hypothesis.slices, strict=True):
         if effect.empirical:
-            # Size parameters only: the action is proportional to them.
-            sizes = [k for k in range(part.start, part.stop) if effect.parameters[k - part.start].start == 0]
-            yield effect, system.W[..., sizes] @ theta[sizes]
+            yield effect, _action(system, effect, theta, part)
+
+
+def _action(system: Linear, effect: JointEffect, theta: Array, part: slice) -> Array:
+    """What an effect does, (S, L, n), from its sizes alone, to which it is proportional."""
+    sizes = [k for k in range(part.start, part.stop) if effect.parameters[k - part.start].start == 0]
+    return np.asarray(system.W[..., sizes] @ theta[sizes])
 
 
 def _normalised(column: Array, total: float) -> Array:
     """A column scaled to a share of a law's size; 0 where it is negligible."""
     size = np.sqrt(np.sum(column**2) / total)
     return _PART * column / size if size > 1e-9 else np.zeros_like(column)
+
+
+def _delayed(law: Array, total: float, interval: float) -> list[Array]:
+    """Columns (S, L, n) for a law that follows its state late."""
+    nodes = sorted({max(1, round(late / interval)) for late in LAGS_S})
+    return [_normalised(_lagged_difference(law, count), total) for count in nodes]
+
+
+def _rectified(system: Linear, law: Array) -> Array:
+    """What a law does (S, L, n), with the size of its forces in place of the forces."""
+    size = np.sqrt(np.maximum(np.sum(system.B**2, axis=2), 1e-300))
+    unit = system.B / size[:, :, None]
+    square = unit.swapaxes(2, 3) @ unit + _FLAT * np.eye(unit.shape[-1])
+    force = np.linalg.solve(square, unit.swapaxes(2, 3) @ law[..., None])
+    return np.asarray((unit @ np.abs(force))[..., 0])
 
 
 def _lagged_difference(law: Array, nodes: int) -> Array:

@@ -112,7 +112,7 @@ def linearise(
 
     observed = _observed(segments, y)
     added = hypothesis.observe(observed, theta)
-    predicted = _at_sample_times(segments, observed) + added
+    predicted = observed.y + added
     following = np.concatenate([trajectory[:, 1:], trajectory[:, -1:]], axis=1).reshape(n, -1)
     defect = tangent.subtract(base, following).reshape(S, L, dim)
     # Beyond the end of an episode there are no data, and the defect must not grow.
@@ -239,26 +239,32 @@ def is_law(effect: JointEffect) -> bool:
 def predicted_readings(hypothesis: Hypothesis, theta: Array, segments: Segments, y: Array) -> Array:
     """Readings (S, L, ny) by a hypothesis at the times of the samples, where sensors show y at the nodes."""
     observed = _observed(segments, y)
-    read = _at_sample_times(segments, observed) + hypothesis.observe(observed, theta)
+    read = observed.y + hypothesis.observe(observed, theta)
     return np.asarray(read.reshape(y.shape))
 
 
 def _observed(segments: Segments, y: Array) -> Observed:
-    """Readings at all nodes with their derivatives in time."""
+    """Readings with their derivatives at the times of the samples, which may lie beside their nodes.
+
+    Args:
+        segments: data.
+        y: (..., ny) readings at all nodes.
+    """
     y = y.reshape(*segments.shape, -1)
     rate = segments.rate(y)
     second_rate = segments.rate(rate)
     third_rate = segments.rate(second_rate)
+    late, square = segments.shift, segments.shift_square
     y, rate, second_rate, third_rate = (
-        values.reshape(-1, y.shape[-1]) for values in (y, rate, second_rate, third_rate)
+        values.reshape(-1, y.shape[-1])
+        for values in (
+            y + late * rate + square / 2 * second_rate,
+            rate + late * second_rate + square / 2 * third_rate,
+            second_rate + late * third_rate,
+            third_rate,
+        )
     )
     return Observed(y, rate, second_rate, np.repeat(segments.order, segments.shape[1]), third_rate)
-
-
-def _at_sample_times(segments: Segments, observed: Observed) -> Array:
-    """Readings of the samples, which may lie beside their nodes, (S L, ny)."""
-    shift, square = (array.reshape(observed.y.shape) for array in (segments.shift, segments.shift_square))
-    return np.asarray(observed.y + shift * observed.rate + square / 2 * observed.second_rate)
 
 
 def residuals(rig: Rig, segments: Segments, predicted: Array) -> Array:

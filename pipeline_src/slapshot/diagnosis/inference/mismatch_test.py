@@ -17,6 +17,7 @@ from slapshot.diagnosis.fit.filter import Innovations
 
 _FEWEST = 0.01  # minimum degrees of freedom between segments
 _ROUND = 1e-8  # relative jitter for duplicate columns
+_CHANCE = 0.05  # that blocks disagree as much by chance
 
 
 @dataclass(frozen=True)
@@ -203,8 +204,16 @@ def group_statistics(found: Eliminated, groups: Sequence[NDArray[np.intp]], leas
     return np.stack(statistic, axis=-1)
 
 
-def overdispersion(of: Scores) -> float:
-    """Variance of the candidates' scores between segments, relative to the noise; at least 1."""
+def overdispersion(of: Scores, block: NDArray[np.intp]) -> float:
+    """Variance of the candidates' scores between segments, relative to the noise; at least 1.
+
+    What is left out may last for longer than a segment, so that scores of neighbours agree: whole blocks are
+    compared as well, as far as they differ by more than chance.
+
+    Args:
+        of: scores.
+        block: (S,) block of each segment.
+    """
     eliminated = Elimination(of)(of.b)
     every = np.arange(eliminated.information.shape[0])
     eigenvalues, vectors = np.linalg.eigh(eliminated.information)
@@ -215,10 +224,17 @@ def overdispersion(of: Scores) -> float:
         return 1.0
     share = white.T @ eliminated.by_segment(every) @ white
     each = eliminated.segment @ white
-    about = each - np.einsum("sij,j->si", share, each.sum(0))
-    # The common part was fitted.
-    free = k - float(np.sum(share**2))
-    return max(1.0, float(np.sum(about**2)) / free) if free > _FEWEST else 1.0
+    found = [1.0]
+    for part, by_chance in ((np.arange(len(each)), False), (block, True)):
+        within = np.arange(part.max() + 1)[:, None] == part
+        own = np.einsum("bs,sij->bij", within, share)
+        about = within @ each - np.einsum("bij,j->bi", own, each.sum(0))
+        common = float(np.sum(own**2))  # which was fitted
+        if k - common > _FEWEST:
+            free = k * (k / common - 1)
+            most = chi2.isf(_CHANCE, free) / free if by_chance else 1.0
+            found.append(float(np.sum(about**2)) / (k - common) / most)
+    return max(found)
 
 
 DRAWS = 499

@@ -49,6 +49,7 @@ class Observation:
         quantity: position, velocity, torque or force.
         dof: index in qvel of the joint that is observed; None for others.
         part: name of the joint, site, body or sensor.
+        clock: that its samples are stamped by.
     """
 
     channel: str
@@ -56,6 +57,7 @@ class Observation:
     quantity: str
     dof: int | None
     part: str
+    clock: str
 
 
 @dataclass(frozen=True)
@@ -199,7 +201,7 @@ def bind(
             dof = int(compiled.joint(joint).dofadr[0])
         address = int(compiled.sensor(sensor).adr[0]) + component
         part = joint or channel.site or channel.body or channel.sensor or channel.actuator or channel_name
-        observations.append(Observation(channel_name, address, channel.quantity, dof, part))
+        observations.append(Observation(channel_name, address, channel.quantity, dof, part, channel.clock))
     load = np.full(compiled.nv, -1)
     for j in range(compiled.njnt):
         if compiled.jnt_type[j] in SCALAR:

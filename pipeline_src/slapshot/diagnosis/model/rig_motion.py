@@ -63,7 +63,7 @@ def rig_motion(rig: Rig, segments: Segments, trajectory: Array) -> RigMotion:
     ]
     flight = max((float(np.sqrt(np.mean(np.sum(v[:, a : a + 3] ** 2, 1)))) for _, a in free), default=0.0)
     sensed = tuple(
-        SensedChannel(c, o.channel, o.quantity, o.part if o.dof is not None else None)
+        SensedChannel(c, o.channel, o.quantity, o.part if o.dof is not None else None, o.clock)
         for c, o in enumerate(rig.observations)
     )
     return RigMotion(

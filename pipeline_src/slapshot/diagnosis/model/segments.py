@@ -5,10 +5,11 @@ kept in `shift` and corrected along the trajectory), so that clocks need neither
 Between nodes the model takes `substeps` steps; each has the mean of the controls over its time.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from slapshot.arrays import Array
@@ -21,6 +22,8 @@ from slapshot.recordings.signals import SignalRecording
 # Several faster samples are averaged to a node: mechanics are slower, and every node costs time.
 LONGEST_AVERAGE_S = 5e-3
 SEGMENT_S = 0.5
+# From which episodes are blocks of data by themselves, and blocks of a recording with fewer.
+_EPISODES, _BLOCKS = 8, 10
 # Scatter of the intervals of controls, in median ones, above which stamps err, and above which they are
 # written when they change.
 _REGULAR, _UNEVEN = 1e-3, 0.5
@@ -64,6 +67,8 @@ class ControlSignal:
 
 
 ControlEdit = Callable[[Array, float], Array]
+# Of each clock, each episode's samples.
+_Samples = Mapping[str, Mapping[int, pd.DataFrame]]
 
 
 @dataclass(frozen=True)
@@ -119,6 +124,16 @@ class Segments:
         follows = np.diff(self.episode[order]) == 0
         follows &= np.diff(self.first[order]) == self.shape[1]
         return np.split(order, np.flatnonzero(~follows) + 1)
+
+    def blocks(self) -> NDArray[np.intp]:
+        """(S,) episode of each segment, or which tenth of the recording where there are few episodes."""
+        _, of = np.unique(self.episode, return_inverse=True)
+        if of.max(initial=0) + 1 >= _EPISODES:
+            return np.asarray(of)
+        S = len(self.episode)
+        place = np.empty(S, np.intp)
+        place[np.lexsort([self.first, self.episode])] = np.arange(S)
+        return np.asarray(place * min(_BLOCKS, S) // max(S, 1))
 
     def rate(self, values: Array) -> Array:
         """Time derivative of values at the nodes, second order, from inside nodes only.
@@ -220,12 +235,17 @@ def segment_recording(
     orders = np.linspace(-0.5, 0.5, count) if count > 1 else np.zeros(1)
     y, shift, square, inside, time, owner, first, order = [], [], [], [], [], [], [], []
     controls, ids = [], []
+    # Once for all episodes, of which there may be thousands.
+    samples: _Samples = {
+        clock: {int(own["episode"].iloc[0]): own for _, own in table.groupby("episode")}
+        for clock, table in recording.signals.items()
+    }
     for index, episode in enumerate(episodes["episode"]):
-        t, values, offset, offset_square = _on_grid(recording, rig, int(episode), interval)
+        t, values, offset, offset_square = _on_grid(recording, samples, rig, int(episode), interval)
         edges = t[0] + np.arange(len(t) * substeps + 1) * (interval / substeps)
         controls.append(
             np.stack(
-                [_followed(recording, c, int(episode)).means(edges) * c.factor for c in rig.controls]
+                [_followed(recording, samples, c, int(episode)).means(edges) * c.factor for c in rig.controls]
                 or [np.zeros(len(edges) - 1)],
                 axis=1,
             )[:, : len(rig.controls)]
@@ -276,20 +296,26 @@ def _pieces(first: int, count: int, length: int) -> Iterator[tuple[int, int]]:
             yield start, nodes
 
 
+def _of_episode(
+    recording: SignalRecording, samples: _Samples, channel: str, episode: int
+) -> tuple[Array, Array]:
+    """Times and values of a channel's samples in an episode, those that were lost left out."""
+    own = samples[recording.channels[channel].clock].get(episode)
+    if own is None:
+        return np.zeros(0), np.zeros(0)
+    t, value = own["t"].to_numpy(float), own[channel].to_numpy(float)
+    there = np.isfinite(value)
+    return t[there], value[there]
+
+
 def _on_grid(
-    recording: SignalRecording, rig: Rig, episode: int, interval: float
+    recording: SignalRecording, given: _Samples, rig: Rig, episode: int, interval: float
 ) -> tuple[Array, Array, Array, Array]:
     """Times of an episode's nodes, the mean of the samples nearest to each, and moments of their offset.
 
     The moments are mean and mean square of the offset in time. Values of nodes without a sample are NaN.
     """
-    samples = []
-    for observation in rig.observations:
-        table = recording.signals[recording.channels[observation.channel].clock]
-        table = table[table["episode"] == episode]
-        taken = table["t"].to_numpy(float), table[observation.channel].to_numpy(float)
-        there = np.isfinite(taken[1])
-        samples.append((taken[0][there], taken[1][there]))
+    samples = [_of_episode(recording, given, o.channel, episode) for o in rig.observations]
     begin = min((t[0] for t, _ in samples if len(t)), default=None)
     if begin is None:
         raise InputError(f"episode {episode}: nothing was observed; leave the episode out")
@@ -312,14 +338,11 @@ def _on_grid(
     return grid, *means
 
 
-def _followed(recording: SignalRecording, control: Control, episode: int) -> ControlSignal:
+def _followed(recording: SignalRecording, samples: _Samples, control: Control, episode: int) -> ControlSignal:
     channel = control.channel
     if channel is None:
         return ControlSignal(np.zeros(1), np.array([control.rest]), False)
-    table = recording.signals[recording.channels[channel].clock]
-    table = table[table["episode"] == episode]
-    t, value = table["t"].to_numpy(float), table[channel].to_numpy(float)
-    there = np.isfinite(value)
-    if not there.any():
+    t, value = _of_episode(recording, samples, channel, episode)
+    if not len(t):
         raise InputError(f"episode {episode}: channel {channel} has no value; leave the episode out")
-    return ControlSignal(t[there], value[there], recording.channels[channel].hold == "linear")
+    return ControlSignal(t, value, recording.channels[channel].hold == "linear")

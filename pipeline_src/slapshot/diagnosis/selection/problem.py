@@ -186,6 +186,13 @@ class Problem:
         """Every effect on every part, and free forms."""
         return (*instances(self.rig_motion), *free_forms(self.rig_motion, self.segments))
 
+    @property
+    def memory_per_segment(self) -> int:
+        """Bytes that derivatives by all candidates and errors of laws take, with their products."""
+        columns = sum(len(effect.probe_values) for effect in self.catalogue) + sum(map(len, self.laws))
+        L, dim = self.segments.shape[1], self.simulator.tangent.dim
+        return 8 * columns * (L * dim + columns)
+
     @cached_property
     def initial_noise(self) -> Noise:
         """Initial noise."""

@@ -256,7 +256,7 @@ def rival_overdispersion(step: Step, rival: Rival, count: int = 1) -> float:
     known = np.ones(len(prior.sd), bool)
     for own in fit.hypothesis.slices[-count:]:
         known[own] = False
-    return overdispersion(scores(found, prior.at(left), known))
+    return overdispersion(scores(found, prior.at(left), known), step.problem.segments.blocks())
 
 
 def one_step_values(scored: ScoredFit, index: int, values: Array) -> Array:

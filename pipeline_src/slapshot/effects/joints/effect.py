@@ -90,12 +90,13 @@ class Joint:
 
 @dataclass(frozen=True)
 class SensedChannel:
-    """A column of the observations: its channel, quantity, and joint (None for sites and bodies)."""
+    """A column of the observations: its channel, quantity, joint (None for sites and bodies), and clock."""
 
     column: int
     channel: str
     quantity: str
     joint: str | None
+    clock: str
 
 
 @dataclass(frozen=True)
@@ -256,6 +257,18 @@ class JointEffect:
             Index of the joint in qvel, and (n, k) torque, N m or N, for k sharpnesses.
         """
         raise NotImplementedError
+
+    def deviations(self, state: State, values: Array) -> Array | None:
+        """Forces by which what is real may deviate from this law, each as large as the law itself.
+
+        Args:
+            state: n states.
+            values: of the effect.
+
+        Returns:
+            (n, nv, k) N m or N; None for none but those of every empirical law.
+        """
+        return None
 
     def note(self, values: Array) -> str:
         """Instruction for adding what MJCF cannot represent (`control`, `force`, `observe`) to a simulation.

@@ -7,6 +7,7 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.effects.joints.effect import Joint, JointEffect, Parameter, RigMotion, State, on_joint
 
+HARMONICS = (2, 3)
 MOST = 18  # number of orders, spaced by half a period over the travel
 
 
@@ -60,6 +61,13 @@ class TorqueRipple(JointEffect):
         angle = values[2] * (state.q[:, j.q] - j.middle)
         ripple = values[0] * np.sin(angle) + values[1] * np.cos(angle)
         return on_joint(j, ripple, state.v.shape[1])
+
+    def deviations(self, state: State, values: Array) -> Array:
+        """Harmonics, as no ripple is a pure sine."""
+        j, size = self._joint, float(np.hypot(values[0], values[1]))
+        angle = values[2] * (state.q[:, j.q] - j.middle)
+        waves = [size * wave(n * angle) for n in HARMONICS for wave in (np.sin, np.cos)]
+        return np.stack([on_joint(j, wave, state.v.shape[1]) for wave in waves], axis=-1)
 
     def same_as(self, values: Array) -> str:
         """Its amplitude, and its phase at angle 0."""
