@@ -1,5 +1,6 @@
 """Noise, marginal likelihood, evidence and execution, each against the slow way."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -266,6 +267,17 @@ def test_what_is_not_known_of_the_noise_widens_the_interval_of_chi_squared(rng):
     assert (unsure.low, unsure.high) == pytest.approx(
         (1.2 - 1.2 * 0.05 * 2.576, 1.2 + 1.2 * 0.05 * 2.576), rel=1e-4
     )
+
+
+@pytest.mark.parametrize(
+    ("camera", "encoders", "told"), [(1.2, 1.01, 1.2), (0.99, 1.4, 1.4), (1.0, 0.9, 1.0)]
+)
+def test_chi_squared_is_that_of_what_is_explained_worst(rng, camera, encoders, told):
+    """Of camera and encoders, however many numbers there are of either."""
+    n = 50
+    held = HeldOut(*(np.ones(n) for _ in range(4)), None, None, np.zeros(n), np.zeros(n), np.full(n, camera))
+    held = replace(held, encoder_chi2=np.full(n, encoders))
+    assert errors_of(held, np.zeros(n), rng).chi2_per_freedom.value == pytest.approx(told)
 
 
 def test_directions_that_are_not_tested_change_no_statistic(rng):

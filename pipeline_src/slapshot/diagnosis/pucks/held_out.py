@@ -38,7 +38,8 @@ class HeldOut:
         command_square, expected_command: (n,) m^2, of the last frame predicted from the command; None
             where commands are not known.
         loglik, expected_loglik: (n,) nats, constants left out that are equal for all scenes.
-        chi2: (n,) whitened squares over their number, of which 1 is expected.
+        chi2: (n,) whitened squares of what the camera saw over their number, of which 1 is expected.
+        encoder_chi2: (n,) the same of encoders, which are several times as many; None without any.
     """
 
     track_square: Array
@@ -50,6 +51,7 @@ class HeldOut:
     loglik: Array
     expected_loglik: Array
     chi2: Array
+    encoder_chi2: Array | None = None
 
 
 def split_hits(tracks: HitTracks, rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -87,7 +89,9 @@ def predict_held_out(fitter: HitFitter, fit: Fit) -> HeldOut:
     spread = np.einsum("nfdu,nuv,nfdv->nf", by_latent, covariance, by_latent) + 2 * fitter.frame_sd**2
     rows, last = np.arange(len(valid)), valid.sum(1) - 1
     number = np.maximum(ahead.sum(1), 1)
-    _, _, marginal = told_launches(fitter, fit)
+    told, _, marginal = told_launches(fitter, fit)
+    read, readings = fitter.launches.encoder_rows([], told), fitter.launches.rows
+    by_encoders = None if read is None else (read[0] ** 2).sum(1)
     from_command: tuple[Array, Array] | tuple[None, None] = (None, None)
     if isinstance(fitter.launches, LaunchModel):
         from_command = _from_command(fitter, fit, fitter.launches)
@@ -100,7 +104,9 @@ def predict_held_out(fitter: HitFitter, fit: Fit) -> HeldOut:
         expected_command=from_command[1],
         loglik=-(marginal.squares + marginal.log_volume) / 2,
         expected_loglik=-(fitter.freedom() + marginal.log_volume) / 2,
-        chi2=marginal.squares / fitter.freedom(),
+        chi2=(marginal.squares - (0.0 if by_encoders is None else by_encoders))
+        / (fitter.freedom() - readings),
+        encoder_chi2=None if by_encoders is None else by_encoders / readings,
     )
 
 
@@ -136,18 +142,27 @@ def errors_of(held: HeldOut, reference: Array, rng: np.random.Generator, unsure:
     """With 90 % bootstrap intervals over hits; likelihood over `reference` (n,).
 
     Chi-squared counts in variances of the noise, whose relative standard error `unsure` widens its interval.
+    It is that of the camera or of the encoders, whichever says more clearly that something is missing: in
+    their sum the many readings of encoders hide what slides lack.
     """
     command = held.command_square
-    chi2 = mean(held.chi2, rng, SURE)
-    far = chi2.value * unsure * float(ndtri((1 + SURE) / 2))
-    low, high = np.hypot(chi2.value - chi2.low, far), np.hypot(chi2.high - chi2.value, far)
+    chi2 = _widened(mean(held.chi2, rng, SURE), unsure)
+    if held.encoder_chi2 is not None:
+        chi2 = max(chi2, mean(held.encoder_chi2, rng, SURE), key=lambda interval: interval.low)
     return Errors(
         root_mean(held.track_square, rng),
         root_mean(held.rest_square, rng),
         None if command is None else root_mean(command, rng),
         mean(held.loglik - reference, rng),
-        Interval(chi2.value, float(chi2.value - low), float(chi2.value + high)),
+        chi2,
     )
+
+
+def _widened(chi2: Interval, unsure: float) -> Interval:
+    """By a relative standard error of its unit."""
+    far = chi2.value * unsure * float(ndtri((1 + SURE) / 2))
+    low, high = np.hypot(chi2.value - chi2.low, far), np.hypot(chi2.high - chi2.value, far)
+    return Interval(chi2.value, float(chi2.value - low), float(chi2.value + high))
 
 
 def noise_floor(held: HeldOut, reference: Array, rng: np.random.Generator) -> Errors:

@@ -131,8 +131,9 @@ class Errors:
         command_rest_rmse_m: of rest points predicted from commands alone; None where they are not known, and
             of a noise floor that cannot be told.
         loglik_per_hit: nats, over that of the nominal scene with refitted nuisance.
-        chi2_per_freedom: of the whitened residuals, 1 where the model holds; its interval is one of 99 %,
-            since the headline rests on it.
+        chi2_per_freedom: of the whitened residuals of the camera or of the encoders, whichever is more
+            clearly above 1, which it is where the model holds; its interval is one of 99 %, since the
+            headline rests on it.
     """
 
     track_rmse_m: Interval | None
