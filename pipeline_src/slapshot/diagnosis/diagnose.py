@@ -105,11 +105,12 @@ def _diagnosis(
         used, held = split(segments)
         problem = Problem.of(rig, channels, used, threads)
         if used.shape[0] > (most := max(1, int(_MEMORY / problem.memory_per_segment))):
+            some = thinned(used, most)
             notes.append(
-                f"of {used.shape[0]} segments {most} were fitted, spread over the recording: for all, the "
-                "derivatives by everything that may be missing take too much memory"
+                f"of {used.shape[0]} segments {some.shape[0]} were fitted, spread over the recording: for "
+                "all, the derivatives by everything that may be missing take too much memory"
             )
-            problem = Problem.of(rig, channels, thinned(used, most), threads)
+            problem = Problem.of(rig, channels, some, threads)
         if (accurate := _accurate_problem(problem)) is not None:
             problem, told = accurate
             rig, notes = problem.rig, [*notes, told]
