@@ -57,4 +57,5 @@ def test_a_velocity_that_is_filtered():
     ((effect, part, variant, value),) = [(e.name, e.part, e.variant, e.parameters[0]) for e in found.effects]
     assert (effect, part, variant) == ("encoder_delay", "swing", "velocity alone")
     assert value.value == pytest.approx(0.006, abs=2e-4)
+    assert found.mismatch.strongest == "delay of the readings of swing (velocity alone)"
     assert not found.unknown.flagged

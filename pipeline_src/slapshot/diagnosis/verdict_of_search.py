@@ -141,7 +141,7 @@ def verdict_of(
         held_out_episodes=sorted({int(segments.ids[segments.episode[k]]) for k in held}),
         cannot_tell=None,
         findings=notes,
-        mismatch=Mismatch(found=missing, p_value=p, strongest=_phrase(strongest)),
+        mismatch=Mismatch(found=missing, p_value=p, strongest=_told(strongest)),
         location=location,
         effects=[_named_effect(found, effect, last) for effect in named],
         nominal_parameters=[_named_effect(found, effect, last) for effect in found.free],
@@ -312,9 +312,9 @@ def _dropped_note(effect: JointEffect) -> str:
 
 
 def _told(effect: JointEffect) -> str:
-    """Its phrase, and of pushes when they come."""
-    when = f" ({effect.variant})" if isinstance(effect, ExternalPulse) else ""
-    return _phrase(effect) + when
+    """Its phrase and variant: of pushes when they come, of readings which."""
+    variant = f" ({effect.variant})" if effect.variant and not is_free(effect) else ""
+    return _phrase(effect) + variant
 
 
 def _unknown(step: Step, p_value: float, dropped: Sequence[JointEffect] = ()) -> str:
