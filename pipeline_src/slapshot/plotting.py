@@ -30,8 +30,15 @@ METHOD_NAMES = {
 # Line styles distinguish methods without colour, too.
 _LINES = {"lstm": "--", "maml_1": ":", "maml_4": "-.", "maml_8": (0, (6, 1, 1, 1, 1, 1))}
 OTHER_COLOURS = ("#E69F00", "#56B4E9", "#000000", "#F0E442")
-# Named test conditions of a domain.
+# Named test conditions of a domain, in the same colour in all figures; no recorded puck is purple.
 FRICTIONS = ("low friction", "medium friction", "high friction")
+CONDITION_COLOURS = {
+    "low friction": "#56B4E9",
+    "medium friction": "#009E73",
+    "high friction": "#5B4A9C",
+    "low along x": "#E69F00",
+    "low along y": "#CC79A7",
+}
 STAND_IN = "stand-in rig (simulated), not a real robot"
 
 _STYLE: dict[Any, Any] = {

@@ -4,36 +4,38 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
 from slapshot.config.results import FigureSettings
 from slapshot.error_curves import panel_title, summarise
 from slapshot.parquet import read_frame
-from slapshot.plotting import FRICTIONS, Drawing, method_line, method_name
-
-# A colour a condition, a line a method: each panel holds all of them, as in the paper.
-_COLOURS = ("#56B4E9", "#009E73", "#D55E00")
+from slapshot.plotting import CONDITION_COLOURS, FRICTIONS, Drawing, method_line, method_name
 
 
 def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
-    """Panel (a): the named conditions, all levels of noise; (b): all test conditions, each level of noise."""
+    """Panel (a): the named conditions, all levels of noise; (b): all test conditions, each level of noise.
+
+    A colour is a condition or a level of noise (more noise is darker), a line style a method: each panel
+    holds all of them, as in the paper.
+    """
     errors = pd.concat([read_frame(f / "errors.parquet") for f in inputs.values()], ignore_index=True)
     friction = summarise(errors[errors["name"].isin(FRICTIONS)], ["method", "name"])
     noise = summarise(errors[errors["name"] == ""], ["method", "noise_variance", "noise_sd_m"])
     figure, panels = plt.subplots(1, 2, figsize=(9.6, 3.9), squeeze=False)
     left, right = panels[0]
-    _curves(left, [(name, friction[friction["name"] == name]) for name in FRICTIONS])
+    _curves(left, [(name, CONDITION_COLOURS[name], friction[friction["name"] == name]) for name in FRICTIONS])
     panel_title(left, "a", "by friction, all levels of noise")
     levels = noise[["noise_variance", "noise_sd_m"]].drop_duplicates().sort_values("noise_variance")
-    _curves(
-        right,
-        [
-            (f"noise variance {v:g} (sd {100 * sd:.1f} cm)", noise[noise["noise_variance"] == v])
-            for v, sd in levels.itertuples(index=False)
-        ],
-    )
+    darker = plt.colormaps["YlOrBr"](np.linspace(0.4, 0.95, len(levels)))
+    cases = []
+    for (variance, sd), colour in zip(levels.itertuples(index=False), darker, strict=True):
+        title = f"noise variance {variance:g} (sd {100 * sd:.1f} cm)"
+        cases.append((title, to_hex(colour), noise[noise["noise_variance"] == variance]))
+    _curves(right, cases)
     panel_title(right, "b", "by noise, all test conditions")
     methods = list(dict.fromkeys(errors["method"]))
     lines = [Line2D([], [], color="black", linestyle=method_line(m)) for m in methods]
@@ -52,9 +54,9 @@ def draw(inputs: Mapping[str, Path], settings: FigureSettings) -> Drawing:
     )
 
 
-def _curves(axes: Axes, cases: list[tuple[str, pd.DataFrame]]) -> None:
-    """A colour for each case's title and rows of a summary, a line style for each method; 95 % bands."""
-    for (title, summary), colour in zip(cases, _COLOURS, strict=False):
+def _curves(axes: Axes, cases: list[tuple[str, str, pd.DataFrame]]) -> None:
+    """Each case's title, colour and rows of a summary; a line style for each method; 95 % bands."""
+    for title, colour, summary in cases:
         for i, (method, rows) in enumerate(summary.groupby("method", sort=False)):
             axes.plot(
                 rows["samples"],

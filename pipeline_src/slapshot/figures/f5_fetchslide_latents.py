@@ -10,10 +10,9 @@ from matplotlib.axes import Axes
 
 from slapshot.config.results import LatentsFigureSettings
 from slapshot.latent_space import fit_projection, read_latents
-from slapshot.plotting import FRICTIONS, Drawing, method_name
+from slapshot.plotting import CONDITION_COLOURS, FRICTIONS, Drawing, method_name
 
 MODEL = 0  # axes of different models are not comparable: one is shown
-_COLOURS = ("#56B4E9", "#009E73", "#D55E00")
 
 
 Settings = LatentsFigureSettings
@@ -57,9 +56,11 @@ def draw(inputs: Mapping[str, Path], settings: LatentsFigureSettings) -> Drawing
 
 
 def _by_friction(axes: Axes, shown: pd.DataFrame) -> None:
-    for name, colour in zip(FRICTIONS, _COLOURS, strict=True):
+    for name in FRICTIONS:
         rows = shown[shown["name"] == name]
-        axes.scatter(rows["pc1"], rows["pc2"], s=7, color=colour, label=name, lw=0, alpha=0.8)
+        axes.scatter(
+            rows["pc1"], rows["pc2"], s=7, color=CONDITION_COLOURS[name], label=name, lw=0, alpha=0.8
+        )
 
 
 def _by_samples(axes: Axes, shown: pd.DataFrame) -> None:

@@ -10,12 +10,11 @@ from matplotlib.axes import Axes
 
 from slapshot.config.results import LatentsFigureSettings
 from slapshot.latent_space import at_samples, fit_projection, read_latents
-from slapshot.plotting import STAND_IN, Drawing, method_name
+from slapshot.plotting import CONDITION_COLOURS, OTHER_COLOURS, STAND_IN, Drawing, method_name
 
 SAMPLES = 20
 MODEL = 0  # axes of different models are not comparable: one is shown
-# Named conditions by their order, recorded pucks by their own colour.
-_COLOURS = ("#56B4E9", "#009E73", "#E69F00", "#CC79A7", "#5B4A9C")
+# Recorded pucks by their own colour.
 _PUCKS = {"red": "#D62728", "blue": "#1F4FB4"}
 
 
@@ -64,8 +63,9 @@ def _conditions(axes: Axes, seen: pd.DataFrame) -> pd.DataFrame:
     axes.scatter(cloud["pc1"], cloud["pc2"], s=3, color="#D5D5D5", label="drawn conditions", lw=0)
     shown = [cloud]
     names = [name for name in dict.fromkeys(simulated.sort_values("condition")["name"]) if name]
-    for name, colour in zip(names, _COLOURS, strict=False):
+    for number, name in enumerate(names):
         rows = simulated[simulated["name"] == name]
+        colour = CONDITION_COLOURS.get(name, OTHER_COLOURS[number % len(OTHER_COLOURS)])
         axes.scatter(rows["pc1"], rows["pc2"], s=14, color=colour, label=name, lw=0)
         shown.append(rows)
     recorded = seen[seen["source"] == "recorded"]
