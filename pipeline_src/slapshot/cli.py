@@ -24,7 +24,6 @@ from slapshot.store.recipe import Recipe
 from slapshot.store.verify import compare, find_problems, make_lock, problem_of, remove_damaged
 from slapshot.store.version_file import REPAIR, read_version_file
 from slapshot.text import printable
-from slapshot.validation import read_json, short
 
 LOCK = Path("data/pipeline.lock")
 DEFAULT_STORE = Path("data/store")
@@ -192,33 +191,19 @@ def _import(args: argparse.Namespace) -> int:
 
 def _diagnose(args: argparse.Namespace) -> int:
     os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is rendered, so no display is needed
-    header = args.recording / "recording.json"
-    match _format_version(header):  # imports of MuJoCo and figures; other commands start faster
-        case 1 | None:  # a file without version is refused when it is read, with the reason
+    from slapshot.recordings.read import format_version  # imports of MuJoCo and figures; others start faster
+
+    match format_version(args.recording):
+        case 1:
             if args.model is not None:
                 raise InputError(
                     "--model is of joints and bodies; for hits of an object give --rig or --config"
                 )
             from slapshot.diagnosis.pucks.command import run_diagnose
-        case 2:
+        case _:
             from slapshot.diagnosis.cli import run_diagnose
-        case version:
-            raise InputError(
-                f"{header}: format_version is {short(version)}, and no diagnosis reads that version; "
-                "write the recording in another, or use a newer slapshot"
-            )
     with own_code_may_run():  # effects that a rig file names
         return run_diagnose(args)
-
-
-def _format_version(file: Path) -> int | None:
-    """Format version of a recording.json; None if it cannot be read or has none."""
-    try:
-        values = read_json(file, "put it there")
-    except InputError:
-        return None
-    version = values.get("format_version") if isinstance(values, dict) else None
-    return version if type(version) is int else None
 
 
 def _say(text: str) -> None:

@@ -32,6 +32,10 @@ def _folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "drive": (control_channel(actuator="drive"), [p[:, 0] for p in u]),
         }
         write_signals(recording([t] * episodes, channels), folder / name)
+    t = np.arange(100) * 0.01
+    wrapped = (9 * t + np.pi) % (2 * np.pi) - np.pi
+    channels = {"angle": (joint("swing"), wrapped), "drive": (control_channel(actuator="drive"), 0 * t)}
+    write_signals(recording(t, channels), folder / "wrapped")
     (folder / "hits").mkdir()
     (folder / "hits/recording.json").write_text('{"format_version": 1}')
     return folder
@@ -76,6 +80,15 @@ def test_with_a_rig_file_too_little_data_is_a_verdict(slapshot: Run, folder: Pat
     assert "record longer" in (verdict.cannot_tell or "")
 
 
+def test_of_an_angle_that_wraps_nothing_is_told(slapshot: Run, folder: Path, tmp_path: Path):
+    out = tmp_path / "out"
+    code, _, _ = slapshot("diagnose", folder / "wrapped", "--rig", folder / "rig.yaml", "--out", out)
+    assert code == 0
+    verdict = read_verdict(out)
+    assert verdict.headline == "cannot_tell"
+    assert "angle jumps by a whole turn, 1 times: the angle wraps" in (verdict.cannot_tell or "")
+
+
 @pytest.mark.parametrize(
     ("name", "arguments", "words"),
     [
@@ -84,6 +97,8 @@ def test_with_a_rig_file_too_little_data_is_a_verdict(slapshot: Run, folder: Pat
         ("moving", ("--model", "none.xml"), "none.xml: model is missing"),
         ("moving", ("--rig", "none.yaml"), "none.yaml"),
         ("hits", ("--model", "rod.xml"), "--model is of joints and bodies"),
+        ("typo", ("--model", "rod.xml"), "typo: folder is missing"),
+        ("typo", ("--rig", "rig.yaml"), "typo: folder is missing"),
     ],
 )
 def test_refusals(

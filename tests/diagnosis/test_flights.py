@@ -12,7 +12,8 @@ from slapshot.effects.joints.effect import State
 from .mechanisms import place, recording
 
 BALL = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody><body name="ball"><freejoint/>
-<geom type="sphere" size=".02" mass=".0027" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
+<geom type="sphere" size=".02" mass=".0027" contype="0" conaffinity="0"/><site name="middle"/>
+</body></worldbody></mujoco>"""
 MASS, DRAG, NOISE, FLIGHTS = 0.0027, 3.4e-4, 0.002, 10  # of a table tennis ball; drag in N s^2/m^2
 
 
@@ -62,7 +63,7 @@ def test_air_drag_is_named_from_short_flights():
 def test_spins_that_differ_from_flight_to_flight_are_a_force_across_the_motion():
     """One spin of all flights is in the catalogue; many are unknown, but it is told how they act."""
     t, found = flights(4, lift=0.4)
-    channels = {c: (place("body", "ball", c), [one[:, i] for one in found]) for i, c in enumerate("xyz")}
+    channels = {c: (place("site", "middle", c), [one[:, i] for one in found]) for i, c in enumerate("xyz")}
     made = recording([t] * FLIGHTS, channels)
     told = diagnose(made, bind(MjSpec.from_string(BALL), made.channels), seed=1).verdict
     assert "spin_lift" not in [effect.name for effect in told.effects]

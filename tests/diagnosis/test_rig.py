@@ -136,6 +136,21 @@ def test_a_recorded_torque_acts_whole_whatever_limits_the_models_own_motors_have
     np.testing.assert_allclose(torque, [[0.0, 0.7]], atol=1e-12)
 
 
+def test_a_recorded_torque_acts_whole_whatever_effort_a_urdf_gives_the_joint():
+    weak = """<robot name="axis"><link name="base"/><link name="rod"><inertial><mass value="1"/>
+    <inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="hinge" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort=".1" velocity="1"/></joint></robot>"""
+    model = mujoco.MjModel.from_xml_string(weak)
+    assert model.jnt_actfrclimited.all()
+    rig = bind(spec(weak), {"angle": joint("hinge"), "torque": control_channel(joint="hinge")})
+    moved, _, torque = Simulator(rig).run(rig.model, np.zeros((1, 2)), np.array([[[0.7]]]))
+    np.testing.assert_allclose(torque, [[0.7]], atol=1e-12)
+    # From rest, by 0.7 N m, in a time step.
+    inertia = rig.model.dof_M0[0]
+    np.testing.assert_allclose(moved[0, 1], 0.7 / inertia * rig.model.opt.timestep, rtol=1e-6)
+
+
 def test_a_rig_can_be_bound_again():
     """As a rig is that an effect restructures: its motors are there already."""
     channels = {"angle": joint("elbow"), "torque": control_channel(joint="elbow")}
@@ -345,11 +360,11 @@ def handle(component: str) -> Channel:
 
 
 def test_a_mocap_body_is_an_input():
-    channels = {"position": joint("rail"), "z": handle("z"), "w": handle("qw"), "x": handle("x")}
+    channels = {"position": joint("rail", unit="m"), "z": handle("z"), "w": handle("qw"), "x": handle("x")}
     rig = bind(spec(DRAGGED), channels)
     assert [one.input for one in rig.controls] == [f"handle {c}" for c in ("x", "y", "z", *QUATERNION)]
     assert [one.channel for one in rig.controls] == ["x", None, "z", "w", None, None, None]
-    unbound = bind(spec(DRAGGED), {"a": joint("rail")})
+    unbound = bind(spec(DRAGGED), {"a": joint("rail", unit="m")})
     assert [one.rest for one in unbound.controls] == [0.5, 0, 0, 1, 0, 0, 0]
 
     rng = np.random.default_rng(1)
@@ -375,7 +390,7 @@ def test_a_mocap_body_is_an_input():
 REFUSED = {
     "a control of a body that moves by itself": (
         DRAGGED,
-        {"x": control("position", "m", body="cart", component="x"), "y": joint("rail")},
+        {"x": control("position", "m", body="cart", component="x"), "y": joint("rail", unit="m")},
         "only mocap bodies are controlled",
     ),
     "a control of a site": (
@@ -385,7 +400,7 @@ REFUSED = {
     ),
     "a body that is not there": (
         DRAGGED,
-        {"x": control("position", "m", body="grip", component="x"), "y": joint("rail")},
+        {"x": control("position", "m", body="grip", component="x"), "y": joint("rail", unit="m")},
         "the model has no body 'grip'",
     ),
     "no such joint": (ARM, {"a": joint("wrist")}, "the model has no joint 'wrist'; it has: shoulder, elbow"),
@@ -427,6 +442,21 @@ REFUSED = {
         ARM,
         {"a": joint("elbow"), "u": control("torque", "N m", actuator="servo")},
         "channel u: a torque at actuator servo, which has a law of its own; record its input as a command",
+    ),
+    "a model in which nothing moves": (
+        '<mujoco><worldbody><body name="ball"><geom size=".1"/></body></worldbody></mujoco>',
+        {c: place("body", "ball", c) for c in "xyz"},
+        "model: nothing in it can move; give bodies joints, or a freejoint",
+    ),
+    "an angle of a slide": (
+        DRAGGED,
+        {"x": joint("rail", unit="rad")},
+        "channel x: unit 'rad' cannot be of joint rail, a slide, whose units are m, m/s, N",
+    ),
+    "a force at a hinge": (
+        ARM,
+        {"a": joint("elbow"), "u": control("force", "N", joint="elbow")},
+        "channel u: unit 'N' cannot be of joint elbow, a hinge, whose units are rad, rad/s, N m",
     ),
     "nothing observed": (PENDULUM, {"u": control_channel(actuator="drive")}, "channels: nothing is observed"),
     "one number of many": (

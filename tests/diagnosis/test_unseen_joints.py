@@ -9,6 +9,7 @@ from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import segment_recording
 from slapshot.diagnosis.model.unseen_joints import Loops
+from slapshot.recordings.channels import Channel
 
 from .mechanisms import ARM, PENDULUM, control_channel, joint, place, recording, simulate
 
@@ -82,6 +83,99 @@ def test_both_angles_of_an_arm_are_found_from_its_hand():
         data.qpos[:] = now
         mujoco.mj_kinematics(model, data)
         assert data.site("hand").xpos == pytest.approx(there, abs=1e-3)
+
+
+MARKERS = {"left": (0.04, 0.0, 0.01), "right": (-0.03, 0.02, 0.0), "top": (0.0, -0.01, 0.05)}  # m
+TUMBLER = (
+    """<mujoco><worldbody><body name="box" pos="0 0 1"><freejoint/><geom size=".1" mass="1"/>"""
+    + "".join(
+        f'<site name="{name}" pos="{" ".join(map(str, at))}"/>'
+        for name, at in [*MARKERS.items(), ("middle", (0, 0, 0))]
+    )
+    + """<body name="cap"><site name="cap" quat="0 1 0 0"/></body></body></worldbody></mujoco>"""
+)
+
+
+def tumbling() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, and poses and velocities (n, 7 and 6) of a box that is thrown and turns at a constant rate."""
+    t, turn = np.arange(120) * 0.005, np.array([3.0, -5.0, 4.0])
+    pose, velocity = np.zeros((len(t), 7)), np.zeros((len(t), 6))
+    pose[:, :3] = np.stack([2 * t, 1 - t, 1 + 3 * t - 9.81 / 2 * t**2], axis=1)
+    velocity[:, :3] = np.stack([0 * t + 2, 0 * t - 1, 3 - 9.81 * t], axis=1)
+    velocity[:, 3:] = turn
+    for now, moment in zip(pose, t, strict=True):
+        now[3:] = [0.8, 0.6, 0, 0]
+        mujoco.mju_quatIntegrate(now[3:], turn, moment)
+    return t, pose, velocity
+
+
+def found_of_markers(names: list[str], kind: str = "site") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, true states and those that are found from places of sites."""
+    model = mujoco.MjModel.from_xml_string(TUMBLER)
+    t, pose, velocity = tumbling()
+    data, places = mujoco.MjData(model), {name: np.empty((len(t), 3)) for name in names}
+    for i, now in enumerate(pose):
+        data.qpos[:] = now
+        mujoco.mj_kinematics(model, data)
+        for name, way in places.items():
+            way[i] = (data.site(name) if kind == "site" else data.body(name)).xpos
+    channels = {
+        f"{name}_{c}": (place(kind, name, c), way[:, k])
+        for name, way in places.items()
+        for k, c in enumerate("xyz")
+    }
+    made = recording(t, channels)
+    rig = bind(MjSpec.from_string(TUMBLER), made.channels)
+    segments = segment_recording(made, rig)
+    found = recorded_trajectory(rig, segments)[segments.inside]
+    at = segments.time[segments.inside]
+    rows = np.searchsorted(t, at - 1e-9)
+    return at, np.hstack([pose, velocity])[rows], found
+
+
+@pytest.mark.parametrize(("kind", "name"), [("site", "middle"), ("site", "cap"), ("body", "cap")])
+def test_a_site_or_body_that_is_fixed_at_the_middle_of_a_flying_body_tells_its_flight(kind, name):
+    _, true, found = found_of_markers([name], kind)
+    # Parabolas are cubics: exact. Of one point the rotation is not known.
+    np.testing.assert_allclose(found[:, :3], true[:, :3], atol=1e-9)
+    np.testing.assert_allclose(found[:, 7:10], true[:, 7:10], atol=1e-6)
+    np.testing.assert_allclose(found[:, 3:7], np.tile([1.0, 0, 0, 0], (len(found), 1)))
+
+
+def test_a_marker_off_the_middle_tells_a_flight_but_for_its_lever():
+    _, true, found = found_of_markers(["left"])
+    lever = np.linalg.norm(MARKERS["left"])
+    assert np.linalg.norm(found[:, :3] - true[:, :3], axis=1).max() < 2 * lever
+    np.testing.assert_allclose(found[:, 3:7], np.tile([1.0, 0, 0, 0], (len(found), 1)))
+
+
+@pytest.mark.parametrize("names", [[*MARKERS], [*MARKERS, "middle"]])
+def test_markers_tell_the_pose_of_a_body_that_turns(names):
+    _, true, found = found_of_markers(names)
+    np.testing.assert_allclose(found[:, :3], true[:, :3], atol=1e-4)
+    # A cubic of a circle errs by (.03 w)^4 / 24 in a window of 60 ms: by 3e-5 of a lever, or rad.
+    alike = np.abs(np.sum(found[:, 3:7] * true[:, 3:7], axis=1))
+    assert np.all(alike > np.cos(1e-3 / 2))
+    np.testing.assert_allclose(found[5:-5, 10:], true[5:-5, 10:], atol=0.05)
+
+
+GEARED = """<mujoco><worldbody>
+<body><joint name="axis" axis="0 0 1"/><geom size=".1" mass="1"/></body>
+</worldbody><actuator><motor name="motor" joint="axis" gear="50"/></actuator></mujoco>"""
+
+
+def test_a_joint_is_seen_by_the_encoder_of_its_motor_behind_a_gear():
+    t = np.arange(100) * 0.01
+    angle = 0.3 * np.sin(4 * t)
+    channel = Channel(clock="encoder", role="observation", quantity="position", actuator="motor", unit="rad")
+    made = recording(t, {"encoder": (channel, 50 * angle)})
+    rig = bind(MjSpec.from_string(GEARED), made.channels)
+    segments = segment_recording(made, rig)
+    found = recorded_trajectory(rig, segments)[segments.inside]
+    at = segments.time[segments.inside]
+    # A cubic of a sine over 60 ms errs by .3 (4 * .03)^4 / 24.
+    np.testing.assert_allclose(found[:, 0], 0.3 * np.sin(4 * at), atol=1e-4)
+    np.testing.assert_allclose(found[3:-3, 1], 1.2 * np.cos(4 * at)[3:-3], atol=0.01)
 
 
 @pytest.mark.parametrize("seen", ["tip", "velocity"])

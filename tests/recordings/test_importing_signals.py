@@ -100,11 +100,13 @@ def test_units_scales_signs_and_blanks_in_the_header(tmp_path: Path) -> None:
 def test_absolute_stamps_begin_at_0_in_each_episode(tmp_path: Path, unit: str, factor: float) -> None:
     """Seconds from 1970 have 0.24 microseconds between neighbouring floats."""
     for i, begin in enumerate((1.7e9, 1.7e9 + 1000)):
-        rows = [[round(factor * (begin + t)), q, u] for t, q, u in good_rows(T * 100)]
+        rows = [
+            [round(factor * (begin + t), 1 if factor == 1 else None), q, u] for t, q, u in good_rows(T * 40)
+        ]
         write_csv(tmp_path / f"csv/{i}.csv", rows, HEADER)
     recording, _ = imported(tmp_path, clocks=one_clock(time={"column": "time", "unit": unit}))
     for _, rows in recording.signals["main"].groupby("episode"):
-        np.testing.assert_allclose(rows["t"], T * 100, atol=1e-6)
+        np.testing.assert_allclose(rows["t"], T * 40, atol=1e-6)
 
 
 def test_a_column_tells_episodes_apart(tmp_path: Path) -> None:
@@ -201,7 +203,62 @@ def test_clocks_of_different_rates_may_share_a_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.signals["slow"]["t"], T[::10])
     refused_one = tmp_path / "one"
     write_csv(refused_one / "csv/a.csv", rows, HEADER)
-    refused(refused_one, "control 'u' is empty (null or NaN)", "put it on a clock of its own")
+    refused(refused_one, "a.csv: line 3: control 'u' is empty", "put it on a clock of its own")
+
+
+def test_rows_before_a_controller_starts_are_left_out(tmp_path: Path) -> None:
+    rows = [[t, q, u if i >= 7 else ""] for i, (t, q, u) in enumerate(good_rows())]
+    write_csv(tmp_path / "csv/a.csv", rows, HEADER)
+    recording, summary = imported(tmp_path)
+    np.testing.assert_allclose(recording.signals["main"]["t"], T[7:] - T[7])
+    assert summary.lines == (
+        "episode 0, a.csv: 7 rows stand before all controls were given and were left out",
+    )
+
+
+def test_a_row_of_blank_cells_takes_its_time_where_rows_are_counted(tmp_path: Path) -> None:
+    """Motion capture without a column of times, that lost an object from its tenth frame to its twentieth."""
+    x = [["" if 10 <= i < 20 else f"{2 * t:.6g}"] * 2 for i, t in enumerate(T)]
+    write_csv(tmp_path / "csv/a.csv", x, ["x", "y"])
+    channels = {
+        name: {"column": name, "role": "observation", "quantity": "position", "body": "ball",
+               "component": name, "unit": "m"}
+        for name in "xy"
+    }  # fmt: skip
+    rate = round(1 / (T[1] - T[0]))
+    recording, summary = imported(tmp_path, clocks=one_clock(time={"rate_hz": rate}), channels=channels)
+    kept = np.r_[0:10, 20 : len(T)]
+    np.testing.assert_allclose(recording.signals["main"]["t"], T[kept], atol=1e-9)
+    np.testing.assert_allclose(recording.signals["main"]["x"], 2 * T[kept], atol=1e-5)
+    assert summary.lines == (f"episode 0, a.csv: 10 of {len(T)} rows have no time or no value",)
+
+
+def test_an_angle_that_wraps_goes_on(tmp_path: Path) -> None:
+    """In degrees, behind a gear of 5, an encoder that turns backwards and starts again at 0."""
+    turned = 30 * T * 20 - 7  # deg of the joint
+    rows = [[t, (-5 * angle) % 360] for t, angle in zip(T, turned, strict=True)]
+    rows[11][1] = ""
+    write_csv(tmp_path / "csv/a.csv", rows, ["time", "pos"])
+    column = {"unit": "deg", "scale": 0.2, "sign": -1, "period": 360}
+    recording, _ = imported(tmp_path, channels={"q": {**POS, **column}})
+    found = np.rad2deg(recording.signals["main"]["q"])
+    expected = np.delete(turned, 11)
+    np.testing.assert_allclose(found - found[0], expected - expected[0], atol=1e-9)
+    assert turned.max() - turned.min() > 72  # of which each 72 degrees are a turn of the encoder
+
+
+def test_a_period_is_of_positions(tmp_path: Path) -> None:
+    write_csv(tmp_path / "csv/a.csv", good_rows(), HEADER)
+    refused(
+        tmp_path, "channels.u.period", "is of observed positions",
+        channels={"q": POS, "u": {**TAU, "period": 360}},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("stamp", [1.7e12, 1.7e15, 1.7e18])
+def test_stamps_of_another_unit_than_was_said(tmp_path: Path, stamp: float) -> None:
+    write_csv(tmp_path / "csv/a.csv", [[stamp + 1e3 * t, q, u] for t, q, u in good_rows()], HEADER)
+    refused(tmp_path, "line 2", "too large for a time in s", "ms, us or ns")
 
 
 def test_a_free_body_without_controls(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from slapshot.effects.joints.catalogue import instances
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.errors import InputError
 from slapshot.recordings.channel_pair_quality import differentiated_velocities
+from slapshot.recordings.position_quality import whole_turns
 from slapshot.recordings.signal_statistics import channel_statistics
 from slapshot.recordings.signals import SignalRecording
 
@@ -94,11 +95,20 @@ def _diagnosis(
     began = time.process_time()
     # Fits try unstable models; MuJoCo's warnings about them are suppressed.
     mujoco.set_mju_user_warning(lambda text: None)
-    derived = differentiated_velocities([channel_statistics(recording, o.channel) for o in rig.observations])
+    measured = [channel_statistics(recording, o.channel) for o in rig.observations]
+    derived = differentiated_velocities(measured)
+    measured = [one for one in measured if one.name not in derived]
     rig = rig.without(derived)
     notes = [*findings, *_undriven_inputs(rig)]
     if derived:
         notes.append(f"{', '.join(derived)} were differentiated from recorded positions and are not used")
+    for observation, one in zip(rig.observations, measured, strict=True):
+        if observation.dof is not None and observation.quantity == "position" and (count := whole_turns(one)):
+            wraps = (
+                f"{observation.channel} jumps by a whole turn, {count} times: the angle wraps; unwrap it "
+                "(period in a mapping, or numpy.unwrap)"
+            )
+            return Diagnosis(undecided(recording, rig, notes, wraps, began), rig)
     channels = {name: channel for name, channel in recording.channels.items() if name not in derived}
     try:
         segments = segment_recording(recording, rig)

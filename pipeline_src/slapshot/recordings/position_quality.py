@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slapshot.arrays import Array
 from slapshot.recordings.quality_warning import QualityWarning
@@ -25,12 +26,7 @@ def position_warnings(measured: ChannelStatistics) -> Iterator[QualityWarning]:
 
 def _jumps(measured: ChannelStatistics) -> Iterator[QualityWarning]:
     """Jumps of a position between samples that its speed before and after does not explain."""
-    turns, others = [], []
-    for one in measured.series:
-        excess = _excess(one, max(STANDS_OUT * measured.noise, STEPS * measured.grid))
-        turned = (np.abs(np.abs(excess) - _TURN) < _TURN_ERR) & (measured.channel.unit == "rad")
-        turns.append(turned)
-        others.append((excess != 0) & ~turned & ~np.append(False, stuck_samples(one, measured.grid)[:-1]))
+    turns, others = _jump_masks(measured)
     count, other_count = (sum(int(mask.sum()) for mask in masks) for masks in (turns, others))
     if count:
         yield of_samples(
@@ -38,7 +34,8 @@ def _jumps(measured: ChannelStatistics) -> Iterator[QualityWarning]:
             "wraps",
             turns,
             f"{measured.name} jumps by a whole turn, {count} times",
-            "the angle wraps: unwrap it (numpy.unwrap), because simulated joints turn on continuously",
+            "the angle wraps: unwrap it (period in a mapping, or numpy.unwrap), because simulated joints "
+            "turn on continuously",
         )
     if other_count:
         yield of_samples(
@@ -48,6 +45,22 @@ def _jumps(measured: ChannelStatistics) -> Iterator[QualityWarning]:
             f"{measured.name} jumps {other_count} times by more than its speed before and after explains",
             "an encoder slipped, samples were lost, or two recordings were joined: split the episode there",
         )
+
+
+def _jump_masks(measured: ChannelStatistics) -> tuple[list[NDArray[np.bool_]], list[NDArray[np.bool_]]]:
+    """For each series the samples before a jump by a whole turn, and before any other."""
+    turns, others = [], []
+    for one in measured.series:
+        excess = _excess(one, max(STANDS_OUT * measured.noise, STEPS * measured.grid))
+        turned = (np.abs(np.abs(excess) - _TURN) < _TURN_ERR) & (measured.channel.unit == "rad")
+        turns.append(turned)
+        others.append((excess != 0) & ~turned & ~np.append(False, stuck_samples(one, measured.grid)[:-1]))
+    return turns, others
+
+
+def whole_turns(measured: ChannelStatistics) -> int:
+    """How often an angle jumps by a whole turn, as one that wraps does."""
+    return sum(int(turned.sum()) for turned in _jump_masks(measured)[0])
 
 
 def _excess(one: Series, least: float) -> Array:

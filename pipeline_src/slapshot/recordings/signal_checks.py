@@ -19,8 +19,8 @@ from slapshot.recordings.signal_tables import EPISODES_FILE, clocks, signals_fil
 # Beyond any rig, in any SI unit: uninitialised memory.
 _IMPOSSIBLE = 1e9
 _MAX_EPISODES = 100_000
-# Joint motion sampled less than once per second: times are in another unit.
-_MAX_INTERVAL_S = 1.0
+# Joint motion sampled less than twice per second: times are in another unit, milliseconds at 1 or 2 kHz.
+_MIN_RATE_HZ = 2.0
 _MAX_CONTROL_RATIO = 100.0  # controls longer than the observations by this factor are in another unit
 _UNIT_NORM = 0.05
 
@@ -100,7 +100,7 @@ def check_all_episodes(table: pd.DataFrame, episodes: pd.DataFrame, file: Path) 
 def check_interval(table: pd.DataFrame, file: Path) -> None:
     """Refuse sampling intervals so long that times must be in another unit."""
     interval = float(np.nanmedian(table.groupby("episode")["t"].diff().to_numpy()))
-    if interval > _MAX_INTERVAL_S:
+    if interval * _MIN_RATE_HZ >= 1:
         raise InputError(
             f"{file}: column 't': samples are {interval:.4g} apart (median), too rare for seconds: if t is "
             "in milliseconds, divide by 1000; if in microseconds, by 1e6"

@@ -92,6 +92,8 @@ def duplicate_episode_warnings(recording: SignalRecording) -> Iterator[QualityWa
 def clock_warnings(recording: SignalRecording, clock: str) -> Iterator[QualityWarning]:
     """Missing rows and uneven sampling of a clock."""
     channels = [channel for channel in recording.channels.values() if channel.clock == clock]
+    if not channels:
+        return
     found = clock_sampling(recording, clock)
     if all(channel.role == "control" for channel in channels):
         # Where they are sampled regularly, it is no command that is held which is missing.

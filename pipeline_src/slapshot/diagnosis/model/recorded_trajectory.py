@@ -13,6 +13,7 @@ from slapshot.diagnosis.model.unseen_joints import (
     find_first_angles,
     integrate_velocity,
     is_place,
+    observed_point,
     solve_positions,
     unseen_joints,
 )
@@ -26,10 +27,10 @@ def recorded_trajectory(rig: Rig, segments: Segments) -> Array:
 
     Positions and velocities of joints that are observed, and of bodies with a free joint, follow the record;
     so do rotations of which all four components are observed. Joints that are seen by their velocity alone
-    follow its integral; those that are seen by places of sites or bodies alone, or belong to a loop that
-    equality constraints close, are found by inverse kinematics. Other coordinates rest at the model's first
-    keyframe, or at its initial position. Activations of filters follow the controls. Fits move the trajectory
-    towards the model's motion.
+    follow its integral; those that are seen by other places of sites or bodies alone, or behind a gear, or
+    belong to a loop that equality constraints close, are found by inverse kinematics. Other coordinates rest
+    at the model's first keyframe, or at its initial position. Activations of filters follow the controls.
+    Fits move the trajectory towards the model's motion.
     """
     tangent = Tangent(rig.model)
     S, L = segments.shape
@@ -53,11 +54,13 @@ def recorded_trajectory(rig: Rig, segments: Segments) -> Array:
             velocity[inside] = rate
             x[own, :, q : q + position.shape[2]] = position
             x[own, :, tangent.nq + v : tangent.nq + v + velocity.shape[2]] = velocity
-    unseen = unseen_joints(rig, {v for _, _, v in targets})
+    direct = {column for columns, *_ in targets for column in columns}
+    places = [c for c in range(len(rig.observations)) if is_place(rig, c) and c not in direct]
+    # A quaternion's degrees of freedom are three.
+    seen = {v + axis for columns, _, v in targets for axis in range(3 if len(columns) == 4 else 1)}
+    unseen = unseen_joints(rig, seen, places)
     turned = [v for v in unseen if integrate_velocity(rig, segments, x, v)]
     unseen = [v for v in unseen if v not in turned]
-    direct = {column for columns, *_ in targets for column in columns}
-    places = [c for c, o in enumerate(rig.observations) if is_place(rig, c) and c not in direct]
     if unseen and (places or Loops(rig.model)):
         solve_positions(rig, segments, x, unseen, places)
     for v in turned:
@@ -106,13 +109,15 @@ def _targets(rig: Rig) -> list[tuple[list[int], int, int]]:
 
 
 def _own_joint(rig: Rig, column: int) -> int | None:
-    """The free joint of the body that a column observes, or the ball joint that it does."""
+    """The free joint whose own frame a column observes, or the ball joint that it does."""
     model, sensor = rig.model, rig.sensor_of(column)
-    target = int(model.sensor_objid[sensor])
     if model.sensor_type[sensor] == int(mujoco.mjtSensor.mjSENS_BALLQUAT):
-        return target
-    if model.sensor_objtype[sensor] == int(mujoco.mjtObj.mjOBJ_XBODY):
-        joint = int(model.body_jntadr[target])
-        if joint >= 0 and model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_FREE):
-            return joint
-    return None
+        return int(model.sensor_objid[sensor])
+    point = observed_point(model, sensor)
+    if point is None:
+        return None
+    joint = int(model.body_jntadr[point.body])
+    is_free = joint >= 0 and model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_FREE)
+    is_quaternion = model.sensor_type[sensor] == int(mujoco.mjtSensor.mjSENS_FRAMEQUAT)
+    own = point.is_aligned if is_quaternion else point.is_origin
+    return joint if is_free and own else None

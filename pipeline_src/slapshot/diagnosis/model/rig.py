@@ -13,7 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from slapshot.diagnosis.model.sensors import OWN, SCALAR, add_sensor, check_part
+from slapshot.diagnosis.model.sensors import OWN, SCALAR, add_sensor, check_joint_unit, check_part
 from slapshot.diagnosis.model.urdf import is_urdf, readable_urdf
 from slapshot.errors import InputError
 from slapshot.recordings.channels import PLACE, QUATERNION, Channel
@@ -156,6 +156,11 @@ def bind(
     spec = spec.copy()
     _name_all(spec)
     model = spec.copy().compile()
+    if not model.nv:
+        raise InputError(
+            "model: nothing in it can move; give bodies joints, or a freejoint (the first link of a URDF is "
+            "fixed to the world)"
+        )
     if model.nhistory or model.npluginstate:
         raise InputError(
             "model: has delays or plugins, whose states cannot be fitted; remove them (a delay is an effect)"
@@ -279,6 +284,8 @@ def _input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Chann
             f"channel {name}: controls joint {channel.joint} with a {channel.quantity}; name the actuator "
             "that receives it, or record the torque"
         )
+    if model.joint(channel.joint).type[0] in SCALAR:
+        check_joint_unit(model, name, channel)
     # Of a free joint along an axis and about it.
     motor = f"{OWN}{channel.joint}" + (
         f":{channel.quantity} {channel.component}" if channel.component else ""
@@ -290,6 +297,8 @@ def _input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Chann
         # What was recorded acted: no limit of the model's own motors, whose defaults it would get.
         added.ctrllimited = added.forcelimited = added.actlimited = mujoco.mjtLimited.mjLIMITED_AUTO
         added.ctrlrange = added.forcerange = added.actrange = [0.0, 0.0]
+        # Nor of the joint's, which URDF's effort is.
+        spec.joint(channel.joint).actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
     return motor
 
 

@@ -44,6 +44,22 @@ def check_part(model: mujoco.MjModel, kind: str, part: str, channel: str) -> Non
         )
 
 
+def check_joint_unit(model: mujoco.MjModel, name: str, channel: Channel) -> None:
+    """Refuse lengths of a hinge, and angles of a slide.
+
+    Raises:
+        InputError: one line.
+    """
+    turns = model.joint(channel.joint).type[0] == int(_JOINT.mjJNT_HINGE)
+    units = ("rad", "rad/s", "N m") if turns else ("m", "m/s", "N")
+    if channel.unit not in units:
+        raise InputError(
+            f"channel {name}: unit {channel.unit!r} cannot be of joint {channel.joint}, a "
+            f"{'hinge' if turns else 'slide'}, whose units are {', '.join(units)}; convert it, or name the "
+            "part that was recorded"
+        )
+
+
 def add_sensor(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: Channel) -> tuple[str, int]:
     """Add a sensor for a channel, if the model has none.
 
@@ -74,6 +90,8 @@ def add_sensor(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, channel: C
             )
         if component is not None:
             raise InputError(f"channel {name}: {kind} {part} has one number; remove component {component!r}")
+        if kind == "joint":
+            check_joint_unit(model, name, channel)
         sensor = table[channel.quantity]
     elif kind == "joint" and model.joint(part).type[0] == _JOINT.mjJNT_BALL:
         sensor, object_type = _of_ball(name, channel), _OBJECT.mjOBJ_JOINT

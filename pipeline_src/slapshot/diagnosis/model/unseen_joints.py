@@ -1,5 +1,8 @@
 """Positions of joints without encoder, from places, their own velocity, or the loops that they close."""
 
+from collections.abc import Iterable
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -9,17 +12,99 @@ from slapshot.diagnosis.model.hypothesis import Simulator, actuator_torque
 from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.model.smoothed_readings import assign, smoothed
-from slapshot.diagnosis.model.tangent import Tangent
+from slapshot.diagnosis.model.tangent import Tangent, angular_velocity
 
 _DAMPING, _ROUNDS, _STEP, _LONGEST, _STARTS = 1e-3, 30, 1e-5, 0.5, 3  # of inverse kinematics; in rad or m
+_SAME = 1e-9  # m, and of axes
+_PLACES = (
+    mujoco.mjtSensor.mjSENS_FRAMEPOS,
+    mujoco.mjtSensor.mjSENS_ACTUATORPOS,
+    mujoco.mjtSensor.mjSENS_TENDONPOS,
+)
 # First angles that are tried, at how many nodes, and the share of the usual error that one must be below.
 _ANGLES, _NODES, _CLEARLY = 24, 60, 0.9
 
 
-def unseen_joints(rig: Rig, seen: set[int]) -> list[int]:
-    """Degrees of freedom of hinges and slides whose position is not observed."""
-    scalar = np.isin(rig.model.jnt_type, [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)])
-    return [int(v) for v in rig.model.jnt_dofadr[scalar] if int(v) not in seen]
+@dataclass(frozen=True)
+class Point:
+    """What a sensor of a site or body observes.
+
+    Attributes:
+        body: that it moves with, and that is fixed to no other.
+        is_origin: whether its place is that of the body's frame.
+        is_aligned: whether its axes are those of the body's frame.
+    """
+
+    body: int
+    is_origin: bool
+    is_aligned: bool
+
+
+def observed_point(model: mujoco.MjModel, sensor: int) -> Point | None:
+    """The point that a sensor observes; None for sensors of joints and actuators."""
+    kind, target = int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor])
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    match mujoco.mjtObj(kind):
+        case mujoco.mjtObj.mjOBJ_XBODY:
+            of, place, axes = target, data.xpos[target], data.xmat[target]
+        case mujoco.mjtObj.mjOBJ_BODY:  # its centre of mass, and the axes of its inertia
+            of, place, axes = target, data.xipos[target], data.ximat[target]
+        case mujoco.mjtObj.mjOBJ_SITE:
+            of, place, axes = int(model.site_bodyid[target]), data.site_xpos[target], data.site_xmat[target]
+        case _:
+            return None
+    body = int(model.body_weldid[of])
+    return Point(
+        body,
+        bool(np.abs(place - data.xpos[body]).max() < _SAME),
+        bool(np.abs(axes - data.xmat[body]).max() < _SAME),
+    )
+
+
+def unseen_joints(rig: Rig, seen: set[int], places: list[int]) -> list[int]:
+    """Degrees of freedom whose position is not observed.
+
+    Those of hinges and slides all; of ball joints and free bodies those that move an observed place. A body
+    of which one point is seen keeps its rotation.
+
+    Args:
+        rig: that is recorded.
+        seen: degrees of freedom that are observed themselves.
+        places: columns of observations that are no degree of freedom.
+    """
+    model, found = rig.model, list[int]()
+    for j, kind in enumerate(model.jnt_type.tolist()):
+        first = int(model.jnt_dofadr[j])
+        match mujoco.mjtJoint(kind):
+            case mujoco.mjtJoint.mjJNT_FREE if _moves(rig, j, places):
+                several = len(_points(rig, j, range(len(rig.observations)))) > 1
+                found += range(first, first + (6 if several else 3))
+            case mujoco.mjtJoint.mjJNT_BALL if _moves(rig, j, places):
+                found += range(first, first + 3)
+            case mujoco.mjtJoint.mjJNT_HINGE | mujoco.mjtJoint.mjJNT_SLIDE:
+                found.append(first)
+    return [v for v in found if v not in seen]
+
+
+def _moves(rig: Rig, joint: int, places: list[int]) -> bool:
+    return bool(_points(rig, joint, places))
+
+
+def _points(rig: Rig, joint: int, columns: Iterable[int]) -> set[tuple[int, int]]:
+    """Kind and number of the sites and bodies whose places are observed and that a joint moves."""
+    model, found = rig.model, set[tuple[int, int]]()
+    for column in columns:
+        sensor = rig.sensor_of(column)
+        point = observed_point(model, sensor)
+        if point is None or model.sensor_type[sensor] != int(mujoco.mjtSensor.mjSENS_FRAMEPOS):
+            continue
+        body = point.body
+        while body and body != model.jnt_bodyid[joint]:
+            body = int(model.body_parentid[body])
+        if body:
+            found.add((int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor])))
+    return found
 
 
 def integrate_velocity(rig: Rig, segments: Segments, x: Array, v: int) -> bool:
@@ -82,9 +167,9 @@ def find_first_angles(rig: Rig, segments: Segments, x: Array, v: int) -> None:
 
 
 def is_place(rig: Rig, column: int) -> bool:
-    """Whether an observation is a coordinate of a site or body."""
-    kind = rig.model.sensor_type[rig.sensor_of(column)]
-    return rig.observations[column].quantity == "position" and kind == int(mujoco.mjtSensor.mjSENS_FRAMEPOS)
+    """Whether an observation is a coordinate of a site or body, or the position behind a gear or tendon."""
+    kind = mujoco.mjtSensor(rig.model.sensor_type[rig.sensor_of(column)])
+    return rig.observations[column].quantity == "position" and kind in _PLACES
 
 
 class Loops:
@@ -183,13 +268,25 @@ def solve_positions(rig: Rig, segments: Segments, x: Array, unseen: list[int], p
     found = x.copy()
     found[at[:, 0], at[:, 1]] = states
     for v in unseen:
-        q = int(model.jnt_qposadr[model.dof_jntid[v]])
+        joint = int(model.dof_jntid[v])
+        kind, axis = mujoco.mjtJoint(model.jnt_type[joint]), v - int(model.jnt_dofadr[joint])
+        turning = kind == mujoco.mjtJoint.mjJNT_BALL or (kind == mujoco.mjtJoint.mjJNT_FREE and axis >= 3)
+        if turning and axis % 3:
+            continue  # all three at once
+        q, width = int(model.jnt_qposadr[joint]) + axis, 4 if turning else 1
         for run in segments.runs():
             there = inside[run]
-            way = found[run, :, q][there]
-            if model.jnt_type[model.dof_jntid[v]] == int(mujoco.mjtJoint.mjJNT_HINGE):
-                way = np.unwrap(way)
-            if len(way) > 1:
-                x[run, :, q] = way[-1]
-                assign(x, run, there, q, way)
-                assign(x, run, there, nq + v, np.gradient(way, segments.interval))
+            way = found[run, :, q : q + width][there]
+            if len(way) < 2:
+                continue
+            if kind == mujoco.mjtJoint.mjJNT_HINGE:
+                way = np.unwrap(way, axis=0)
+            if turning:
+                way[1:] *= np.cumprod(np.where(np.sum(way[1:] * way[:-1], axis=1) < 0, -1.0, 1.0))[:, None]
+            change: Array = np.gradient(way, segments.interval, axis=0)
+            rate = angular_velocity(way, change) if turning else change
+            x[run, :, q : q + width] = way[-1]
+            for k in range(width):
+                assign(x, run, there, q + k, way[:, k])
+            for k in range(rate.shape[1]):
+                assign(x, run, there, nq + v + k, rate[:, k])

@@ -22,7 +22,7 @@ from slapshot.errors import InputError, reading
 from slapshot.recordings.importing.mapping import MAX_TEXT, CsvStyle, ScaledColumn
 from slapshot.validation import short
 
-_NOT_SEEN = {"", "nan", "na", "null", "none"}
+_NOT_SEEN = {"", "nan", "na", "null", "none", "-nan", "nan(ind)", "-nan(ind)"}  # as C prints it, too
 _MAX_FILE_BYTES = 200_000_000  # bytes
 _DAMAGED = "\ufffd"
 # A clock may define the order of hits, and the start position may be the first of the positions.
@@ -95,9 +95,13 @@ def read_rows(mapping: NamedColumns, file: Path) -> Rows:
     _check_apart(numbers, mapping)
     places = [*numbers.values(), *texts.values()]
     last = max(places)
+    # Where rows are counted, one without any value took its time all the same.
+    are_counted = "t" not in numbers and not texts
     found: list[_Row] = []
     lengths = [0]
     for row in rows:
+        if row.is_blank and not are_counted:
+            continue
         _check_header_fits(row, names, style, file)
         lengths.append(len(row.cells))
         # A file may have a million columns, of which a few are wanted.
@@ -141,9 +145,17 @@ class _Row:
     over: int
     cells: list[str]
 
+    @property
+    def is_blank(self) -> bool:
+        """Whether it has no value."""
+        return not any(cell.strip() for cell in self.cells)
+
 
 def _text(file: Path) -> str:
-    with reading(file, "give a CSV file, or the folder that holds such files", _MAX_FILE_BYTES):
+    remedy = "give a CSV file, or the folder that holds such files"
+    if file.is_file() and file.stat().st_size > _MAX_FILE_BYTES:
+        remedy = "split it into episodes, or leave out columns and rows that are not needed"
+    with reading(file, remedy, _MAX_FILE_BYTES):
         raw = file.read_bytes()
     if b"\0" in raw:
         raise InputError(f"{file}: is binary or UTF-16, not plain text; save it as CSV in UTF-8")
@@ -152,7 +164,7 @@ def _text(file: Path) -> str:
 
 
 def _split(text: str, style: CsvStyle, file: Path) -> Iterator[_Row]:
-    """All rows that are not blank."""
+    """All rows that are not empty; those of blank cells among them."""
     if style.separator is None:
         for number, whole in enumerate(io.StringIO(text, newline=None), 1):
             if number > style.skip_rows and whole.strip():
@@ -166,7 +178,7 @@ def _split(text: str, style: CsvStyle, file: Path) -> Iterator[_Row]:
     before = 0
     try:
         for cells in reader:
-            if any(cell.strip() for cell in cells):
+            if len(cells) > 1 or any(cell.strip() for cell in cells):
                 yield _Row(style.skip_rows + reader.line_num, reader.line_num - before, cells)
             before = reader.line_num
     except csv.Error as error:
@@ -199,7 +211,7 @@ def _check_header_fits(row: _Row, names: list[str] | None, style: CsvStyle, file
 
 
 def _header(rows: Iterator[_Row], mapping: NamedColumns, file: Path) -> list[str]:
-    first = next(rows, None)
+    first = next((row for row in rows if not row.is_blank), None)
     names = [name.strip() for name in first.cells] if first else []
     if names and all(re.fullmatch(r"[-+.,\deE]*", name) for name in names):
         raise InputError(
@@ -246,6 +258,10 @@ def _numbers(
                 "under csv.missing"
             ) from None
         scaled = column.factor * value + column.offset
+        if role == "t" and limit < abs(scaled) < math.inf:
+            raise InputError(
+                f"{where}: {text[:40]} is too large for a time in s; correct its unit (ms, us or ns)"
+            )
         if 0 < abs(value) < least or not abs(scaled) <= limit:
             raise InputError(
                 f"{where}: {text[:40]} cannot be: it looks like uninitialised memory; name another "

@@ -140,7 +140,44 @@ def _part(columns: ClockColumns, rows: Rows, which: NDArray[np.int64], label: st
         raise InputError(
             f"{rows.file}: has no row with a time and a value; correct the columns in {columns.file}"
         )
-    return _increasing(columns, rows.file, part, of_column)
+    part = _with_all_controls(columns, rows.file, part)
+    return _unwrapped(columns, _increasing(columns, rows.file, part, of_column))
+
+
+def _with_all_controls(columns: ClockColumns, file: Path, part: _Part) -> _Part:
+    """The rows from the first on in which all controls of the clock are given.
+
+    Raises:
+        InputError: One is empty in a later row.
+    """
+    channels = columns.mapping.channels
+    controls = [name for name in part.columns if channels[name].role == "control"]
+    empty = np.zeros(len(part.t), dtype=bool)
+    for name in controls:
+        empty |= np.isnan(part.columns[name])
+    if not empty.any():
+        return part
+    given = np.flatnonzero(~empty)
+    later = given[0] + np.flatnonzero(empty[given[0] :]) if len(given) else np.flatnonzero(empty)
+    if len(later):
+        name = next(name for name in controls if np.isnan(part.columns[name][later[0]]))
+        raise InputError(
+            f"{file}: line {part.lines[later[0]]}: control {name!r} is empty: fill in what was given then, "
+            "or put it on a clock of its own, which may have the same files"
+        )
+    return part.where(~empty, f"{given[0]} rows stand before all controls were given and were left out")
+
+
+def _unwrapped(columns: ClockColumns, part: _Part) -> _Part:
+    """The same, with columns that begin again after a period continued across it."""
+    values = dict(part.columns)
+    for name, column in part.columns.items():
+        period = columns.mapping.channels[name].wrap_period
+        if period is not None:
+            seen = ~np.isnan(column)
+            values[name] = column.copy()
+            values[name][seen] = np.unwrap(column[seen], period=period)
+    return replace(part, columns=values)
 
 
 def _increasing(columns: ClockColumns, file: Path, part: _Part, of_column: bool) -> _Part:

@@ -73,12 +73,27 @@ class ChannelColumn(Channel):
     )
     sign: Literal[1, -1] = Field(default=1, description="-1 turns an axis round")
     offset: Number = Field(default=0.0, description="what to add after that, in the channel's unit")
+    period: Given[Annotated[Number, Field(gt=0)]] = Field(
+        default=None,
+        description="of a position that wraps: after how much the column's numbers begin again, as 360",
+    )
 
     def _check_unit(self) -> None:
         try:
             self.check_unit(to_si(self.unit).unit)
         except ValueError as error:
             raise ProblemAtError(("unit",), str(error)) from None
+
+    @model_validator(mode="after")
+    def _wraps(self) -> Self:
+        if self.period is not None and (self.quantity != "position" or self.role != "observation"):
+            raise ProblemAtError(("period",), "is of observed positions, and this is none; remove it")
+        return self
+
+    @property
+    def wrap_period(self) -> float | None:
+        """Period of the column in SI; None for one that does not wrap."""
+        return None if self.period is None else abs(self.numbers.factor) * self.period
 
     @property
     def recorded(self) -> Channel:
