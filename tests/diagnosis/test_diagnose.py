@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis import held_out, held_out_split, held_out_validation
+from slapshot.diagnosis.diagnose import _insufficiency_reason
 from slapshot.diagnosis.fit.noise import Noise
 from slapshot.diagnosis.held_out_validation import distinguishable, improves, predict_models
 from slapshot.diagnosis.model.hypothesis import Hypothesis
@@ -99,6 +100,46 @@ def test_where_errors_shrink_in_window_after_window_the_likelihood_has_no_veto(s
     # As likely as before: it stays, but where errors grow in window after window.
     assert improves(before, prediction(shrunk, 1.9 / count))
     assert improves(prediction(shrunk, 1.9 / count), before) != agree
+
+
+@pytest.mark.parametrize(
+    ("travel", "noise", "suffices"),
+    [(0.01, 1e-3, True), (1e-3, 1e-5 / 2, True), (1e-3, 1e-3, False), (0.0, 1e-9, False)],
+)
+def test_a_stage_of_short_travel_suffices_where_its_encoder_sees_it(travel, noise, suffices):
+    rig = bind(MjSpec.from_string(CART), {"p": joint("rail", unit="m")})
+    around = 1 + travel * np.sqrt(2) * np.sin(np.linspace(0, 20 * np.pi, 2000, endpoint=False))
+    problem = SimpleNamespace(
+        rig=rig,
+        trajectory=around[None, :, None],
+        segments=SimpleNamespace(inside=np.ones((1, 2000), bool)),
+        initial_noise=SimpleNamespace(single=np.array([noise])),
+        rig_motion=SimpleNamespace(joints=[SimpleNamespace(q=0, v=0, middle=1.0)], free_bodies=()),
+    )
+    assert (_insufficiency_reason(problem) is None) == suffices
+
+
+@pytest.mark.parametrize("worse", [-50.0, 50.0])
+def test_a_window_with_an_event_that_no_model_explains_has_no_veto(worse):
+    """Nine windows are predicted twice as well; a push of a hundred times their errors falls in the tenth."""
+
+    def prediction(errors, likelihoods, place):
+        ones = np.ones((10, 1, 1))
+        found = SimpleNamespace(
+            error=np.array(errors)[:, None, None],
+            floor=ones,
+            predicted=place * ones,
+            log_likelihood=np.array(likelihoods),
+            correlation=np.ones((1, 1, 1)),
+        )
+        return SimpleNamespace(predictions=found)
+
+    before = prediction([2.0] * 9 + [100.0], [0.0] * 10, 0.0)
+    after = prediction([1.0] * 9 + [100.0 - worse / 5], [3.0] * 9 + [worse], 10.0)
+    assert improves(before, after)
+    assert not improves(after, before)
+    # In all windows but that event it is as bad as before.
+    assert not improves(before, prediction([2.1] * 9 + [50.0], [-3.0] * 9 + [50.0], 10.0))
 
 
 @pytest.mark.parametrize("correlation_s", [1e-6, 0.1])

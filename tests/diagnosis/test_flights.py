@@ -5,6 +5,7 @@ import pytest
 from mujoco import MjSpec
 from scipy.integrate import solve_ivp
 from slapshot.diagnosis.diagnose import diagnose
+from slapshot.diagnosis.impacts import without_impacts
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.selection.free_forms import FreeForceAcross, FreeForceAlong
 from slapshot.effects.joints.effect import State
@@ -69,6 +70,63 @@ def test_spins_that_differ_from_flight_to_flight_are_a_force_across_the_motion()
     assert "spin_lift" not in [effect.name for effect in told.effects]
     assert told.unknown.flagged
     assert "across the motion of ball, another one in each episode" in told.unknown.description
+
+
+def bouncing(rate: float, noise: float) -> tuple[np.ndarray, list[np.ndarray], list[float]]:
+    """Times, places (n, 3) of balls that fall in air and bounce, and when each did."""
+    rng, t = np.random.default_rng(2), np.arange(round(1.0 * rate)) / rate
+    found, when = [], []
+    for _ in range(5):
+        start = np.array([0, 0, 0.3, *rng.uniform([4, -0.7, 1.5], [7, 0.7, 3.0])])
+
+        def change(_: float, state: np.ndarray) -> np.ndarray:
+            v = state[3:]
+            return np.concatenate([v, np.array([0, 0, -9.81]) - DRAG / MASS * np.linalg.norm(v) * v])
+
+        def landed(_: float, state: np.ndarray) -> float:
+            return float(state[2])
+
+        landed.terminal, landed.direction = True, -1
+        first = solve_ivp(change, (0, t[-1]), start, events=landed, dense_output=True, rtol=1e-9, atol=1e-9)
+        at, state = float(first.t_events[0][0]), first.y_events[0][0].copy()
+        state[3:] *= [0.7, 0.7, -0.8]
+        second = solve_ivp(change, (at, t[-1]), state, dense_output=True, rtol=1e-9, atol=1e-9)
+        places = np.where(t[:, None] < at, first.sol(t)[:3].T, second.sol(np.maximum(t, at))[:3].T)
+        found.append(places + rng.normal(0, noise, places.shape))
+        when.append(at)
+    return t, found, when
+
+
+@pytest.mark.parametrize(("rate", "noise"), [(60.0, 0.002), (120.0, 0.003), (240.0, 0.002), (240.0, 1e-4)])
+def test_flights_end_where_a_ball_bounces(rate, noise):
+    t, found, when = bouncing(rate, noise)
+    channels = {c: (place("body", "ball", c), [one[:, i] for one in found]) for i, c in enumerate("xyz")}
+    made = recording([t] * 5, channels)
+    cut, (note,) = without_impacts(made, bind(MjSpec.from_string(BALL), made.channels))
+    assert "5 of 5 episodes have impacts" in note
+    for (_, rows), at in zip(cut.signals["encoder"].groupby("episode"), when, strict=True):
+        times = rows["t"].to_numpy()
+        longer = times.max() < at if at > t[-1] / 2 else times.min() > at
+        assert longer
+        assert len(times) > rate * max(at, t[-1] - at) - 6
+
+
+def test_flights_without_impacts_are_left_as_they_are():
+    """A wrong reading of 5 cm is no impact, nor is what air and gravity do."""
+    t, found = flights(4, lift=0.4)
+    found[3][30, 2] += 0.05
+    channels = {c: (place("body", "ball", c), [one[:, i] for one in found]) for i, c in enumerate("xyz")}
+    made = recording([t] * FLIGHTS, channels)
+    rig = bind(MjSpec.from_string(BALL), made.channels)
+    assert without_impacts(made, rig) == (made, [])
+    # Where something may be touched, impacts are the model's own.
+    floor = BALL.replace('contype="0" conaffinity="0"', "").replace(
+        "<worldbody>", '<worldbody><geom type="plane" size="9 9 1"/>'
+    )
+    t, found, _ = bouncing(120.0, 0.002)
+    channels = {c: (place("body", "ball", c), [one[:, i] for one in found]) for i, c in enumerate("xyz")}
+    made = recording([t] * 5, channels)
+    assert without_impacts(made, bind(MjSpec.from_string(floor), made.channels)) == (made, [])
 
 
 @pytest.mark.slow

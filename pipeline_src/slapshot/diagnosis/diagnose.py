@@ -16,6 +16,7 @@ from slapshot.diagnosis import held_out
 from slapshot.diagnosis.fit.time_steps import prefers_its_steps, with_accurate_steps
 from slapshot.diagnosis.held_out_split import held_out_windows, split, thinned
 from slapshot.diagnosis.held_out_validation import Prediction, held_out_pushes, predict_models
+from slapshot.diagnosis.impacts import without_impacts
 from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.diagnosis.selection.problem import Problem, initial_fit, noise_with_candidates
@@ -24,13 +25,15 @@ from slapshot.diagnosis.selection.steps import Search, Step
 from slapshot.diagnosis.verdict import Verdict
 from slapshot.diagnosis.verdict_of_search import undecided, verdict_of
 from slapshot.effects.joints.catalogue import instances
-from slapshot.effects.joints.effect import JointEffect
+from slapshot.effects.joints.effect import Joint, JointEffect
 from slapshot.errors import InputError
 from slapshot.recordings.channel_pair_quality import differentiated_velocities
 from slapshot.recordings.position_quality import whole_turns
 from slapshot.recordings.signal_statistics import channel_statistics
 from slapshot.recordings.signals import SignalRecording
 
+# Of a joint that moves: its travel in rad or m, or in standard deviations of an encoder that sees less.
+_TRAVEL, _OVER_NOISE = 2e-3, 100.0
 _MEMORY = 3e9  # bytes, of derivatives and scores; several times as much is in use at once
 
 
@@ -95,11 +98,12 @@ def _diagnosis(
     began = time.process_time()
     # Fits try unstable models; MuJoCo's warnings about them are suppressed.
     mujoco.set_mju_user_warning(lambda text: None)
+    recording, cuts = without_impacts(recording, rig)
     measured = [channel_statistics(recording, o.channel) for o in rig.observations]
     derived = differentiated_velocities(measured)
     measured = [one for one in measured if one.name not in derived]
     rig = rig.without(derived)
-    notes = [*findings, *_undriven_inputs(rig)]
+    notes = [*findings, *cuts, *_undriven_inputs(rig)]
     if derived:
         notes.append(f"{', '.join(derived)} were differentiated from recorded positions and are not used")
     for observation, one in zip(rig.observations, measured, strict=True):
@@ -223,7 +227,18 @@ def _undriven_inputs(rig: Rig) -> list[str]:
 
 def _insufficiency_reason(problem: Problem) -> str | None:
     """Why the motion is insufficient for identification; None if it is sufficient."""
-    moving = [j for j in problem.rig_motion.joints if j.travel > 2e-3 * max(1.0, abs(j.middle))]
+    noise = {
+        observation.dof: problem.initial_noise.single[column]
+        for column, observation in enumerate(problem.rig.observations)
+        if observation.quantity == "position"
+    }
+
+    def moves(joint: Joint) -> bool:
+        travel = np.std(problem.trajectory[problem.segments.inside][:, joint.q])
+        least = _TRAVEL * max(1.0, abs(joint.middle))
+        return bool(travel > min(least, _OVER_NOISE * noise.get(joint.v, np.inf)))
+
+    moving = any(moves(joint) for joint in problem.rig_motion.joints)
     if problem.rig_motion.joints and not moving and not problem.rig_motion.free_bodies:
         return "no joint moves by more than a few thousandths of a rad or m; record larger motions"
     return None

@@ -20,6 +20,7 @@ from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.external_pulse import ExternalPulse
 
 _DISTINGUISHABLE_NATS = 2.0  # two standard deviations under noise
+_EVENT = 25.0  # times the usual squares of the better of two models
 _AGREE = 0.1  # probability by which windows may agree by chance: four of four
 
 
@@ -236,9 +237,13 @@ def improves(before: Prediction, after: Prediction) -> bool:
     squares = [np.nanmean((found.error / scale) ** 2, axis=(1, 2)) for found in (old, new)]
     if _as_likely(old, new):
         return not _windows_agree(squares[1], squares[0])
-    if np.nanmean(squares[1]) >= np.nanmean(squares[0]):
+    # What neither model explains by far is an event, such as a push, and tells nothing of laws.
+    least = np.minimum(*squares)
+    usual = ~(least > _EVENT * np.nanmedian(least))
+    if np.nanmean(squares[1][usual]) >= np.nanmean(squares[0][usual]):
         return False
-    return bool(new.log_likelihood.sum() > old.log_likelihood.sum() or _windows_agree(*squares))
+    likelier = new.log_likelihood[usual].sum() > old.log_likelihood[usual].sum()
+    return bool(likelier or _windows_agree(*squares))
 
 
 def _windows_agree(before: Array, after: Array) -> bool:
