@@ -1,5 +1,6 @@
 """What a recording cannot tell apart: by evidence, and by what laws err."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -32,6 +33,7 @@ def members(known_to, *rivals):
         catalogue=["lag", "delay", "map", "stuck"],
         known_to=lambda name: known_to,
         gain=lambda at, name: GAIN,
+        ahead=lambda one, other: one.log_evidence - other.log_evidence,
         at_bound=lambda candidate: candidate.effects == ("stuck",),
     )
     return _class(search, named, (), "lag")
@@ -54,6 +56,11 @@ def test_what_fits_best_at_a_bound_stands_in_for_nothing():
 
 def test_what_is_named_is_in_its_own_class_though_a_rival_is_far_ahead():
     assert set(members(0.0, candidate("map", -10.0))) == {"lag", "map"}
+
+
+def test_what_was_not_simulated_where_it_is_stands_in_for_nothing():
+    near = replace(candidate("map", 1.0), final=False)
+    assert set(members(0.0, near, candidate("delay", 2.0))) == {"lag", "delay"}
 
 
 def test_what_parameters_cost_counts_whatever_laws_err_by():

@@ -10,8 +10,9 @@ from slapshot.diagnosis.inference.mismatch_test import Elimination, Scores, grou
 from slapshot.diagnosis.pucks.fit.marginal import marginalise
 from slapshot.diagnosis.pucks.held_out import HeldOut, errors_of
 from slapshot.diagnosis.pucks.launch.execution import Execution, replay
+from slapshot.diagnosis.pucks.launch.launch_model import TAILS, tail_weight, weight_cost
 from slapshot.diagnosis.pucks.selection.evidence import SIZES, LinearEvidence, project
-from slapshot.diagnosis.pucks.selection.search import TESTED, Search, with_few_directions
+from slapshot.diagnosis.pucks.selection.search import TESTED, Search, balanced, with_few_directions
 from slapshot.diagnosis.pucks.slide.noise import CameraNoise, estimate_noise, outliers, timing_jitter
 from slapshot.diagnosis.pucks.slide.slide_model import Column
 from slapshot.effects.catalogue import catalogue
@@ -278,6 +279,43 @@ def test_chi_squared_is_that_of_what_is_explained_worst(rng, camera, encoders, t
     held = HeldOut(*(np.ones(n) for _ in range(4)), None, None, np.zeros(n), np.zeros(n), np.full(n, camera))
     held = replace(held, encoder_chi2=np.full(n, encoders))
     assert errors_of(held, np.zeros(n), rng).chi2_per_freedom.value == pytest.approx(told)
+
+
+@pytest.mark.parametrize("size", [2, 5])
+def test_weighted_squares_grow_like_the_density_of_a_t_beyond_what_is_usual(size):
+    """By itself up to `size`; beyond as -2 log density of a t does, with the weight as its slope."""
+    distance = np.linspace(0.01, 200, 4000)
+    weight = tail_weight(distance, size)
+    told = weight * distance + weight_cost(weight, size)
+    usual = distance <= size
+    np.testing.assert_allclose(told[usual], distance[usual])
+    density = (TAILS + size) * np.log1p(distance / TAILS)
+    np.testing.assert_allclose(np.diff(told[~usual]), np.diff(density[~usual]), rtol=1e-9)
+    slope = np.gradient(told, distance)
+    np.testing.assert_allclose(slope[1:-1], weight[1:-1], atol=2e-3)
+    # It is least at these weights.
+    for off in (0.9, 1.05):
+        other = np.minimum(off * weight, 1.0)
+        assert np.all(other * distance + weight_cost(other, size) >= told - 1e-9)
+
+
+def test_beside_a_field_that_a_prior_holds_down_a_screen_is_that_of_a_fit_of_both(rng):
+    """Against dense ridge regression: 40 bumps with a tight prior, and one effect without any."""
+    bumps, effect = rng.normal(size=(200, 40)), rng.normal(size=(200, 1))
+    effect += bumps[:, :1]
+    readings = bumps @ rng.normal(size=40) + 0.8 * effect[:, 0] + rng.normal(size=200)
+    precision = np.full(40, 300.0)
+    alone = np.linalg.solve(bumps.T @ bumps + np.diag(precision), bumps.T @ readings)
+    left = readings - bumps @ alone
+    by = np.hstack([bumps, effect])
+    scores = by * left[:, None]
+    fitted = np.arange(40)
+    projected = project(by.T @ by, balanced(scores, fitted), fitted, np.diag(precision))
+    both = np.linalg.solve(by.T @ by + np.diag([*precision, 0.0]), by.T @ readings)
+    estimate = projected.scores.sum(0) / projected.information[0]
+    np.testing.assert_allclose(estimate, both[40:], rtol=1e-9)
+    unbalanced = project(by.T @ by, scores, fitted, np.diag(precision))
+    assert abs(unbalanced.scores.sum() - projected.scores.sum()) > 0.1 * abs(projected.scores.sum())
 
 
 def test_directions_that_are_not_tested_change_no_statistic(rng):

@@ -125,10 +125,11 @@ def diagnose(
             there = test.about(about.launches(held, test.launches.execution, fitted=False))
         return errors_of_scenes(test, there, nominal, final, setting.friction, resample_rng)
 
-    tried, fit = level, errors(level)
-    if level.final.effects and not names_hold(fit):
-        level = level.without_names()
-        fit, notes = errors(level), (*notes, refuted_note(tried))
+    fit = errors(level)
+    while level.final.effects and not names_hold(fit):
+        notes = (*notes, refuted_note(level))
+        level = level.without_weakest_name()
+        fit = errors(level)
         doubt = distrust(level, tracks.hit[kept], doubtful)
     named = tuple(sorted(found_effects(search, level.final, level.leftover), key=lambda e: -e.shift_m))
     unknown, mismatch = level.unknown, level.mismatch

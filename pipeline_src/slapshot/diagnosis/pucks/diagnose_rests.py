@@ -121,8 +121,11 @@ def diagnose_rests(
 def _of_class(level: Level, effect: NamedEffect) -> NamedEffect:
     """With all effects that explain rest points about as well, refitted or by the screen alone."""
     evidence = {name: level.screen.log_evidence[name] for name in level.search.catalogue}
-    alone = {names[0]: c.log_evidence for names, c in level.search.seen.items() if len(names) == 1}
-    evidence |= {name: alone[name] for name in evidence if name in alone}
+    alone = {names[0]: c for names, c in level.search.seen.items() if len(names) == 1}
+    evidence |= {name: alone[name].log_evidence for name in evidence if name in alone}
+    for name, candidate in alone.items():
+        if name != effect.name and level.search.at_bound(candidate):
+            evidence.pop(name, None)
     best = max(evidence.values())
     near = {n: float(np.exp(e - best)) for n, e in evidence.items() if e > best - CLASS}
     near.setdefault(effect.name, float(np.exp(evidence[effect.name] - best)))

@@ -94,9 +94,13 @@ def explained(errors: Mapping[str, Errors], most: float) -> bool:
     """Whether names leave no more of held-out hits' misfit than laws that err by a share `most` would.
 
     Chi-squared is a square: of what a law that errs by a share explains, it leaves the square of that share.
+    What cameras and encoders see counts apart: a law that explains one of them explains nothing of the other.
     """
-    before, after = errors["refitted"].chi2_per_freedom, errors["augmented"].chi2_per_freedom
-    return after.low <= 1 + most**2 * max(before.value - 1, 0)
+    before, after = errors["refitted"], errors["augmented"]
+    pairs = ((before.camera_chi2, after.camera_chi2), (before.encoder_chi2, after.encoder_chi2))
+    return all(
+        a.low <= 1 + most**2 * max(b.value - 1, 0) for b, a in pairs if b is not None and a is not None
+    )
 
 
 def settled(mismatch: Mismatch, headline: Headline) -> Mismatch:

@@ -146,15 +146,16 @@ def errors_of(held: HeldOut, reference: Array, rng: np.random.Generator, unsure:
     their sum the many readings of encoders hide what slides lack.
     """
     command = held.command_square
-    chi2 = _widened(mean(held.chi2, rng, SURE), unsure)
-    if held.encoder_chi2 is not None:
-        chi2 = max(chi2, mean(held.encoder_chi2, rng, SURE), key=lambda interval: interval.low)
+    camera = _widened(mean(held.chi2, rng, SURE), unsure)
+    encoders = None if held.encoder_chi2 is None else mean(held.encoder_chi2, rng, SURE)
     return Errors(
         root_mean(held.track_square, rng),
         root_mean(held.rest_square, rng),
         None if command is None else root_mean(command, rng),
         mean(held.loglik - reference, rng),
-        chi2,
+        camera if encoders is None else max(camera, encoders, key=lambda interval: interval.low),
+        camera,
+        encoders,
     )
 
 

@@ -134,6 +134,7 @@ class Errors:
         chi2_per_freedom: of the whitened residuals of the camera or of the encoders, whichever is more
             clearly above 1, which it is where the model holds; its interval is one of 99 %, since the
             headline rests on it.
+        camera_chi2, encoder_chi2: the same of either; None where there is none.
     """
 
     track_rmse_m: Interval | None
@@ -141,6 +142,8 @@ class Errors:
     command_rest_rmse_m: Interval | None
     loglik_per_hit: Interval
     chi2_per_freedom: Interval
+    camera_chi2: Interval | None = None
+    encoder_chi2: Interval | None = None
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.fit.gauss_newton import Fit, GaussNewton
 from slapshot.diagnosis.pucks.fit.marginal import Marginal
-from slapshot.diagnosis.pucks.launch.launch_model import TAILS, LaunchModel
+from slapshot.diagnosis.pucks.launch.launch_model import LaunchModel, tail_weight, weight_cost
 from slapshot.diagnosis.pucks.selection.free_form import launch_features
 from slapshot.diagnosis.pucks.slide.slide_model import STEP_SHARE, Column, Effects, Point, SlideModel, Values
 from slapshot.effects.effect import Effect
@@ -140,7 +140,7 @@ class RestFitter(GaussNewton):
             slopes.transpose(0, 2, 1) @ slopes,
             (slopes.transpose(0, 2, 1) @ left[..., None])[..., 0],
             (left**2).sum(1),
-            np.linalg.slogdet(covariance)[1] - 2 * np.log(weight),
+            np.linalg.slogdet(covariance)[1] + weight_cost(weight, 2),
             none,
             none[:, :, None],
             none[:, :, None],
@@ -179,4 +179,4 @@ class RestFitter(GaussNewton):
 def _weight(offset: Array, covariance: Array) -> Array:
     """(n,) of a Student's t: some hits go wrong."""
     distance = (offset * np.linalg.solve(covariance, offset[..., None])[..., 0]).sum(1)
-    return np.minimum((TAILS + 2) / (TAILS + distance), 1.0)
+    return tail_weight(distance, 2)

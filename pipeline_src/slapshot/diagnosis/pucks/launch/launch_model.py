@@ -244,7 +244,8 @@ class LaunchModel:
         offset = measured - self.means(point)
         information = np.asarray(np.linalg.inv(whole), float)
         distance = np.einsum("ni,nij,nj->n", offset, information, offset)
-        total = float(((TAILS + LAUNCH) * np.log1p(distance / TAILS)).sum())
+        weight = tail_weight(distance, LAUNCH)
+        total = float((weight * distance + weight_cost(weight, LAUNCH)).sum())
         read = self.encoder_rows([], point)
         return total if read is None else total + float((read[0] ** 2).sum())
 
@@ -363,7 +364,7 @@ class LaunchModel:
         weight = self._weight(measured, np.asarray(np.linalg.inv(covariance + noise), float))
         information = np.asarray(np.linalg.inv(covariance), float)
         root = np.linalg.cholesky(information).transpose(0, 2, 1) * np.sqrt(weight)[:, None, None]
-        return root, np.linalg.slogdet(covariance)[1] - LAUNCH * np.log(weight)
+        return root, np.linalg.slogdet(covariance)[1] + weight_cost(weight, LAUNCH)
 
     def scatter(self, point: Point, measured: Array, noise: Array, before: Array) -> Array:
         """Expectation maximisation: scatter (5, 5) of true launches in the frame of the heading.
@@ -405,8 +406,20 @@ class LaunchModel:
     @staticmethod
     def _weight(offset: Array, information: Array) -> Array:
         """(n,) of a Student's t."""
-        distance = np.einsum("ni,nij,nj->n", offset, information, offset)
-        return np.minimum((TAILS + LAUNCH) / (TAILS + distance), 1.0)
+        return tail_weight(np.einsum("ni,nij,nj->n", offset, information, offset), LAUNCH)
+
+
+def tail_weight(distance: Array, size: int) -> Array:
+    """(n,) weights of squared distances of so many coordinates: of a Student's t, but at most 1."""
+    return np.minimum((TAILS + size) / (TAILS + distance), 1.0)
+
+
+def weight_cost(weight: Array, size: int) -> Array:
+    """(n,) what weights add to weighted squared distances, so that the sum is least at `tail_weight`.
+
+    There it grows with the distance as -2 log density does: by itself up to `size`, then by its logarithm.
+    """
+    return TAILS * (weight - 1 - np.log(weight)) - size * np.log(weight)
 
 
 def weighted_projection(basis: Array, values: Array, weights: Array) -> Array:

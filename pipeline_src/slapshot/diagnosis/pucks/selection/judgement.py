@@ -9,7 +9,7 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.diagnosis.pucks.fit.gauss_newton import Fit
 from slapshot.diagnosis.pucks.selection.evidence import project
-from slapshot.diagnosis.pucks.selection.search import CLASS, Candidate, Screen, Search
+from slapshot.diagnosis.pucks.selection.search import CLASS, Candidate, Screen, Search, inflation_of
 from slapshot.diagnosis.pucks.slide.slide_model import Column
 from slapshot.diagnosis.pucks.verdict import (
     Limit,
@@ -78,12 +78,15 @@ def _class(search: Search[Any], final: Candidate, rest: tuple[str, ...], name: s
         other = set(effects) - set(rest)
         if set(rest) <= set(effects) and len(effects) == len(rest) + 1:
             (stand_in,) = other
+            # The fit of the name itself went on after it was seen.
+            if stand_in == name or not candidate.final:
+                continue
             if stand_in in search.catalogue and not search.at_bound(candidate):
                 rivals[stand_in] = candidate
-    best = max(rivals.values(), key=lambda candidate: candidate.log_evidence)
+    best = max(rivals.values(), key=lambda candidate: search.ahead(candidate, final))
     # By as much evidence as its law may err, what was named may lie ahead of a rival by chance of its law.
     unsure = max(1.0, search.known_to(name) ** 2 * search.gain(final, name) / CLASS)
-    behind = {n: _behind(best, candidate, unsure) for n, candidate in rivals.items()}
+    behind = {n: _behind(search, best, candidate, unsure) for n, candidate in rivals.items()}
     near = {n: float(np.exp(-nats)) for n, nats in behind.items() if nats < CLASS}
     # However far ahead a rival is by this, it was not what the search came to.
     near.setdefault(name, float(np.exp(-behind[name])))
@@ -91,11 +94,11 @@ def _class(search: Search[Any], final: Candidate, rest: tuple[str, ...], name: s
     return dict(sorted(((n, p / total) for n, p in near.items()), key=lambda item: -item[1]))
 
 
-def _behind(best: Candidate, rival: Candidate, unsure: float) -> float:
+def _behind(search: Search[Any], best: Candidate, rival: Candidate, unsure: float) -> float:
     """Nats by which a rival lies behind: misfit counts less where laws err, what parameters cost does not."""
-    misfit = (rival.fit.objective - best.fit.objective) / 2 / max(1.0, best.fit.dispersion)
+    misfit = (rival.fit.objective - best.fit.objective) / 2 / inflation_of(best.fit, rival.fit)
     misfit = max(misfit, 0.0)
-    return max(best.log_evidence - rival.log_evidence - misfit * (1 - 1 / unsure), 0.0)
+    return max(search.ahead(best, rival) - misfit * (1 - 1 / unsure), 0.0)
 
 
 def parameters_of(
@@ -234,6 +237,7 @@ def limits(search: Search[Any], nominal: Candidate) -> tuple[Limit, ...]:
     """What effects with few parameters could still be, at 95 %."""
     few = [n for n in search.catalogue if not search.is_field(n)]
     columns, marginal, _ = search.fitter.quadratic(nominal.fit, few)
+    inflation = inflation_of(nominal.fit)
     _, precision = search.fitter.prior(columns)
     fixed = np.array([c for c, column in enumerate(columns) if column.object >= 0])
     found = []
@@ -246,9 +250,9 @@ def limits(search: Search[Any], nominal: Candidate) -> tuple[Limit, ...]:
             np.arange(len(fixed)),
             np.diag(precision[fixed]),
         )
-        information = projected.information + np.diag(precision[mine])
+        information = projected.information / inflation + np.diag(precision[mine])
         covariance = np.asarray(np.linalg.inv(information), float)
-        estimate = covariance @ projected.scores.sum(0)
+        estimate = covariance @ projected.scores.sum(0) / inflation
         found += _limits_of(
             search, [columns[c] for c in mine], estimate, covariance, name, 1 / np.sqrt(precision[mine])
         )

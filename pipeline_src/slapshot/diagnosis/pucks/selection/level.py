@@ -54,12 +54,36 @@ class Level:
         """The same where what was named does not hold: nothing is named, and all of it is left over."""
         return replace(self, final=self.nominal, leftover=self.screen)
 
+    def without_weakest_name(self) -> "Level":
+        """The same without the name that gains least; without any, what it explained is left over."""
+        if len(self.final.effects) == 1:
+            return self.without_names()
+        final = self.search.settle(self.search.without(self.final, self.weakest_name))
+        return replace(self, final=final, leftover=self.search.screen_beyond(final))
+
+    @property
+    def weakest_name(self) -> str:
+        """The name that gains least."""
+        return min(self.final.effects, key=lambda n: self.search.gain(self.final, n))
+
     @property
     def unknown(self) -> Unknown:
         """What the catalogue does not explain."""
-        least = CLASS + least_gain(self.search, self.final) if self.mismatch.found else float("inf")
-        shift = least_shift(self.search, self.final)
-        return unknown_of(self.search, self.leftover, least, shift)
+        search, at = self.search, self.final
+        least = CLASS + least_gain(search, at) if self.mismatch.found else float("inf")
+        found = unknown_of(search, self.leftover, least, least_shift(search, at))
+        form = self.leftover.best(search.free)[0]
+        reachable = [n for n in at.effects if search.gain_beyond(at, form, n)]
+        if found.flagged or not self.mismatch.found or not reachable:
+            return found
+        # By data that errors of those laws do not reach it may show all the same, once it is fitted.
+        if self.leftover.log_evidence[form] <= CLASS + ADD:
+            return found
+        fitted = search.try_adding(at, form, self.leftover.direction)
+        if fitted is None:
+            return found
+        least = CLASS + least_gain(search, fitted, form)
+        return unknown_of(search, self.leftover, least, least_shift(search, fitted, form))
 
 
 def examine(search: Search[Any]) -> Level:
@@ -83,7 +107,7 @@ def unnamed_explains_more(search: Search[Any], nominal: Candidate, screen: Scree
     for name in screen.best(search.free)[:FORMS]:
         if screen.log_evidence[name] > LINEAR * final.log_evidence:
             form = search.try_adding(nominal, name, screen.direction)
-            if form is not None and form.log_evidence > final.log_evidence + least:
+            if form is not None and search.ahead(form, final) > least:
                 return True
     return False
 
@@ -131,21 +155,31 @@ def _search(search: Search[Any], nominal: Candidate, screen: Screen) -> tuple[Ca
         if not further:
             break
         grown = search.grow(best, leftover, further)[0]
+        tried = {n for n in further if tuple(sorted((*best.effects, n))) in search.seen}
         added = next(iter(set(grown.effects) - set(best.effects)), further[0])
         pruned = best
         # Among many that are tried some pass by chance: after the best ones only what is told apart.
         passes = not refused or (added in grown.effects and not _erring(search, grown, added))
         passes = passes and not search.at_bound(grown)
-        if passes and grown.log_evidence >= best.log_evidence + least_gain(search, best, added):
-            pruned = without_hidden(search, search.prune(search.exchange(grown)))
+        if passes and search.ahead(grown, best) >= least_gain(search, best, added):
+            pruned = _exchanged(search, grown)
         if set(pruned.effects) <= set(best.effects):
             # Another one may still pass: of which less is asked beside what is there.
-            tried = {n for n in further if tuple(sorted((*best.effects, n))) in search.seen}
             refused |= {added, *tried}
             continue
         best, refused = pruned, set()
         leftover = search.screen_beyond(best)
     return best, leftover
+
+
+def _exchanged(search: Search[Any], grown: Candidate) -> Candidate:
+    """A fit with rivals in place of its effects where they explain more, without what is then superfluous."""
+    while True:
+        whole = search.exchange(grown)
+        left = without_hidden(search, search.prune(whole))
+        if len(left.effects) == 1 or left.effects == whole.effects:
+            return left
+        grown = left
 
 
 def _may_be_added(search: Search[Any], best: Candidate, leftover: Screen, name: str) -> bool:
@@ -159,11 +193,13 @@ def _may_be_added(search: Search[Any], best: Candidate, leftover: Screen, name: 
     return leftover.log_evidence[name] >= least - max(CLASS, LINEAR * least)
 
 
-def refuted_note(tried: Level) -> str:
-    """A line on what was tried as a name and does not hold."""
-    names = _listed(tried.final.effects)
+def refuted_note(level: Level) -> str:
+    """A line on the name that goes first where names do not hold."""
+    name = level.weakest_name
+    others = [n for n in level.final.effects if n != name]
+    tried = f"beside {_listed(others)}, but with all of them" if others else "best, but with it"
     return (
-        f"{names} fitted best, but with it held-out hits are predicted worse than by the nominal scene: "
+        f"{_listed([name])} fitted {tried} held-out hits are predicted worse than by the nominal scene: "
         "it is not named"
     )
 

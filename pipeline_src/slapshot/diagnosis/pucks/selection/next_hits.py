@@ -41,10 +41,14 @@ def next_hits(level: Level, named: Sequence[NamedEffect], setting: Setting) -> t
         named: effects of that level.
         setting: of the scene.
     """
-    rivals = next((tuple(effect.members)[:2] for effect in named if len(effect.members) > 1), ())
-    rest = {effect.name for effect in named} - set(rivals)
+    unsure = next((effect for effect in named if len(effect.members) > 1), None)
+    if unsure is None:
+        return ()
+    rivals = tuple(unsure.members)[:2]
+    # What was named need not be among the two that are most likely.
+    rest = {effect.name for effect in named} - {unsure.name}
     pair = [level.search.seen.get(tuple(sorted((*rest, name)))) for name in rivals]
-    if len(pair) < 2 or pair[0] is None or pair[1] is None:
+    if pair[0] is None or pair[1] is None:
         return ()
     fitter, scatter = level.final.fitter, level.final.fit.scatter
     if isinstance(fitter.launches, LaunchModel):

@@ -36,6 +36,7 @@ TESTED = 1.0  # information in units of the priors, of a direction that is teste
 # linear about no elasticity tells little of what an elastic arm does.
 RIVAL, RIVAL_AT_LAUNCH = 0.4, 0.75
 RIVALS = 3  # at most so many
+EXCHANGED = 2  # best rivals of each effect that are refitted in its place
 STAYED, EXACT = 0.1, 0.5  # of a parameter's scale, from where hits were simulated: no more, near enough
 WITHIN = 0.5  # of a parameter's standard error: by as much the scatter of contact moves it
 AT_BOUND = 1e-3  # of a parameter's scale
@@ -75,6 +76,7 @@ class Candidate:
         log_evidence: nats over the nominal scene with refitted nuisance.
         fitter: that fitted it.
         final: whether that fitter is linear about the fit, not about the nominal scene.
+        precision: (p,) of the prior of its shared parameters; later screens choose other sizes of fields.
     """
 
     effects: tuple[str, ...]
@@ -82,6 +84,7 @@ class Candidate:
     log_evidence: float
     fitter: Any
     final: bool = True
+    precision: Array | None = None
 
 
 def largest_shift(moved: Array) -> float:
@@ -105,6 +108,18 @@ def settled(fitter: Fitter, fit: Fit, effects: Sequence[str] = ()) -> Fit:
     return fit
 
 
+def balanced(scores: Array, fitted: NDArray[np.int64]) -> Array:
+    """Scores (n, p) of hits at a fit, where priors and bounds of what was fitted balance what hits say."""
+    found = scores.copy()
+    found[:, fitted] -= found[:, fitted].mean(0)
+    return found
+
+
+def inflation_of(*fits: Fit) -> float:
+    """By how much what the best of some fits leaves exceeds noise, at least 1: all evidence shrinks alike."""
+    return max(1.0, min(fit.dispersion for fit in fits))
+
+
 def _least_rival(gain: float, share: float = RIVAL) -> float:
     """Nats that another effect must promise to be tried beside one that gains so many."""
     return gain - max(8 * CLASS, share * gain)
@@ -122,6 +137,7 @@ class Search(Generic[F]):
         seen: every set of effects that was refitted.
         failed: hypotheses that could not be refitted -> why.
         unreached: those that act at places where no object came; they have no evidence at all.
+        left: effects and one of them -> the last fit from which it was left out.
         told: what is asked and an effect -> the fit of which it was asked last, and the answer.
         about: a fitter that is linear about a fit, where the first one is exact near the nominal scene only.
         refitted: best of a screen that are refitted.
@@ -135,6 +151,7 @@ class Search(Generic[F]):
     seen: dict[tuple[str, ...], Candidate] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     unreached: set[str] = field(default_factory=set)
+    left: dict[tuple[tuple[str, ...], str], Fit] = field(default_factory=dict)
     told: dict[tuple[str, str], tuple[Fit, float]] = field(default_factory=dict)
     about: Callable[[Fit], F] | None = None
     refitted: int = REFITTED
@@ -163,9 +180,15 @@ class Search(Generic[F]):
 
     def screen(self, at: Candidate, hypotheses: Sequence[str]) -> Screen:
         """Judge hypotheses beyond those of a fit, which are projected out with the nuisance."""
+        judged, columns, marginal = self._judged(at, hypotheses)
+        return replace(judged, p_value=self._p_value(at, columns, marginal, hypotheses))
+
+    def _judged(self, at: Candidate, hypotheses: Sequence[str]) -> tuple[Screen, Sequence[Column], Marginal]:
+        """A screen without its p-value, and the quadratic that it is of."""
         columns, marginal, moved = at.fitter.quadratic(at.fit, [*at.effects, *hypotheses])
         _, precision = self.fitter.prior(columns)
         fixed = np.array([c for c, column in enumerate(columns) if column.owner not in hypotheses], np.int64)
+        marginal = replace(marginal, scores=balanced(marginal.scores, fixed))
         projected = project(marginal.information.sum(0), marginal.scores, fixed, np.diag(precision[fixed]))
         others = [column for column in columns if column.owner in hypotheses]
         # Where the model leaves more than noise, all evidence shrinks alike.
@@ -191,7 +214,7 @@ class Search(Generic[F]):
             estimate = judge.estimate(total[None, mine], self.fitter.sizes.get(name, LARGEST))[0]
             direction[name] = {column.parameter: v for column, v in zip(own, estimate, strict=True)}
             shift[name] = largest_shift(moved[..., mine] @ estimate)
-        return Screen(log_evidence, shift, self._p_value(at, columns, marginal, hypotheses), direction)
+        return Screen(log_evidence, shift, 1.0, direction), columns, marginal
 
     def _p_value(
         self, at: Candidate, columns: Sequence[Column], marginal: Marginal, hypotheses: Sequence[str]
@@ -256,7 +279,13 @@ class Search(Generic[F]):
     def gain(self, at: Candidate, name: str) -> float:
         """Nats that an effect adds to the others of a fit, as far as those were fitted alone."""
         rest = tuple(n for n in at.effects if n != name)
-        return at.log_evidence - (self.seen[rest].log_evidence if rest in self.seen else 0.0)
+        return self.ahead(at, self.seen.get(rest, self.seen[()]))
+
+    def ahead(self, one: Candidate, other: Candidate) -> float:
+        """Nats by which a candidate is more likely than another, both in the same units of misfit."""
+        inflation = inflation_of(one.fit, other.fit)
+        first, second = (self._log_evidence(c.fit, c.precision, inflation) for c in (one, other))
+        return first - second
 
     def refit(
         self, at: Candidate, names: Sequence[str], direction: Mapping[str, Mapping[str, float]]
@@ -280,12 +309,14 @@ class Search(Generic[F]):
                 key=lambda begin: at.fitter.start_misfit(at.fit, begin),
             )
         fit = at.fitter.fit(replace(at.fit.point, effects=effects), at.fit.scatter, key)
-        evidence = self._log_evidence(fit)
+        precision = self._precision(fit)
+        evidence = self._log_evidence(fit, precision)
         if not np.isfinite(evidence):
             raise ArithmeticError("its fit is not finite")
         # What begins with the slide leaves launches as they were simulated.
         launched = any(self._effects[n].acts_on_launch or self._effects[n].acts_on_camera for n in key)
-        self.seen[key] = Candidate(key, fit, evidence, at.fitter, final=self.about is None or not launched)
+        final = self.about is None or not launched
+        self.seen[key] = Candidate(key, fit, evidence, at.fitter, final, precision)
         return self.seen[key]
 
     def finish(self, candidate: Candidate, least: float = -np.inf) -> Candidate:
@@ -303,7 +334,7 @@ class Search(Generic[F]):
             fitter = self.about(fit)
             fitter.sizes = self.fitter.sizes
             fit = fitter.fit(fit.point, fit.scatter, candidate.effects)
-            hopeless = self._log_evidence(fit) < least
+            hopeless = self._log_evidence(fit, self._precision(fit)) < least
             # What went far from where it was simulated is not known to be as good as it seems.
             if not self._stayed(before, fit, EXACT) and not hopeless:
                 continue
@@ -312,8 +343,11 @@ class Search(Generic[F]):
             if self._stayed(before, fit, STAYED) or gained < 2 * ADD or hopeless:
                 break
         fit, fitter = min(near, key=lambda one: one[0].objective, default=(fit, fitter))
-        evidence = self._log_evidence(fit)
-        self.seen[candidate.effects] = Candidate(candidate.effects, fit, evidence, fitter)
+        precision = self._precision(fit)
+        evidence = self._log_evidence(fit, precision)
+        self.seen[candidate.effects] = Candidate(
+            candidate.effects, fit, evidence, fitter, precision=precision
+        )
         return self.seen[candidate.effects]
 
     def _stayed(self, before: Effects, fit: Fit, share: float) -> bool:
@@ -331,6 +365,7 @@ class Search(Generic[F]):
         """Refits of the best hypotheses of a screen added to a fit, best first."""
         promise = {n: max(screen.log_evidence[n], self._start_gain(at, n)) for n in hypotheses}
         found: list[Candidate] = []
+        simulated = 0
         for name in sorted(hypotheses, key=lambda name: -promise[name])[: self.refitted]:
             # What the best one turned out to gain may be far less than its promise.
             best = max((c.log_evidence - at.log_evidence for c in found), default=np.inf)
@@ -340,8 +375,9 @@ class Search(Generic[F]):
             tried = self.try_adding(at, name, screen.direction)
             if tried is None:
                 continue
-            rivals = sum(c.final for c in found) < RIVALS
-            if rivals and (not found or tried.log_evidence - at.log_evidence > _least_rival(best, share)):
+            worth = not found or tried.log_evidence - at.log_evidence > _least_rival(best, share)
+            if worth and simulated < RIVALS:
+                simulated += not tried.final
                 tried = self.finish(tried)
             found.append(tried)
         return sorted(found, key=lambda c: (not c.final, self.at_bound(c), -c.log_evidence)) or [at]
@@ -370,50 +406,58 @@ class Search(Generic[F]):
         self, at: Candidate, name: str, direction: Mapping[str, Mapping[str, float]]
     ) -> Candidate | None:
         """An effect added to a fit; None where its simulation fails."""
-        return self._added(at, [*at.effects, name], direction)
-
-    def _added(
-        self, at: Candidate, names: Sequence[str], direction: Mapping[str, Mapping[str, float]]
-    ) -> Candidate | None:
-        """A refit of effects, the last of which is new; None where its simulation fails."""
         try:
-            return self.refit(at, names, direction)
+            return self.refit(at, [*at.effects, name], direction)
         except (ArithmeticError, ValueError, RuntimeError, mujoco.FatalError) as error:
-            self.failed[names[-1]] = reason_of(error)
+            self.failed[name] = reason_of(error)
             return None
 
     def exchange(self, candidate: Candidate) -> Candidate:
-        """The best candidate that has a rival in place of one effect; the same if none explains more.
+        """The best candidate that has rivals in place of effects; the same if none explains more.
 
         What explains most by itself also explains a part of what is missing besides, and once that is named
-        another effect may explain the rest better. Rivals are those that were refitted by themselves.
+        another effect may explain the rest better. Rivals of an effect are those that promise most beside the
+        others.
         """
-        alone = {names[0]: c for names, c in self.seen.items() if len(names) == 1}
+        for _ in range(self.most):
+            exchanged = self._with_one_exchanged(candidate)
+            if exchanged is candidate:
+                break
+            candidate = exchanged
+        return candidate
+
+    def _with_one_exchanged(self, candidate: Candidate) -> Candidate:
         best = candidate
         for old in candidate.effects if len(candidate.effects) > 1 else ():
-            least = _least_rival(alone[old].log_evidence) if old in alone else np.inf
-            for new, rival in list(alone.items()):
-                if new in candidate.effects or new not in self.catalogue or rival.log_evidence <= least:
+            at = self.without(candidate, old)
+            # Two fields bend to almost anything.
+            bends = any(self.is_field(n) for n in at.effects)
+            rivals = [
+                n for n in self.catalogue if n not in candidate.effects and not (bends and self.is_field(n))
+            ]
+            if not rivals:
+                continue
+            screen, *_ = self._judged(at, rivals)
+            promise = {n: max(screen.log_evidence[n], self._start_gain(at, n)) for n in rivals}
+            for new in sorted(rivals, key=lambda n: -promise[n])[:EXCHANGED]:
+                share = RIVAL_AT_LAUNCH if self._effects[new].acts_on_launch else RIVAL
+                if promise[new] <= _least_rival(self.ahead(candidate, at), share):
                     continue
-                start = rival.fit.point.effects[new]
-                direction = {p.name: start[p.name] - p.neutral for p in self._effects[new].parameters}
-                others = tuple(n for n in candidate.effects if n != old)
-                at = self.seen.get(others, self.seen[()])
-                tried = self._added(at, [*others, new], {new: direction})
-                tried = None if tried is None else self.finish(tried, _least_rival(best.log_evidence))
-                if tried is not None and not self.at_bound(tried) and tried.log_evidence > best.log_evidence:
+                tried = self.try_adding(at, new, screen.direction)
+                if tried is None:
+                    continue
+                tried = self.finish(tried, at.log_evidence + _least_rival(self.ahead(best, at), share))
+                if not self.at_bound(tried) and self.ahead(tried, best) > 0:
                     best = tried
         return best
 
     def prune(self, candidate: Candidate) -> Candidate:
-        """Delete effects while the evidence for the rest is no smaller by more than ADD."""
+        """Delete effects, the least needed first, while the rest has no less evidence by more than ADD."""
         if len(candidate.effects) == 1:
             return candidate
-        for name in candidate.effects:
-            without = self.without(candidate, name)
-            if without.log_evidence > candidate.log_evidence - ADD:
-                return self.prune(without)
-        return candidate
+        fewer = [self.without(candidate, name) for name in candidate.effects]
+        best = min(fewer, key=lambda rest: self.ahead(candidate, rest))
+        return self.prune(best) if self.ahead(candidate, best) < ADD else candidate
 
     def without(self, candidate: Candidate, name: str) -> Candidate:
         """A candidate's other effects, fitted anew: simulated where it is, or the best that is known.
@@ -422,10 +466,15 @@ class Search(Generic[F]):
         only the new simulation does.
         """
         fewer = tuple(n for n in candidate.effects if n != name)
+        if self.left.get((candidate.effects, name)) is candidate.fit and fewer in self.seen:
+            return self.seen[fewer]
+        self.left[candidate.effects, name] = candidate.fit
         point = candidate.fit.point
         kept = {n: values for n, values in point.effects.items() if n != name}
         fit = candidate.fitter.fit(replace(point, effects=kept), candidate.fit.scatter, fewer)
-        found = Candidate(fewer, fit, self._log_evidence(fit), candidate.fitter, candidate.final)
+        precision = self._precision(fit)
+        evidence = self._log_evidence(fit, precision)
+        found = Candidate(fewer, fit, evidence, candidate.fitter, candidate.final, precision)
         known = self.seen.get(fewer)
         if known is None or not known.final or known.log_evidence < found.log_evidence:
             self.seen[fewer] = found
@@ -441,17 +490,27 @@ class Search(Generic[F]):
     def _parameter(self, column: Column) -> Parameter:
         return next(p for p in self._effects[column.owner].parameters if p.name == column.parameter)
 
-    def _log_evidence(self, fit: Fit) -> float:
-        """Laplace's approximation at the refit, averaged over sizes, against the nominal scene."""
+    def _precision(self, fit: Fit) -> Array:
+        """(p,) of the prior of a fit's shared parameters, with the sizes of fields as they are now."""
+        return np.asarray(self.fitter.prior(fit.columns)[1])
+
+    def _log_evidence(self, fit: Fit, precision: Array | None, inflation: float | None = None) -> float:
+        """Laplace's approximation at the refit, averaged over sizes, against the nominal scene.
+
+        Args:
+            fit: of effects.
+            precision: (p,) of the prior with which it was fitted; None for that of now.
+            inflation: of all squares; by default what the fit leaves over noise.
+        """
         nominal = self.seen[()].fit
         columns = fit.columns
-        mean, precision = self.fitter.prior(columns)
+        mean = self.fitter.prior(columns)[0]
+        precision = self._precision(fit) if precision is None else precision
         own = np.array([c for c, column in enumerate(columns) if column.object < 0], np.int64)
         fixed = np.setdiff1d(np.arange(len(columns)), own)
-        inflation = max(1.0, fit.dispersion)
-        projected = project(
-            fit.marginal.information.sum(0), fit.marginal.scores, fixed, np.diag(precision[fixed])
-        )
+        inflation = inflation_of(fit) if inflation is None else inflation
+        scores = balanced(fit.marginal.scores, fixed)
+        projected = project(fit.marginal.information.sum(0), scores, fixed, np.diag(precision[fixed]))
         information = projected.information / inflation
         values = np.array([fit.point.effects[columns[c].owner][columns[c].parameter] for c in own])
         offset = values - mean[own]
