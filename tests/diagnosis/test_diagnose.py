@@ -138,6 +138,10 @@ def test_a_window_with_an_event_that_no_model_explains_has_no_veto(worse):
     after = prediction([1.0] * 9 + [100.0 - worse / 5], [3.0] * 9 + [worse], 10.0)
     assert improves(before, after)
     assert not improves(after, before)
+    # Between times of rest most windows are no events, but the motion.
+    still = prediction([20.0] * 4 + [1.0] * 6, [0.0] * 10, 0.0)
+    moved = prediction([8.0] * 4 + [1.01] * 6, [5.0] * 4 + [-0.1] * 6, 10.0)
+    assert improves(still, moved)
     # In all windows but that event it is as bad as before.
     assert not improves(before, prediction([2.1] * 9 + [50.0], [-3.0] * 9 + [50.0], 10.0))
 

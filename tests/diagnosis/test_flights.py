@@ -5,7 +5,7 @@ import pytest
 from mujoco import MjSpec
 from scipy.integrate import solve_ivp
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.impacts import without_impacts
+from slapshot.diagnosis.impacts import impacts, without_impacts
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.selection.free_forms import FreeForceAcross, FreeForceAlong
 from slapshot.effects.joints.effect import State
@@ -109,6 +109,43 @@ def test_flights_end_where_a_ball_bounces(rate, noise):
         longer = times.max() < at if at > t[-1] / 2 else times.min() > at
         assert longer
         assert len(times) > rate * max(at, t[-1] - at) - 6
+
+
+def test_a_ball_that_lies_for_long_flies_before():
+    """Half a second of flight and two of rest; in the flight nobody saw it for a quarter of a second."""
+    t = np.arange(300) / 120
+    fall = 1.226 - 9.81 / 2 * t**2  # it lands after half a second
+    places = np.stack([3 * np.minimum(t, 0.5), 0 * t, np.maximum(fall, 0.0)], axis=1)
+    places += np.random.default_rng(0).normal(0, 1e-3, places.shape)
+    channels = {c: (place("body", "ball", c), [places[:, i]] * 2) for i, c in enumerate("xyz")}
+    made = recording([t] * 2, channels)
+    rig = bind(MjSpec.from_string(BALL), made.channels)
+    cut, _ = without_impacts(made, rig)
+    assert 0.45 < cut.signals["encoder"]["t"].max() < 0.5
+    # A gap is none: gravity alone has changed the velocity there.
+    flight = np.stack([3 * t, 0 * t, 20 * t - 9.81 / 2 * t**2], axis=1)
+    seen = (t < 0.3) | (t > 0.6)
+    assert impacts(t[seen], flight[seen]) == []
+
+
+def test_of_two_balls_neither_may_hit_anything():
+    t = np.arange(240) / 120
+    two = BALL.replace('<body name="ball">', '<body name="other"><freejoint/><geom size=".02" contype="0" '
+                       'conaffinity="0"/></body><body name="ball">')  # fmt: skip
+    ways = {}
+    for name, at in (("ball", 0.5), ("other", 1.5)):
+        turned = np.where(t < at, 4 * t, 4 * at - 2 * (t - at))
+        ways[name] = np.stack([turned, 0 * t, 5 + 9 * t - 9.81 / 2 * t**2], axis=1)
+    channels = {
+        f"{name}_{c}": (place("body", name, c), [way[:, i]] * 2)
+        for name, way in ways.items()
+        for i, c in enumerate("xyz")
+    }
+    made = recording([t] * 2, channels)
+    cut, _ = without_impacts(made, bind(MjSpec.from_string(two), made.channels))
+    for _, rows in cut.signals["encoder"].groupby("episode"):
+        assert 0.5 < rows["t"].min() < 0.55
+        assert 1.45 < rows["t"].max() < 1.5
 
 
 def test_flights_without_impacts_are_left_as_they_are():

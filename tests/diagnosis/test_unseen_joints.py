@@ -166,7 +166,7 @@ GEARED = """<mujoco><worldbody>
 
 def test_a_joint_is_seen_by_the_encoder_of_its_motor_behind_a_gear():
     t = np.arange(100) * 0.01
-    angle = 0.3 * np.sin(4 * t)
+    angle = 0.3 * np.sin(4 * t) + 40 * t  # six turns
     channel = Channel(clock="encoder", role="observation", quantity="position", actuator="motor", unit="rad")
     made = recording(t, {"encoder": (channel, 50 * angle)})
     rig = bind(MjSpec.from_string(GEARED), made.channels)
@@ -174,8 +174,8 @@ def test_a_joint_is_seen_by_the_encoder_of_its_motor_behind_a_gear():
     found = recorded_trajectory(rig, segments)[segments.inside]
     at = segments.time[segments.inside]
     # A cubic of a sine over 60 ms errs by .3 (4 * .03)^4 / 24.
-    np.testing.assert_allclose(found[:, 0], 0.3 * np.sin(4 * at), atol=1e-4)
-    np.testing.assert_allclose(found[3:-3, 1], 1.2 * np.cos(4 * at)[3:-3], atol=0.01)
+    np.testing.assert_allclose(found[:, 0], 0.3 * np.sin(4 * at) + 40 * at, atol=1e-4)
+    np.testing.assert_allclose(found[3:-3, 1], 1.2 * np.cos(4 * at)[3:-3] + 40, atol=0.01)
 
 
 @pytest.mark.parametrize("seen", ["tip", "velocity"])

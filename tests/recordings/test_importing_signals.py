@@ -218,7 +218,7 @@ def test_rows_before_a_controller_starts_are_left_out(tmp_path: Path) -> None:
 
 def test_a_row_of_blank_cells_takes_its_time_where_rows_are_counted(tmp_path: Path) -> None:
     """Motion capture without a column of times, that lost an object from its tenth frame to its twentieth."""
-    x = [["" if 10 <= i < 20 else f"{2 * t:.6g}"] * 2 for i, t in enumerate(T)]
+    x = [["" if 10 <= i < 20 else f"{2 * t:.6g}"] * (2 if i != 14 else 3) for i, t in enumerate(T)]
     write_csv(tmp_path / "csv/a.csv", x, ["x", "y"])
     channels = {
         name: {"column": name, "role": "observation", "quantity": "position", "body": "ball",
@@ -245,6 +245,15 @@ def test_an_angle_that_wraps_goes_on(tmp_path: Path) -> None:
     expected = np.delete(turned, 11)
     np.testing.assert_allclose(found - found[0], expected - expected[0], atol=1e-9)
     assert turned.max() - turned.min() > 72  # of which each 72 degrees are a turn of the encoder
+
+
+def test_counts_of_twenty_bits_wrap(tmp_path: Path) -> None:
+    turned = 9 * T
+    rows = [[t, round(angle / (2 * np.pi) * 2**20) % 2**20] for t, angle in zip(T, turned, strict=True)]
+    write_csv(tmp_path / "csv/a.csv", rows, ["time", "pos"])
+    column = {"unit": "rev", "scale": 2.0**-20, "period": 2**20}
+    recording, _ = imported(tmp_path, channels={"q": {**POS, **column}})
+    np.testing.assert_allclose(recording.signals["main"]["q"], turned, atol=1e-5)
 
 
 def test_a_period_is_of_positions(tmp_path: Path) -> None:

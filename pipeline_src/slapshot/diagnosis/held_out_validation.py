@@ -21,6 +21,7 @@ from slapshot.effects.joints.external_pulse import ExternalPulse
 
 _DISTINGUISHABLE_NATS = 2.0  # two standard deviations under noise
 _EVENT = 25.0  # times the usual squares of the better of two models
+_USUAL = 0.8  # of windows at least: where more are events, they are the motion, between times of rest
 _AGREE = 0.1  # probability by which windows may agree by chance: four of four
 
 
@@ -240,6 +241,8 @@ def improves(before: Prediction, after: Prediction) -> bool:
     # What neither model explains by far is an event, such as a push, and tells nothing of laws.
     least = np.minimum(*squares)
     usual = ~(least > _EVENT * np.nanmedian(least))
+    if usual.mean() < _USUAL:
+        usual[:] = True
     if np.nanmean(squares[1][usual]) >= np.nanmean(squares[0][usual]):
         return False
     likelier = new.log_likelihood[usual].sum() > old.log_likelihood[usual].sum()

@@ -21,6 +21,8 @@ from slapshot.recordings.signals import SignalRecording
 _WINDOW_S, _SAMPLES = 0.05, 4  # on either side of a moment, in which a velocity is that of a straight line
 # An impact changes the velocity by so many times the median change, times its noise, and by a share of it.
 _USUAL, _NOISE, _SHARE = 5.0, 8.0, 0.3
+_FLIES = 0.2  # share of the usual speed, or of the farthest travel between impacts: what lies has less
+_GAP = 1.5  # times as long as usual are samples across a gap, in which gravity alone changes the velocity
 
 
 def without_impacts(recording: SignalRecording, rig: Rig) -> tuple[SignalRecording, list[str]]:
@@ -37,23 +39,25 @@ def without_impacts(recording: SignalRecording, rig: Rig) -> tuple[SignalRecordi
     """
     if rig.collides or any(control.channel is not None for control in rig.controls):
         return recording, []
-    kept: dict[int, tuple[float, float]] = {}
+    when: dict[int, list[float]] = {}
+    places: dict[int, tuple[Array, Array]] = {}  # times and places of the point that is seen most
     for clock, names in _flights(recording, rig):
-        for episode, rows in recording.signals[clock].groupby("episode"):
-            seen = rows.dropna(subset=names)
-            t = seen["t"].to_numpy()
-            ends = [-np.inf, *impacts(t, seen[names].to_numpy()), np.inf]
-            if len(ends) > 2:
-                # Two samples of either side may be of the impact itself.
-                margin = 2 * float(np.median(np.diff(t)))
-                pieces = [(a + margin, b - margin) for a, b in pairwise(ends)]
-                counts = [int(((t >= a) & (t <= b)).sum()) for a, b in pieces]
-                kept[int(str(episode))] = pieces[int(np.argmax(counts))]
+        for key, rows in recording.signals[clock].groupby("episode"):
+            episode, seen = int(str(key)), rows.dropna(subset=names)
+            t, way = seen["t"].to_numpy(), seen[names].to_numpy()
+            when.setdefault(episode, []).extend(impacts(t, way))
+            if episode not in places or len(t) > len(places[episode][0]):
+                places[episode] = t, way
+    kept = {episode: _longest_flight(*places[episode], found) for episode, found in when.items() if found}
     if not kept:
         return recording, []
     signals = {clock: _cut(table, kept) for clock, table in recording.signals.items()}
     whole = set.intersection(*(set(table["episode"]) for table in signals.values()))
-    signals = {clock: table[table["episode"].isin(whole)] for clock, table in signals.items()}
+    signals = {
+        clock: table[table["episode"].isin(whole)].reset_index(drop=True) for clock, table in signals.items()
+    }
+    if any(signals[recording.channels[o.channel].clock][o.channel].isna().all() for o in rig.observations):
+        return recording, ["episodes have impacts, and without them a channel has no value: cut them by hand"]
     episodes = recording.episodes[recording.episodes["episode"].isin(whole)].reset_index(drop=True)
     note = (
         f"{len(kept)} of {len(recording.episodes)} episodes have impacts (velocities that change at once): "
@@ -62,8 +66,21 @@ def without_impacts(recording: SignalRecording, rig: Rig) -> tuple[SignalRecordi
     return replace(recording, episodes=episodes, signals=signals), [note]
 
 
+def _longest_flight(t: Array, places: Array, when: list[float]) -> tuple[float, float]:
+    """Begin and end in s of the longest stretch between impacts in which places (n, 3) travel."""
+    # Two samples of either side may be of the impact itself.
+    margin = 2 * float(np.median(np.diff(t)))
+    pieces = [(a + margin, b - margin) for a, b in pairwise([-np.inf, *sorted(when), np.inf])]
+    parts = [places[(t >= a) & (t <= b)] for a, b in pieces]
+    travel = np.array([np.linalg.norm(np.ptp(part, axis=0)) if len(part) else 0.0 for part in parts])
+    counts = [
+        len(part) if far else 0 for part, far in zip(parts, travel >= _FLIES * travel.max(), strict=True)
+    ]
+    return pieces[int(np.argmax(counts))]
+
+
 def impacts(t: Array, places: Array) -> list[float]:
-    """Times in s at which the velocity of places (n, 3) changes at once."""
+    """Times in s at which the velocity of places (n, 3) in m, seen at times (n,), changes at once."""
     n, interval = len(t), float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     width = max(_SAMPLES, round(_WINDOW_S / interval))
     if n < 2 * width + 2:
@@ -72,10 +89,18 @@ def impacts(t: Array, places: Array) -> list[float]:
     velocity = np.array([line[0] for line in lines])
     error = float(np.median([line[1] for line in lines]))
     change = np.linalg.norm(velocity[width:] - velocity[:-width], axis=1)  # about samples width - 1 and width
-    speed = float(np.sqrt(np.mean(np.sum(velocity**2, axis=1))))
-    least = max(_USUAL * float(np.median(change)), _NOISE * error * np.sqrt(2), _SHARE * speed)
+    fast = np.linalg.norm(velocity, axis=1)
+    # Long rest beside a flight says nothing of how velocities change in it.
+    flies = fast > _FLIES * np.quantile(fast, 0.95)
+    if not flies.any():
+        return []
+    both = flies[width:] & flies[:-width]
+    usual = float(np.median(change[both])) if both.any() else 0.0
+    speed = float(np.sqrt(np.mean(fast[flies] ** 2)))
+    least = max(_USUAL * usual, _NOISE * error * np.sqrt(2), _SHARE * speed)
     found: list[float] = []
-    above = change > least
+    span = t[2 * width - 1 :] - t[: n - 2 * width + 1]
+    above = (change > least) & (span < _GAP * (2 * width - 1) * interval)
     while above.any():
         i = int(np.argmax(np.where(above, change, -1)))
         found.append(float(t[i + width - 1] + t[i + width]) / 2)

@@ -300,6 +300,10 @@ def test_what_errors_of_a_law_do_not_reach_is_unknown_however_much_the_law_expla
     assert level.unknown.flagged
     level.search.reached = True
     assert not level.unknown.flagged
+    # Nor where the form takes the delay's place once it is fitted, and leaves the delay hardly any gain.
+    level.search.gain = lambda at, name: 1.0 if "free_place" in at.effects else 10_000.0
+    level.search.shift = lambda at, name: 1e-4 if "free_place" in at.effects else 0.1
+    assert not level.unknown.flagged
     level.search.reached, level.search.fits = False, False
     assert not level.unknown.flagged
     assert not leftover_level(CLASS + ADD, 0.01).unknown.flagged

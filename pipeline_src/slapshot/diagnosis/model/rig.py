@@ -151,7 +151,8 @@ def bind(
     """Bind channels to the parts of a model that they name.
 
     Raises:
-        InputError: a channel names what the model does not have, or nothing is observed; one line.
+        InputError: a channel names what the model does not have, nothing is observed, or nothing in the model
+            can move; one line.
     """
     spec = spec.copy()
     _name_all(spec)

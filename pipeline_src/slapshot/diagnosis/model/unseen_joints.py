@@ -41,7 +41,7 @@ class Point:
 
 
 def observed_point(model: mujoco.MjModel, sensor: int) -> Point | None:
-    """The point that a sensor observes; None for sensors of joints and actuators."""
+    """The point that a sensor observes; None for sensors of anything but sites and bodies."""
     kind, target = int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor])
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -212,6 +212,19 @@ def _is_dragged(model: mujoco.MjModel, constraint: int) -> bool:
     return bool(np.any(model.body_mocapid[ends] >= 0))
 
 
+def _is_straight(model: mujoco.MjModel, v: int, bent: bool) -> bool:
+    """Whether readings are linear in a degree of freedom: no rotation that turns a place."""
+    joint = int(model.dof_jntid[v])
+    match mujoco.mjtJoint(model.jnt_type[joint]):
+        case mujoco.mjtJoint.mjJNT_SLIDE:
+            return True
+        case mujoco.mjtJoint.mjJNT_FREE:
+            return v - int(model.jnt_dofadr[joint]) < 3
+        case mujoco.mjtJoint.mjJNT_HINGE:
+            return not bent
+    return False
+
+
 def solve_positions(rig: Rig, segments: Segments, x: Array, unseen: list[int], places: list[int]) -> None:
     """Inverse kinematics by Levenberg and Marquardt's method, on all nodes at once.
 
@@ -242,6 +255,11 @@ def solve_positions(rig: Rig, segments: Segments, x: Array, unseen: list[int], p
         delta[:, unseen] = change
         return tangent.add(states, delta)
 
+    bent = bool(loops) or any(
+        model.sensor_type[rig.sensor_of(c)] == int(mujoco.mjtSensor.mjSENS_FRAMEPOS) for c in places
+    )
+    longest = np.array([np.inf if _is_straight(model, v, bent) else _LONGEST for v in unseen])
+
     def solved(states: Array) -> tuple[Array, float]:
         error, damping = miss(states), np.full(len(at), _DAMPING)
         for _ in range(_ROUNDS):
@@ -251,7 +269,7 @@ def solve_positions(rig: Rig, segments: Segments, x: Array, unseen: list[int], p
             size = np.einsum("nkk->n", gram)[:, None, None] / len(unseen) + 1e-12
             stiff = gram + damping[:, None, None] * size * np.eye(len(unseen))
             step = np.linalg.solve(stiff, np.einsum("npk,np->nk", J, error)[..., None])[..., 0]
-            tried = moved(states, np.clip(step, -_LONGEST, _LONGEST))
+            tried = moved(states, np.clip(step, -longest, longest))
             missed = miss(tried)
             better = np.sum(missed**2, axis=1) < np.sum(error**2, axis=1)
             states, error = np.where(better[:, None], tried, states), np.where(better[:, None], missed, error)

@@ -100,8 +100,10 @@ def read_rows(mapping: NamedColumns, file: Path) -> Rows:
     found: list[_Row] = []
     lengths = [0]
     for row in rows:
-        if row.is_blank and not are_counted:
-            continue
+        if row.is_blank:
+            if not are_counted:
+                continue
+            row = replace(row, cells=[""] * max(len(row.cells), last + 1))
         _check_header_fits(row, names, style, file)
         lengths.append(len(row.cells))
         # A file may have a million columns, of which a few are wanted.

@@ -73,7 +73,7 @@ class ChannelColumn(Channel):
     )
     sign: Literal[1, -1] = Field(default=1, description="-1 turns an axis round")
     offset: Number = Field(default=0.0, description="what to add after that, in the channel's unit")
-    period: Given[Annotated[Number, Field(gt=0)]] = Field(
+    period: Given[Annotated[float, Field(gt=0, le=1e15, allow_inf_nan=False)]] = Field(
         default=None,
         description="of a position that wraps: after how much the column's numbers begin again, as 360",
     )

@@ -82,8 +82,10 @@ class Level:
         fitted = search.try_adding(at, form, self.leftover.direction)
         if fitted is None:
             return found
-        least = CLASS + least_gain(search, fitted, form)
-        return unknown_of(search, self.leftover, least, least_shift(search, fitted, form))
+        # What still errs counts as it did without the form, which may have taken a part of its place.
+        erring = _erring(search, fitted, form)
+        least, shift = CLASS + _gain_of_errors(search, at, erring), _shift_of_errors(search, at, erring)
+        return unknown_of(search, self.leftover, least, shift)
 
 
 def examine(search: Search[Any]) -> Level:
@@ -119,8 +121,7 @@ def _erring(search: Search[Any], at: Candidate, beside: str) -> list[str]:
 
 def least_shift(search: Search[Any], at: Candidate, beside: str = "") -> float:
     """m, rms of tracks, that something beside a fit's effects must move: their own laws may err by less."""
-    errors = [search.known_to(n) * search.shift(at, n) for n in _erring(search, at, beside)]
-    return float(np.hypot(LEAST_SHIFT, np.linalg.norm(errors)))
+    return _shift_of_errors(search, at, _erring(search, at, beside))
 
 
 def least_gain(search: Search[Any], at: Candidate, beside: str = "") -> float:
@@ -128,7 +129,16 @@ def least_gain(search: Search[Any], at: Candidate, beside: str = "") -> float:
 
     Evidence is a square: of a law that errs by a share, it leaves the square of that share.
     """
-    return max(ADD, sum(search.known_to(n) ** 2 * search.gain(at, n) for n in _erring(search, at, beside)))
+    return _gain_of_errors(search, at, _erring(search, at, beside))
+
+
+def _shift_of_errors(search: Search[Any], at: Candidate, erring: Sequence[str]) -> float:
+    errors = [search.known_to(n) * search.shift(at, n) for n in erring]
+    return float(np.hypot(LEAST_SHIFT, np.linalg.norm(errors)))
+
+
+def _gain_of_errors(search: Search[Any], at: Candidate, erring: Sequence[str]) -> float:
+    return max(ADD, sum(search.known_to(n) ** 2 * search.gain(at, n) for n in erring))
 
 
 def without_hidden(search: Search[Any], at: Candidate) -> Candidate:

@@ -176,7 +176,9 @@ class Search(Generic[F]):
     def settle(self, candidate: Candidate) -> Candidate:
         """A candidate whose fit has converged, if going on makes it do so."""
         fit = settled(candidate.fitter, candidate.fit, candidate.effects)
-        return candidate if fit is candidate.fit else replace(candidate, fit=fit)
+        return (
+            candidate if fit is candidate.fit else replace(candidate, fit=fit, precision=self._precision(fit))
+        )
 
     def screen(self, at: Candidate, hypotheses: Sequence[str]) -> Screen:
         """Judge hypotheses beyond those of a fit, which are projected out with the nuisance."""
