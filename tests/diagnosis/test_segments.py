@@ -169,7 +169,7 @@ def several_clocks() -> SignalRecording:
     channels["bus"] = Channel(
         clock="bus", role="control", quantity="command", unit="N m", actuator="drive", hold="linear"
     )
-    base = swinging(np.arange(3.0))
+    base = swinging(np.arange(3) * 0.1)
     return replace(base, channels=channels, signals=tables)
 
 

@@ -115,7 +115,7 @@ cli.main()
 @pytest.mark.parametrize(
     ("version", "words"),
     [
-        ("3", "format_version is 3, and no diagnosis reads that version"),
+        ("3", "format_version is 3, but this slapshot reads version 1, 2; write the recording in that one"),
         ("true", "format_version is True, but this slapshot reads version"),
         ("1,", "is not valid JSON"),
     ],

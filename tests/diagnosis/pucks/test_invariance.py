@@ -1,5 +1,6 @@
 """What must not change a verdict: where the axes lie, a hypothesis that fails; and what must be said."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -109,7 +110,10 @@ def test_a_fit_that_does_not_converge_is_reported(dragged, monkeypatch):
     monkeypatch.setattr(search, "CREEP", 0.0)
     verdict = diagnose(dragged, SETTING, effects=KNOWN).verdict
     assert verdict.headline == "cannot_tell"
-    assert str(verdict.cannot_tell).startswith("the fit of what was found did not converge")
+    # Without names, where a free form that did not converge seems to explain more.
+    assert re.match(
+        "the fit of (what was found|the nominal scene) did not converge", str(verdict.cannot_tell)
+    )
     assert verdict.limits == ()
     assert verdict.fit is None
 

@@ -21,8 +21,8 @@ Commands = Callable[[Array], Array | Sequence[Array]]
 
 
 def reads(quantity: Literal["position", "velocity", "torque"] = "position", **of: str) -> Channel:
-    """An observation of a joint (of a hinge), or the x of a site or body."""
-    unit = {"position": "rad", "velocity": "rad/s", "torque": "N m"}[quantity]
+    """An observation of a joint (of a hinge, but for another unit), or the x of a site or body."""
+    unit = of.pop("unit", {"position": "rad", "velocity": "rad/s", "torque": "N m"}[quantity])
     if "joint" not in of:
         return Channel(
             clock="c", role="observation", quantity=quantity, unit=unit.replace("rad", "m"),

@@ -45,7 +45,8 @@ def rotor(
     commands: Commands = lambda t: [], integrator: str = "Euler", **rest: float,
 ) -> RigSimulator:  # fmt: skip
     """A balanced hinge with an inertia of INERTIA, or a slide with that mass, without gravity."""
-    channels = {"q": reads(joint="j")} | ({"u": tells("a")} if actuator else {})
+    unit = "m" if 'type="slide"' in joint else "rad"
+    channels = {"q": reads(joint="j", unit=unit)} | ({"u": tells("a")} if actuator else {})
     return bench(
         f"""<option gravity="0 0 0" timestep="{STEP}" integrator="{integrator}"/><worldbody><body name="b">
         <joint name="j" axis="0 1 0" {joint}/>
@@ -364,7 +365,7 @@ def test_a_pendulum_on_a_tilted_base_hangs_along_gravity(way):
     rail = bench(
         f"""<option gravity="0 0 {-GRAVITY}"/><worldbody><body name="b">
         <joint name="j" type="slide" axis="0 1 0"/><geom size=".1"/></body></worldbody>""",
-        {"q": reads(joint="j")}, episodes=1,
+        {"q": reads(joint="j", unit="m")}, episodes=1,
     )  # fmt: skip
     motion = rail.moved(rail.effect("gravity_tilt"), tilt, 0)
     assert motion.v() == pytest.approx(-GRAVITY * np.sin(tilt) * motion.t, abs=1e-9)
