@@ -21,6 +21,8 @@ ERRORS = Errors(
     command_rest_rmse_m=None,
     loglik_per_hit=Interval(1.5, 1.0, 2.0),
     chi2_per_freedom=Interval(1.0, 1.0, 1.0),
+    camera_chi2=Interval(1.0, 1.0, 1.0),
+    encoder_chi2=None,
 )
 
 

@@ -101,7 +101,7 @@ def test_law_errors_add_up_as_independent_ones():
 
 def errors(rest):
     same = Interval(0.01, 0.009, 0.011)
-    return Errors(same, rest, None, Interval(1.0, 0.5, 1.5), Interval(1.0, 0.9, 1.1))
+    return Errors(same, rest, None, Interval(1.0, 0.5, 1.5), Interval(1.0, 0.9, 1.1), None, None)
 
 
 def test_a_name_that_makes_an_error_larger_than_its_interval_without_it_does_not_hold():

@@ -149,7 +149,9 @@ def _errors(test: RestFitter, level: Level, setting: Setting, rng: np.random.Gen
     floor = -(test.freedom() + state.log_volume) / 2
     exact = Interval(1.0, 1.0, 1.0)
     expected = root_mean(test.expected(point, final.scatter), rng)
-    return found | {"noise_floor": Errors(None, None, expected, mean(floor - reference, rng), exact)}
+    return found | {
+        "noise_floor": Errors(None, None, expected, mean(floor - reference, rng), exact, None, None)
+    }
 
 
 def _errors_of(test: RestFitter, fit: Fit, reference: Array, rng: np.random.Generator) -> Errors:
@@ -157,7 +159,8 @@ def _errors_of(test: RestFitter, fit: Fit, reference: Array, rng: np.random.Gene
     state = test.evaluate(point, [], fit.scatter)
     square = ((test.measured - test.predict(point)) ** 2).sum(1)
     gain = _log_likelihood(test, fit) - reference
-    return Errors(None, None, root_mean(square, rng), mean(gain, rng), mean(state.squares / 2, rng, SURE))
+    place, likelihood = root_mean(square, rng), mean(gain, rng)
+    return Errors(None, None, place, likelihood, mean(state.squares / 2, rng, SURE), None, None)
 
 
 def _log_likelihood(test: RestFitter, fit: Fit) -> Array:

@@ -183,6 +183,8 @@ def noise_floor(held: HeldOut, reference: Array, rng: np.random.Generator) -> Er
         floor,
         mean(held.expected_loglik - reference, rng),
         Interval(1.0, 1.0, 1.0),
+        None,
+        None,
     )
 
 

@@ -142,8 +142,8 @@ class Errors:
     command_rest_rmse_m: Interval | None
     loglik_per_hit: Interval
     chi2_per_freedom: Interval
-    camera_chi2: Interval | None = None
-    encoder_chi2: Interval | None = None
+    camera_chi2: Interval | None
+    encoder_chi2: Interval | None
 
 
 @dataclass(frozen=True)
