@@ -1,7 +1,7 @@
 """Impacts in recordings of bodies that fly: `without_impacts`.
 
-A bounce or a catch is no physics that a model without contacts could lack, and changes the velocity of a table
-tennis ball by more than drag does in half a second.
+A bounce or a catch is no physics that a model without contacts could lack, and changes the velocity of a
+table tennis ball by more than drag does in half a second.
 """
 
 from collections.abc import Iterator
