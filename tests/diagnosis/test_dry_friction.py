@@ -10,6 +10,7 @@ from slapshot.effects.joints.coulomb_friction import CoulombFriction
 from slapshot.effects.joints.direction_friction import DirectionFriction
 from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.stribeck_friction import StribeckFriction
+from slapshot.effects.joints.torque_offset import TorqueOffset
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 
 from .test_linear import arm_situation, random_path
@@ -19,6 +20,7 @@ VALUES = {
     DirectionFriction: [0.2, 0.1],
     StribeckFriction: [0.25, 0.15, 0.4],
     ViscousFriction: [0.05],
+    TorqueOffset: [-0.05],
 }
 BESIDE = {  # what is merged -> the values left of each
     (CoulombFriction, DirectionFriction): {"direction_friction": [0.5, 0.4]},
@@ -31,6 +33,12 @@ BESIDE = {  # what is merged -> the values left of each
     (CoulombFriction, StribeckFriction, DirectionFriction): {
         "stribeck_friction": [0.15, 0.4],
         "direction_friction": [0.75, 0.65],
+    },
+    (CoulombFriction, TorqueOffset): {"direction_friction": [0.35, 0.25]},
+    (DirectionFriction, TorqueOffset): {"direction_friction": [0.25, 0.05]},
+    (TorqueOffset, StribeckFriction): {
+        "direction_friction": [0.3, 0.2],
+        "stribeck_friction": [0.15, 0.4],
     },
 }
 
@@ -45,7 +53,10 @@ def test_several_levels_are_one_and_nothing_moves_otherwise(kinds, left):
     assert found.keys() == left.keys()
     for name, expected in left.items():
         assert found[name] == pytest.approx(expected)
-    assert {effect.key for effect in merged.effects} <= {effect.key for effect in elbow}
+    assert {effect.key for effect in merged.effects} <= {
+        *(effect.key for effect in elbow),
+        "direction_friction@elbow",
+    }
     n, simulator = segments.time.size, Simulator(rig)
     x = random_path(rig, segments, 4, size=0.2).reshape(n, -1)
     u = segments.control().reshape(n, segments.substeps, -1)
@@ -55,6 +66,17 @@ def test_several_levels_are_one_and_nothing_moves_otherwise(kinds, left):
     ]
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-9)
     assert with_one_level(merged, values)[0] is merged
+
+
+@pytest.mark.parametrize("torque", [0.31, -0.31])
+def test_a_constant_torque_above_dry_friction_is_no_friction(torque):
+    rig, _, of, _ = arm_situation(100, 0.005)
+    kinds = CoulombFriction, TorqueOffset
+    both = Hypothesis(rig, tuple(next(e for e in k.instances(of) if e.part == "elbow") for k in kinds))
+    theta = np.array([0.3, torque])
+    assert with_one_level(both, theta) == (both, theta)
+    smaller = with_one_level(both, np.array([0.3, 0.9 * torque]))[0]
+    assert [effect.key for effect in smaller.effects] == ["direction_friction@elbow"]
 
 
 def test_what_lies_in_different_joints_or_was_free_before_stays():

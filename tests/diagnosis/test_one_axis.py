@@ -428,6 +428,25 @@ def test_an_offset_beside_friction_at_a_fast_clock():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("offset", "coulomb", "named"),
+    [
+        (8.0, 0.0, {"torque_offset": [8.0]}),
+        (8.0, 2.0, {"torque_offset": [8.0], "coulomb_friction": [2.0]}),
+    ],
+    ids=["alone", "above friction"],
+)
+def test_a_constant_force_that_dry_friction_does_not_hold(offset, coulomb, named):
+    """It is no friction, nor a spring or a tilted base."""
+    verdict = diagnosed(*driven_axis(8.0, 3, offset=offset, coulomb=coulomb)).verdict
+    assert not verdict.unknown.flagged
+    values = {effect.name: [p.value for p in effect.parameters] for effect in verdict.effects}
+    assert values.keys() == {"viscous_friction", *named}
+    for name, known in {"viscous_friction": [VISCOUS], **named}.items():
+        assert values[name] == pytest.approx(known, rel=0.03)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [{"excess": 6.0}, {"bristles": True}], ids=["stribeck", "bristles"])
 def test_friction_by_other_laws_is_no_push(law):
     """Nor is its level named twice; nothing is pushed."""

@@ -170,6 +170,17 @@ def test_friction_that_differs_between_directions_is_coulomb_friction_beside_an_
     assert abs(motion.v()[-1]) < 0.05
 
 
+@answers("torque_offset")
+@both_ways
+@pytest.mark.parametrize(("joint", "unit"), [("", "N m"), ('type="slide"', "N")])
+def test_a_constant_torque_accelerates(way, joint, unit):
+    free = rotor(joint=joint)
+    effect = free.effect("torque_offset")
+    assert effect.parameters[0].unit == unit
+    motion = free.moved(effect, way * 0.3)
+    assert motion.v() == pytest.approx(way * 0.3 / INERTIA * motion.t, abs=1e-9)
+
+
 @answers("stribeck_friction")
 @both_ways
 def test_friction_falls_with_speed_as_stribeck_says(way):

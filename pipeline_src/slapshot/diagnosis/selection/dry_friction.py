@@ -6,14 +6,17 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.effects.joints.coulomb_friction import CoulombFriction
 from slapshot.effects.joints.direction_friction import DirectionFriction
+from slapshot.effects.joints.effect import JointEffect
 from slapshot.effects.joints.stribeck_friction import StribeckFriction
+from slapshot.effects.joints.torque_offset import TorqueOffset
 
 
 def with_one_level(hypothesis: Hypothesis, theta: Array) -> tuple[Hypothesis, Array]:
     """The same model with each joint's dry friction at speed in one effect, where several share it.
 
     Coulomb friction is part of friction by direction, and of Stribeck friction; beside friction by direction
-    Stribeck friction is but the excess near rest. Only sums of shared values could be told.
+    Stribeck friction is but the excess near rest. A constant torque beside larger dry friction is friction by
+    direction. Only sums of shared values could be told.
 
     Args:
         hypothesis: what was added to a model, and its free parameters, which stay.
@@ -27,6 +30,19 @@ def with_one_level(hypothesis: Hypothesis, theta: Array) -> tuple[Hypothesis, Ar
             next((effect for effect in own if isinstance(effect, kind)), None)
             for kind in (CoulombFriction, DirectionFriction, StribeckFriction)
         )
+        offset = next((effect for effect in own if isinstance(effect, TorqueOffset)), None)
+        if offset is not None:
+            torque = float(values[offset.key][0])
+            least = min(values[direction.key]) if direction is not None else 0.0
+            level = float(least + sum(values[e.key][0] for e in own if _has_level(e)))
+            if abs(torque) < level:
+                if direction is None:
+                    direction = DirectionFriction(offset.joint, hypothesis.rig.model)
+                    values[direction.key] = np.zeros(2)
+                    effects[effects.index(offset)] = direction
+                else:
+                    effects.remove(offset)
+                values[direction.key] = values[direction.key] + [-torque, torque]
         holder = direction or stribeck
         if holder is None:
             continue
@@ -43,6 +59,11 @@ def with_one_level(hypothesis: Hypothesis, theta: Array) -> tuple[Hypothesis, Ar
         return hypothesis, theta
     merged = Hypothesis(hypothesis.rig, tuple(effects))
     return merged, merged.clipped(np.concatenate([values[effect.key] for effect in effects]))
+
+
+def _has_level(effect: JointEffect) -> bool:
+    """Whether the first value of an effect is a level of dry friction in both directions."""
+    return isinstance(effect, CoulombFriction) or (isinstance(effect, StribeckFriction) and effect.has_level)
 
 
 def _raised(values: Array, sizes: slice, by: float) -> Array:

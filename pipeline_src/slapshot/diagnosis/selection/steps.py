@@ -58,10 +58,8 @@ class Rival:
 
 
 def has_no_effect(effect: JointEffect, fit: Fit) -> bool:
-    """Whether the last effect of a fit is zero: all its non-negative sizes are 0."""
-    own = fit.theta[len(fit.theta) - len(effect.parameters) :]
-    sizes = [(value, p) for value, p in zip(own, effect.parameters, strict=True) if p.low == p.start == 0]
-    return bool(sizes) and all(value <= 1e-9 * p.scale for value, p in sizes)
+    """Whether the last effect of a fit is none by its values, such as a size of 0."""
+    return not effect.describes(fit.theta[len(fit.theta) - len(effect.parameters) :])
 
 
 @dataclass(frozen=True)
@@ -289,7 +287,12 @@ def step_to(
     """The step that adds an effect, from a fit with it."""
     noise, first = step.scored.noise, None
     hypothesis, theta = with_one_level(fit.hypothesis, fit.theta)
-    effect = next((present for present in hypothesis.effects if present.key == effect.key), effect)
+    same = [present for present in hypothesis.effects if present.key == effect.key]
+    # Together with others it may have become another one.
+    became = [present for present in hypothesis.effects if present not in fit.hypothesis.effects]
+    added = next(iter(same + became), effect)
+    rivals = [replace(rival, effect=added) if rival.effect is effect else rival for rival in rivals]
+    rivals = [rival for rival in rivals if rival.effect is added or rival.effect.key != added.key]
     if fit.log_evidence > step.scored.fit.log_evidence + _DISTANT_NATS:
         # The noise was that of a model which explains far less, and so was the trajectory.
         first = fit_with_noise(step.problem, hypothesis, theta, fit.trajectory, noise)
@@ -299,4 +302,4 @@ def step_to(
     if first is not None and scored.fit.log_evidence < fit.log_evidence:
         # With other process force and law errors it went to a lower optimum; scores are about the first one.
         scored = replace(scored, fit=fit, residual_noise=first.residual_noise)
-    return Step(step.problem, scored, mismatch_and_push_test(scored, of, rng), effect, gain, tuple(rivals))
+    return Step(step.problem, scored, mismatch_and_push_test(scored, of, rng), added, gain, tuple(rivals))

@@ -25,18 +25,20 @@ class DirectionFriction(JointEffect):
     def instances(cls, rig: RigMotion) -> Iterator["DirectionFriction"]:
         """One for each joint; prior: in each direction as dry friction."""
         for joint in rig.joints:
-            scale = 0.3 * joint.torque
-            nominal = float(rig.model.dof_frictionloss[joint.v])
-            way = {"low": -nominal, "probe": 1e-3 * scale}
-            yield cls(
-                joint,
-                Parameter("forward", joint.unit, scale, **way),
-                Parameter("backward", joint.unit, scale, **way),
-            )
+            yield cls(joint, rig.model)
 
-    def __init__(self, joint: Joint, *parameters: Parameter) -> None:
-        super().__init__(joint.name, parameters)
+    def __init__(self, joint: Joint, model: mujoco.MjModel) -> None:
+        scale = 0.3 * joint.torque
+        way = {"low": -float(model.dof_frictionloss[joint.v]), "probe": 1e-3 * scale}
+        super().__init__(
+            joint.name,
+            [Parameter(name, joint.unit, scale, **way) for name in ("forward", "backward")],
+        )
         self._joint = joint
+
+    def describes(self, values: Array) -> bool:
+        """Whether there is friction in both directions; otherwise a constant torque pushes in one of them."""
+        return all(value > p.low + 1e-9 * p.scale for value, p in zip(values, self.parameters, strict=True))
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Add the mean of both directions to the joint's friction loss."""

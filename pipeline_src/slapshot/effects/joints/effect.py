@@ -225,6 +225,13 @@ class JointEffect:
                 perturbations.append(tuple(values))
         return tuple(perturbations)
 
+    def describes(self, values: Array) -> bool:
+        """Whether there is such an effect with these values: not where all its non-negative sizes are 0."""
+        sizes = [
+            (value, p) for value, p in zip(values, self.parameters, strict=True) if p.low == p.start == 0
+        ]
+        return not sizes or any(value > 1e-9 * p.scale for value, p in sizes)
+
     @property
     def misreads(self) -> bool:
         """Whether it is an error of readings, which is a multiple of them or shifts them."""
