@@ -17,6 +17,7 @@ from slapshot.diagnosis.model.rig import Rig, bind
 from slapshot.diagnosis.model.segments import Segments, segment_recording
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.pulses import WINDOW_S
+from slapshot.diagnosis.selection.steps import P_VALUE
 from slapshot.diagnosis.verdict_of_search import MAX_REDUCED_CHI2
 from slapshot.errors import InputError
 from slapshot.recordings.signals import SignalRecording
@@ -258,6 +259,20 @@ def test_a_push_in_held_out_data_is_told_with_its_time():
     # Windows of which it takes less than half do not stand out; its impulse is known better.
     assert (begin, end) == pytest.approx(PUSH[:2], abs=WINDOW_S / 2)
     assert force * (end - begin) == pytest.approx(PUSH[2] * (PUSH[1] - PUSH[0]), rel=0.1)
+
+
+def test_beside_what_is_named_a_push_in_held_out_data_is_unknown():
+    """A named law explains all the rest: the verdict says that something pushes besides."""
+    of = taken(7, pushed=2)
+    undamped = PENDULUM.replace(' damping="0.05"', "")
+    verdict = diagnose(of, bind(MjSpec.from_string(undamped), of.channels), seed=1).verdict
+    assert verdict.held_out_episodes == [2]
+    assert [effect.name for effect in verdict.effects] == ["viscous_friction"]
+    assert verdict.unknown is not None
+    assert verdict.unknown.p_value > P_VALUE
+    assert verdict.unknown.flagged
+    assert "episode 2" in verdict.unknown.description
+    assert verdict.reason.endswith("something pushes in held-out data")
 
 
 def test_without_a_push_none_is_told_in_held_out_data():

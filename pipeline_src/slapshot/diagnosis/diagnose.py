@@ -134,8 +134,8 @@ def _diagnosis(
     reason = _insufficiency_reason(problem)
     if reason is None:
         try:
-            found = search(problem, free, seed, report)
-            reason = _fit_failure(found)
+            searched = search(problem, free, seed, report)
+            reason = _fit_failure(searched)
         except np.linalg.LinAlgError:
             reason = (
                 "the nominal model diverges from the recorded motion at once; check units and signs of the "
@@ -148,16 +148,22 @@ def _diagnosis(
     if not windows.shape[0]:
         reason = "no held-out part is long enough to predict its second half; record longer episodes"
         return Diagnosis(undecided(recording, rig, notes, reason, began), rig)
-    windows, wrong = _readings_of(windows, found.nominal)
+    windows, wrong = _readings_of(windows, searched.nominal)
     notes += wrong
-    try:
-        found, by_model = predict_models(found, problem, windows, seed, report)
-    except np.linalg.LinAlgError:
-        notes.append("with what was found, predictions of held-out windows diverge: none of it is named")
-        found = Search((found.nominal,), found.free)
-        found, by_model = predict_models(found, problem, windows, seed, report)
+    found, by_model, said = _predicted(searched, problem, windows, seed, report)
     pushed = held_out_pushes(found.final, by_model[2].noise, problem, segments, held)
-    notes += [str(push) for push in pushed]
+    quiet = held_out.without_pushes(windows, pushed)
+    if 0 < quiet.shape[0] < windows.shape[0]:
+        # A push that no model has tells nothing of laws.
+        report("predicting held-out windows in which nothing pushes")
+        said.append(
+            f"predictions leave out {windows.shape[0] - quiet.shape[0]} of {windows.shape[0]} held-out "
+            "windows, in which something pushes"
+        )
+        windows = quiet
+        found, by_model, _ = _predicted(searched, problem, windows, seed, report)
+        pushed = held_out_pushes(found.final, by_model[2].noise, problem, segments, held)
+    notes += [*said, *(str(push) for push in pushed)]
     verdict = verdict_of(recording, rig, found, windows, by_model, segments, held, notes, pushed, seed, began)
     return Diagnosis(verdict, rig, found, windows, *by_model)
 
@@ -178,6 +184,18 @@ def _accurate_problem(problem: Problem) -> tuple[Problem, str] | None:
         return None
     rig, told = found
     return Problem.of(rig, problem.channels, problem.segments, problem.threads), told
+
+
+def _predicted(
+    found: Search, problem: Problem, windows: Segments, seed: int, report: Callable[[str], None]
+) -> tuple[Search, tuple[Prediction, Prediction, Prediction], list[str]]:
+    """What held-out windows confirm of a search, predictions, and what is said of them."""
+    try:
+        return *predict_models(found, problem, windows, seed, report), []
+    except np.linalg.LinAlgError:
+        told = ["with what was found, predictions of held-out windows diverge: none of it is named"]
+        found = Search((found.nominal,), found.free)
+        return *predict_models(found, problem, windows, seed, report), told
 
 
 def _readings_of(windows: Segments, nominal: Step) -> tuple[Segments, list[str]]:

@@ -4,6 +4,7 @@ A window is predicted from a state that the model estimates from the preceding d
 controls; observations within the window are not used.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -217,6 +218,12 @@ class HeldOutPush:
             f"in held-out data, about {self.force:.3g} {self.unit} push {self.joint} from {p.begin:.2f} to "
             f"{p.end:.2f} s of episode {p.episode}; no model here has that push"
         )
+
+
+def without_pushes(windows: Segments, pushes: Sequence[HeldOutPush]) -> Segments:
+    """Windows in which none of these pushes acts."""
+    quiet = [not any(_during(push.pulse, windows)[w].any() for push in pushes) for w in range(len(windows.y))]
+    return windows.select(np.flatnonzero(quiet))
 
 
 def pushes_in(

@@ -92,7 +92,10 @@ def verdict_of(
     dropped = [effect for effect in found.dropped if effect.key not in kept]
     notes = [*notes, *(_dropped_note(effect) for effect in dropped)]
     recurring = recurring_pushes(last, named, np.random.default_rng([seed, 3]))
-    flagged = missing and (left < P_VALUE or worse[1] or not named or recurring is not None)
+    pushes = [effect for effect in named if isinstance(effect, ExternalPulse)]
+    # Where pushes are named, those in held-out data are more of them.
+    pushes_unnamed = bool(pushed) and not pushes
+    flagged = missing and (left < P_VALUE or worse[1] or not named or recurring is not None or pushes_unnamed)
     headline = "nothing_found"
     if missing:
         headline = "found" if named else "found_not_named"
@@ -123,14 +126,15 @@ def verdict_of(
     alone = scored.gains
     strongest = scored.effects[max(range(len(alone)), key=lambda i: alone[i].log_evidence)]
     location = _location(first) if missing else None
-    pushes = [effect for effect in named if isinstance(effect, ExternalPulse)]
     if pushes and len(pushes) == len(named):
         # Scores and free forms know nothing of pushes, above all where their windows were set aside.
         strongest = pushes[0]
         location = Location(part=strongest.part, follows="time", size=None)
     unknown = recurring or _unknown(last, left, dropped)
+    if pushes_unnamed and left >= P_VALUE and not worse[1] and recurring is None:
+        unknown = str(pushed[0])
     if pushed and p >= P_VALUE and not worse[0]:
-        location, unknown = Location(part=pushed[0].joint, follows="time", size=None), str(pushed[0])
+        location = Location(part=pushed[0].joint, follows="time", size=None)
     return Verdict(
         headline=headline,  # type: ignore[arg-type]
         reason=reason,
