@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, filtfilt, lfilter
 from slapshot.recordings.quality_warning import WarningKind
 from slapshot.recordings.signal_quality import signal_warnings
 from slapshot.recordings.signal_statistics import all_channel_statistics
@@ -130,6 +130,13 @@ def smoothed(recording: SignalRecording) -> SignalRecording:
     )
 
 
+def smoothed_slowly(recording: SignalRecording) -> SignalRecording:
+    """The quotient behind a filter of 5 Hz, forward and backward."""
+    b, a = butter(4, 5, fs=RATES["main"])
+    raw = quotient(recording)
+    return changed(raw, "main", lambda table: table.assign(v=filtfilt(b, a, table["v"].to_numpy())))
+
+
 def behind(recording: SignalRecording, seconds: float) -> SignalRecording:
     """A tachometer that is late."""
 
@@ -179,6 +186,11 @@ CASES: dict[str, tuple[WarningKind, Change, list[str]]] = {
         lambda recording: with_channel(recording, "q", noise=0.0001),
         ["noise of q is said to be 0.0001 rad", "scatter by 0.001"],
     ),
+    "counts without a sign": (
+        "unsigned",
+        cell("u", lambda x: np.round(x / 0.001) % 2**16 * 0.001),
+        ["samples of u are just below 65.536 N m, 2^16 steps"],
+    ),
     "times that err": ("moving_noise", of_main(late_times), ["q scatters by", "times erred by 0.98 ms"]),
     "too few frames": ("coarse_sampling", slow_frames, ["seen is undersampled"]),
     "quotient": (
@@ -187,6 +199,11 @@ CASES: dict[str, tuple[WarningKind, Change, list[str]]] = {
         ["v looks like the difference quotient of q: 100% of its noise"],
     ),
     "filtered quotient": ("no_own_velocity", smoothed, ["v looks like the difference quotient of q"]),
+    "slowly filtered quotient": (
+        "no_own_velocity",
+        smoothed_slowly,
+        ["v looks like the difference quotient of q"],
+    ),
     "velocity in degrees": ("scale_differs", cell("v", np.rad2deg), ["v is 57.", "times the change of q"]),
     "velocity turned round": ("scale_differs", cell("v", np.negative), ["v is -1 times the change of q"]),
     "late velocity": (

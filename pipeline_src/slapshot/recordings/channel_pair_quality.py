@@ -25,11 +25,9 @@ _ITERATIONS = 4
 _FOLLOWS = 0.9  # share of a window's variance that the fit must explain
 _DELAYED, _SIGNIFICANT = 1.5, 4.0  # intervals, and standard errors
 _OTHER_SCALE = 0.1
-_LAGS, _MIN_SAMPLES, _MAX_SAMPLES = (
-    20,
-    500,
-    40_000,
-)  # lags; samples of a pair
+_LAGS = 20, 100  # fewest and most samples on either side: filters of 5 Hz last for about 0.1 s
+_PER_LAG = 5, 20  # fewest samples of an episode and of all
+_MIN_SAMPLES, _MAX_SAMPLES = 500, 40_000  # of a pair
 _MIN_INDEPENDENT = 0.5  # share of a velocity's noise that is independent of the position
 _ROUNDING = 1.5  # times what rounding leaves
 
@@ -196,17 +194,18 @@ def _differentiated_velocity(a: ChannelStatistics, b: ChannelStatistics) -> Iter
 
     Such a velocity is a filtered difference quotient of the position, including its noise. The noise is
     therefore compared: both are differenced four times, which removes most of the motion, and the velocity is
-    predicted from the quotient within 20 samples on either side, fitted in one half and validated in the
-    other.
+    predicted from the quotient within 20 samples on either side, or up to 100 where there are enough, fitted
+    in one half and validated in the other.
     """
     quotient, velocity = _quotients(a, b)
-    if sum(map(len, velocity)) < _MIN_SAMPLES:
+    lengths = [len(x) for x in velocity]
+    if sum(lengths) < _MIN_SAMPLES:
         return
-    own = (
-        1
-        - _explained([_fourth_difference(x) for x in quotient], [_fourth_difference(x) for x in velocity])[0]
-    )
-    left = _explained(quotient, velocity)[1]
+    most = min(_LAGS[1], int(np.median(lengths)) // _PER_LAG[0], sum(lengths) // _PER_LAG[1])
+    lags = max(_LAGS[0], most)
+    before, after = ([_fourth_difference(x) for x in each] for each in (quotient, velocity))
+    own = 1 - _explained(before, after, lags)[0]
+    left = _explained(quotient, velocity, lags)[1]
     rounding = b.grid / np.sqrt(12)
     if own < _MIN_INDEPENDENT or left < _ROUNDING * rounding:
         how = (
@@ -232,7 +231,7 @@ def _quotients(a: ChannelStatistics, b: ChannelStatistics) -> tuple[list[Array],
         if other is None:
             continue
         t, rows_a, rows_b = np.intersect1d(one.t, other.t, return_indices=True)
-        if len(t) > 2 * _LAGS + 10:
+        if len(t) > 2 * _LAGS[0] + 10:
             quotients.append(np.diff(one.x[rows_a]) / np.diff(t))
             velocities.append(other.x[rows_b][1:])
     return quotients, velocities
@@ -242,16 +241,17 @@ def _fourth_difference(x: Array) -> Array:
     return np.diff(x, 4)
 
 
-def _explained(inputs: list[Array], outputs: list[Array]) -> tuple[float, float]:
+def _explained(inputs: list[Array], outputs: list[Array], lags: int) -> tuple[float, float]:
     """Share of the output's variance that a filter of the input explains, and robust sd of the residual.
 
-    Both are computed on samples that the filter was not fitted to.
+    Both are computed on samples that the filter was not fitted to. It reaches over `lags` samples either way.
     """
     every = 1 + sum(map(len, outputs)) // _MAX_SAMPLES
     lagged, wanted = [], []
     for x, y in zip(inputs, outputs, strict=True):
-        lagged.append(np.lib.stride_tricks.sliding_window_view(x, 2 * _LAGS + 1)[::every])
-        wanted.append(y[_LAGS : len(y) - _LAGS : every])
+        if len(x) > 2 * lags:
+            lagged.append(np.lib.stride_tricks.sliding_window_view(x, 2 * lags + 1)[::every])
+            wanted.append(y[lags : len(y) - lags : every])
     design, target = np.concatenate(lagged), np.concatenate(wanted)
     half = len(target) // 2
     coefficients, *_ = np.linalg.lstsq(design[:half], target[:half], rcond=None)

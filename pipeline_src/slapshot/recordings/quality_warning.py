@@ -65,6 +65,7 @@ WarningKind = Literal[
     "saturated",
     "coarse_sampling",
     "noise_differs",
+    "unsigned",
     # signals: channels and episodes that say the same
     "no_own_velocity",
     "scale_differs",
