@@ -103,9 +103,14 @@ def diagnose(
         fitter.launches = simulated
         test.launches = rig.launches(held, simulated.execution)
         search.catalogue = [n for n in known if n not in dropped]
-        search.about = lambda fit: fitter.about(
-            rig.about(fit.point.effects).launches(kept, simulated.execution)
-        )
+        latest = rig
+
+        def about(fit: Fit, derivatives: bool) -> HitFitter:
+            nonlocal latest
+            latest = latest.about(fit.point.effects)
+            return fitter.about(latest.launches(kept, simulated.execution, derivatives))
+
+        search.about = about
     level = examine(search)
     used = set(tracks.hit.tolist())
     doubtful = [hit for hit in _hits_of(findings, *NO_CLEAN_SLIDE) if hit in used]

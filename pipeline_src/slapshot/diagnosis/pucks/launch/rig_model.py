@@ -1,6 +1,6 @@
 """The launch model of a recording whose commands are known: one simulation of all hits, and signatures."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from functools import partial
 
@@ -84,8 +84,9 @@ class RigModel:
         angles, speeds, _ = self.signatures.swing_at(self._rows, contact)
         self._approach = approach_of(scene, angles, speeds, self._starts)
         self._base: Mapping[str, Values] = {}
-        # Effect -> where changes about it were simulated last, and those; nearby they are the same.
-        self._local: dict[str, tuple[Mapping[str, float], dict[str, LocalChange]]] = {}
+        # Effect -> where changes about it were simulated, and those; nearby they are the same. Hypotheses in
+        # turn come back to where others were.
+        self._local: dict[str, list[tuple[Mapping[str, float], dict[str, LocalChange]]]] = {}
         self._simulate()
 
     def about(self, effects: Mapping[str, Values]) -> "RigModel":
@@ -140,10 +141,15 @@ class RigModel:
             mine = [p for p in parameters if f"{owner}/{p.name}" in self.signatures.values]
             if len(mine) < 2:
                 continue
-            at, changes = self._local.get(owner, ({}, {}))
-            if not at or any(abs(values[p.name] - at[p.name]) > LOCAL_STEP * p.scale for p in mine):
+            known = self._local.setdefault(owner, [])
+            away, changes = min(
+                ((_steps_away(values, at, mine), changes) for at, changes in known),
+                key=lambda one: one[0],
+                default=(np.inf, {}),
+            )
+            if away > LOCAL_STEP:
                 changes = {p.name: self._local_change(owner, p) for p in mine}
-                self._local[owner] = values, changes
+                known.append((values, changes))
             found |= {f"{owner}/{name}": changes[name].about(values[name]) for name in changes}
         return found
 
@@ -208,6 +214,11 @@ class RigModel:
             self._struck.turned[rows],
             {name: change.take(rows) for name, change in self._local_changes().items()} if fitted else {},
         )
+
+
+def _steps_away(values: Values, at: Values, parameters: Sequence[Parameter]) -> float:
+    """How far values are from others, in scales of the parameters."""
+    return max(abs(values[p.name] - at[p.name]) / p.scale for p in parameters)
 
 
 def _check_joints(recording: Recording, there: int) -> None:

@@ -36,6 +36,7 @@ TESTED = 1.0  # information in units of the priors, of a direction that is teste
 # linear about no elasticity tells little of what an elastic arm does.
 RIVAL, RIVAL_AT_LAUNCH = 0.4, 0.75
 RIVALS = 3  # at most so many
+SIMULATED = 0.25  # share of a gain by which another may still explain less once it was simulated
 EXCHANGED = 2  # best rivals of each effect that are refitted in its place
 STAYED, EXACT = 0.1, 0.5  # of a parameter's scale, from where hits were simulated: no more, near enough
 WITHIN = 0.5  # of a parameter's standard error: by as much the scatter of contact moves it
@@ -139,7 +140,8 @@ class Search(Generic[F]):
         unreached: those that act at places where no object came; they have no evidence at all.
         left: effects and one of them -> the last fit from which it was left out.
         told: what is asked and an effect -> the fit of which it was asked last, and the answer.
-        about: a fitter that is linear about a fit, where the first one is exact near the nominal scene only.
+        about: a fitter that is linear about a fit, where the first one is exact near the nominal scene only;
+            by derivatives from there, or, where it is told not to, by those about the nominal scene.
         refitted: best of a screen that are refitted.
         most: effects that are named together.
     """
@@ -153,7 +155,7 @@ class Search(Generic[F]):
     unreached: set[str] = field(default_factory=set)
     left: dict[tuple[tuple[str, ...], str], Fit] = field(default_factory=dict)
     told: dict[tuple[str, str], tuple[Fit, float]] = field(default_factory=dict)
-    about: Callable[[Fit], F] | None = None
+    about: Callable[[Fit, bool], F] | None = None
     refitted: int = REFITTED
     most: int = MOST
 
@@ -331,9 +333,16 @@ class Search(Generic[F]):
             return candidate
         fit = candidate.fit
         near: list[tuple[Fit, F]] = []
-        for _ in range(FINISHED):
+        if np.isfinite(least):
+            # Derivatives are most of the work.
+            fitter = self.about(fit, False)
+            fitter.sizes = self.fitter.sizes
+            there = fitter.fit(fit.point, fit.scatter, candidate.effects)
+            if self._log_evidence(there, self._precision(there)) < least:
+                near.append((there, fitter))
+        for _ in range(0 if near else FINISHED):
             before = fit.point.effects
-            fitter = self.about(fit)
+            fitter = self.about(fit, True)
             fitter.sizes = self.fitter.sizes
             fit = fitter.fit(fit.point, fit.scatter, candidate.effects)
             hopeless = self._log_evidence(fit, self._precision(fit)) < least
@@ -446,9 +455,11 @@ class Search(Generic[F]):
                 if promise[new] <= _least_rival(self.ahead(candidate, at), share):
                     continue
                 tried = self.try_adding(at, new, screen.direction)
-                if tried is None:
+                gain = self.ahead(best, at)
+                if tried is None or self.ahead(tried, at) <= _least_rival(gain, share):
                     continue
-                tried = self.finish(tried, at.log_evidence + _least_rival(self.ahead(best, at), share))
+                # A simulation about it tells more than a promise does.
+                tried = self.finish(tried, at.log_evidence + gain - max(2 * ADD, SIMULATED * gain))
                 if not self.at_bound(tried) and self.ahead(tried, best) > 0:
                     best = tried
         return best
