@@ -18,11 +18,14 @@ from slapshot.diagnosis.selection.free_forms import FreeForce, FreeReading
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.steps import Search, Step
 from slapshot.diagnosis.verdict_of_search import _size, _unknown, channel_groups
+from slapshot.effects.joints.coulomb_friction import CoulombFriction
+from slapshot.effects.joints.direction_friction import DirectionFriction
 from slapshot.effects.joints.effect import JointEffect, Observed
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 from slapshot.effects.joints.joint_elasticity import JointElasticity
 from slapshot.effects.joints.payload import Payload
 from slapshot.effects.joints.spring import Spring
+from slapshot.effects.joints.torque_offset import TorqueOffset
 from slapshot.effects.joints.viscous_friction import ViscousFriction
 
 from .mechanisms import CART, control_channel, joint, recording
@@ -208,6 +211,25 @@ def test_a_push_after_a_law_that_does_not_hold_saves_it_not(monkeypatch):
     predictions(monkeypatch, [0.0, 50.0])
     cut, _ = predict_models(searched(rig, [push]), None, None, 0, notes.append)
     assert list(cut.named) == [push]
+
+
+@pytest.mark.parametrize(("likelihoods", "holds"), [([0.0, 50.0, 60.0], True), ([0.0, -50.0, -60.0], False)])
+def test_a_law_that_came_of_two_others_is_confirmed_as_any_other(monkeypatch, likelihoods, holds):
+    """A constant torque and Coulomb friction became friction by direction in the step that added a push."""
+    rig, _, of, _ = arm_situation(20)
+    push = ExternalPulse(of.joints[0], [Pulse(0, 0.0, 0.1, 0.2)])
+    offset, coulomb, direction = (
+        next(iter(kind.instances(of))) for kind in (TorqueOffset, CoulombFriction, DirectionFriction)
+    )
+    found, merged = searched(rig, [offset, coulomb, push]), searched(rig, [direction, push]).final
+    found = replace(found, steps=(*found.steps[:-1], merged))
+    assert [found.first_with(effect.key) for effect in (offset, coulomb, direction, push)] == [1, 2, 3, 3]
+    predictions(monkeypatch, likelihoods)
+    monkeypatch.setattr(held_out_validation, "with_pushes", lambda found, seed, report: found)
+    cut, _ = predict_models(found, None, None, 0, lambda text: None)
+    assert list(cut.named) == ([direction, push] if holds else [])
+    # Without both, the torque that was found before them is tried, too.
+    assert list(cut.dropped) == ([] if holds else [offset, direction, push])
 
 
 def test_pushes_that_went_with_a_law_are_looked_for_again(monkeypatch):

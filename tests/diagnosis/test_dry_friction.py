@@ -1,5 +1,6 @@
 """The level of a joint's dry friction is in one effect, and the motion is the same as by all of them."""
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -77,6 +78,26 @@ def test_a_constant_torque_above_dry_friction_is_no_friction(torque):
     assert with_one_level(both, theta) == (both, theta)
     smaller = with_one_level(both, np.array([0.3, 0.9 * torque]))[0]
     assert [effect.key for effect in smaller.effects] == ["direction_friction@elbow"]
+
+
+def test_whether_a_constant_torque_is_friction_is_a_matter_of_all_that_rubs():
+    rig, _, of, _ = arm_situation(100, 0.005)
+    direction, coulomb, offset = (
+        next(e for e in kind.instances(of) if e.part == "elbow")
+        for kind in (DirectionFriction, CoulombFriction, TorqueOffset)
+    )
+    both = Hypothesis(rig, (direction, offset))
+    for torque, merged in ((0.3, [0.2, 0.4]), (0.6, None), (-0.2, None)):
+        found, values = with_one_level(both, np.array([0.5, 0.1, torque]))
+        assert (found is both) == (merged is None)
+        assert merged is None or values == pytest.approx(merged)
+    # Friction of the rig itself counts, too.
+    rubs = copy.copy(rig.model)
+    rubs.dof_frictionloss[:] = 1.0
+    weaker = Hypothesis(replace(rig, model=rubs), (coulomb, offset))
+    found, values = with_one_level(weaker, np.array([-0.2, 0.3]))
+    assert [effect.key for effect in found.effects] == ["direction_friction@elbow"]
+    assert values == pytest.approx([-0.5, 0.1])
 
 
 def test_what_lies_in_different_joints_or_was_free_before_stays():

@@ -191,6 +191,11 @@ CASES: dict[str, tuple[WarningKind, Change, list[str]]] = {
         cell("u", lambda x: np.round(x / 0.001) % 2**16 * 0.001),
         ["samples of u are just below 65.536 N m, 2^16 steps"],
     ),
+    "counts without a sign, turned round": (
+        "unsigned",
+        cell("u", lambda x: -(np.round(x / 0.001) % 2**16) * 0.001),
+        ["samples of u are just below 65.536 N m, 2^16 steps"],
+    ),
     "times that err": ("moving_noise", of_main(late_times), ["q scatters by", "times erred by 0.98 ms"]),
     "too few frames": ("coarse_sampling", slow_frames, ["seen is undersampled"]),
     "quotient": (

@@ -34,6 +34,8 @@ from slapshot.recordings.signals import SignalRecording
 
 # Of a joint that moves: its travel in rad or m, or in standard deviations of an encoder that sees less.
 _TRAVEL, _OVER_NOISE = 2e-3, 100.0
+# Of held-out windows: least share without pushes that is predicted alone, and rounds of finding these.
+_LEAST_QUIET, _PUSH_ROUNDS = 0.5, 3
 _MEMORY = 3e9  # bytes, of derivatives and scores; several times as much is in use at once
 
 
@@ -150,19 +152,24 @@ def _diagnosis(
         return Diagnosis(undecided(recording, rig, notes, reason, began), rig)
     windows, wrong = _readings_of(windows, searched.nominal)
     notes += wrong
-    found, by_model, said = _predicted(searched, problem, windows, seed, report)
-    pushed = held_out_pushes(found.final, by_model[2].noise, problem, segments, held)
-    quiet = held_out.without_pushes(windows, pushed)
-    if 0 < quiet.shape[0] < windows.shape[0]:
-        # A push that no model has tells nothing of laws.
-        report("predicting held-out windows in which nothing pushes")
-        said.append(
-            f"predictions leave out {windows.shape[0] - quiet.shape[0]} of {windows.shape[0]} held-out "
-            "windows, in which something pushes"
-        )
-        windows = quiet
-        found, by_model, _ = _predicted(searched, problem, windows, seed, report)
+    everything, quiet = windows, np.ones(windows.shape[0], bool)
+    for _ in range(_PUSH_ROUNDS):
+        windows = everything.select(quiet)
+        found, by_model, said = _predicted(searched, problem, windows, seed, report)
         pushed = held_out_pushes(found.final, by_model[2].noise, problem, segments, held)
+        # A push that no model has tells nothing of laws, and what is named may leave other ones.
+        before, quiet = quiet, ~held_out.windows_with(pushed, everything)
+        if quiet.mean() < _LEAST_QUIET:
+            quiet[:] = True
+        if np.array_equal(quiet, before):
+            break
+        report("predicting held-out windows in which nothing pushes")
+    if windows.shape[0] < everything.shape[0]:
+        left_out = everything.shape[0] - windows.shape[0]
+        said.append(
+            f"predictions leave out {left_out} of {everything.shape[0]} held-out windows, in which something "
+            "pushes"
+        )
     notes += [*said, *(str(push) for push in pushed)]
     verdict = verdict_of(recording, rig, found, windows, by_model, segments, held, notes, pushed, seed, began)
     return Diagnosis(verdict, rig, found, windows, *by_model)

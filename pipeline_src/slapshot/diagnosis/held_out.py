@@ -220,10 +220,12 @@ class HeldOutPush:
         )
 
 
-def without_pushes(windows: Segments, pushes: Sequence[HeldOutPush]) -> Segments:
-    """Windows in which none of these pushes acts."""
-    quiet = [not any(_during(push.pulse, windows)[w].any() for push in pushes) for w in range(len(windows.y))]
-    return windows.select(np.flatnonzero(quiet))
+def windows_with(pushes: Sequence[HeldOutPush], windows: Segments) -> NDArray[np.bool_]:
+    """(W,) windows in which some of these pushes act."""
+    found = np.zeros(windows.shape[0], bool)
+    for push in pushes:
+        found |= _during(push.pulse, windows).any(axis=1)
+    return found
 
 
 def pushes_in(

@@ -120,8 +120,11 @@ def _confirmed(
     first = found.nominal
     kept, of_kept = found, last
     while laws := {effect.key for effect in found.named if not isinstance(effect, ExternalPulse)}:
-        step = [step for step in found.steps if step.added is not None and step.added.key in laws][-1]
-        less = found.before(step.added)
+        last_law = max(sorted(laws), key=found.first_with)
+        number = found.first_with(last_law)
+        by_law = [step for step in found.steps if step.added is not None and step.added.key == last_law]
+        step = by_law[-1] if by_law else found.steps[number]
+        less = replace(found, steps=found.steps[:number])
         if less.final is first and found.by_laws and _hidden(found.named):
             break
         before = refitted if less.final is first else predicted(less.final)
@@ -135,9 +138,13 @@ def _confirmed(
                 break
             # Better than the one before it, and still worse than none.
             less, before = replace(found, steps=found.steps[:1]), refitted
-        named = {effect.key for effect in kept.named}
+        stays = {effect.key for effect in less.named}
         since = [step.added for step in kept.steps[len(less.steps) :] if step.added is not None]
-        dropped = list({effect.key: effect for effect in since if effect.key in named}.values())
+        order = [effect.key for effect in since]
+        dropped = sorted(
+            (effect for effect in kept.named if effect.key not in stays),
+            key=lambda effect: order.index(effect.key) if effect.key in order else -1,
+        )
         report(f"dropped {', '.join(e.key for e in dropped)}: it does not predict held-out windows better")
         found, last = replace(less, dropped=(*dropped, *kept.dropped)), before
         kept, of_kept = found, last

@@ -102,6 +102,8 @@ def verdict_of(
         reason = (
             "the named effects explain the mismatch"
             if named and not flagged
+            else "the named effects explain the mismatch but for pushes"
+            if named and pushes_unnamed and left >= P_VALUE and not worse[1] and recurring is None
             else "the named effects leave a mismatch that no effect explains"
             if named
             else "something is missing, and no effect of the catalogue explains it"

@@ -205,7 +205,8 @@ def _differentiated_velocity(a: ChannelStatistics, b: ChannelStatistics) -> Iter
     lags = max(_LAGS[0], most)
     before, after = ([_fourth_difference(x) for x in each] for each in (quotient, velocity))
     own = 1 - _explained(before, after, lags)[0]
-    left = _explained(quotient, velocity, lags)[1]
+    # Over many samples a filtered position is as precise as a coarse sensor.
+    left = _explained(quotient, velocity, _LAGS[0])[1]
     rounding = b.grid / np.sqrt(12)
     if own < _MIN_INDEPENDENT or left < _ROUNDING * rounding:
         how = (

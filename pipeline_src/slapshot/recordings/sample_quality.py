@@ -25,7 +25,7 @@ _OF_CUBIC = 1.394  # sd of what a cubic through four neighbours of a regular ser
 _MIN_SATURATED, _MAX_SET_POINTS, _MIN_LIMIT = 0.002, 10, 0.5  # share of samples, numbers, of the largest size
 _FAST = 3.0  # steps of the numbers with which a channel that is cut off reaches its end
 _OTHER_NOISE = 3.0  # times
-_BITS = 8, 16, 32  # of whole numbers
+_RANGE = 2**16  # of numbers of 16 bits
 
 
 def sample_warnings(measured: ChannelStatistics) -> Iterator[QualityWarning]:
@@ -81,28 +81,25 @@ def _constant(measured: ChannelStatistics) -> QualityWarning:
 
 
 def _unsigned(measured: ChannelStatistics) -> Iterator[QualityWarning]:
-    """Negative whole numbers that were read without their sign: far above all others, below a power of two.
+    """Negative numbers of 16 bits that were read without their sign: far above all others.
 
-    None lies in the middle half of the range.
+    None lies in the middle half of the range, and neighbours jump across it.
     """
-    if measured.grid <= 0:
+    if measured.grid <= 0 or measured.samples.min() * measured.samples.max() < 0:
         return
-    counts = np.rint(measured.samples / measured.grid)
-    for bits in _BITS:
-        top = 2.0**bits
-        if counts.min() < 0 or not 0.75 * top <= counts.max() < top:
-            continue
-        negative = counts > top / 2
-        if not np.any((counts > top / 4) & (counts < 0.75 * top)) and 0 < negative.sum() < len(counts):
-            yield QualityWarning(
-                "unsigned",
-                f"{int(negative.sum())} of {len(counts)} samples of {measured.name} are just below "
-                f"{top * measured.grid:.6g} {measured.channel.unit}, 2^{bits} steps, and none near half of "
-                "that",
-                (),
-                f"numbers of {bits} bits were read without their sign: subtract 2^{bits} steps from these",
-                "episode",
-            )
+    counts = np.rint(np.abs(measured.samples) / measured.grid)
+    negative = counts > 0.75 * _RANGE
+    jumps = any(np.any(np.abs(np.diff(one.x)) > 0.75 * _RANGE * measured.grid) for one in measured.series)
+    if jumps and counts.max() < _RANGE and np.all(negative | (counts < 0.25 * _RANGE)):
+        yield QualityWarning(
+            "unsigned",
+            f"{int(negative.sum())} of {len(counts)} samples of {measured.name} are just below "
+            f"{_RANGE * measured.grid:.6g} {measured.channel.unit}, 2^16 steps, and none near half of that",
+            (),
+            "they look like negative numbers of 16 bits that were read without their sign: subtract 2^16 "
+            "steps from these",
+            "episode",
+        )
 
 
 def _saturated(measured: ChannelStatistics) -> Iterator[QualityWarning]:

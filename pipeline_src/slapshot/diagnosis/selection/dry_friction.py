@@ -32,17 +32,19 @@ def with_one_level(hypothesis: Hypothesis, theta: Array) -> tuple[Hypothesis, Ar
         )
         offset = next((effect for effect in own if isinstance(effect, TorqueOffset)), None)
         if offset is not None:
-            torque = float(values[offset.key][0])
-            least = min(values[direction.key]) if direction is not None else 0.0
-            level = float(least + sum(values[e.key][0] for e in own if _has_level(e)))
-            if abs(torque) < level:
+            torque, level = float(values[offset.key][0]), sum(values[e.key][0] for e in own if _has_level(e))
+            both = direction or DirectionFriction(offset.joint, hypothesis.rig.model)
+            sizes_of_both = values[both.key] if direction is not None else np.zeros(2)
+            moved = sizes_of_both + np.array([-torque, torque])
+            # What is free in the rig stays.
+            taken = direction is None and both.key in values
+            if (direction is not None or level) and not taken and both.describes(moved + level):
+                values[both.key] = moved
                 if direction is None:
-                    direction = DirectionFriction(offset.joint, hypothesis.rig.model)
-                    values[direction.key] = np.zeros(2)
-                    effects[effects.index(offset)] = direction
+                    effects[effects.index(offset)] = both
                 else:
                     effects.remove(offset)
-                values[direction.key] = values[direction.key] + [-torque, torque]
+                direction = both
         holder = direction or stribeck
         if holder is None:
             continue

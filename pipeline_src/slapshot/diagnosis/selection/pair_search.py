@@ -69,7 +69,7 @@ def pair_step(
             most, leader = gain, by_law_error
         rival = Rival(pair.second, gain, fit)
         report(f"refitted {pair.first.key} with {pair.second.key}: {rival.gain:+.1f} nats")
-        if fit.moved < _MAX_MOVED_SD:
+        if fit.moved < _MAX_MOVED_SD and _describe(fit, pair):
             found.append((pair, rival, noise))
     found.sort(key=lambda one: -one[1].gain)
     if not found or found[0][1].gain < least:
@@ -142,6 +142,12 @@ def _simplest_pair(
 def _relative_to(before: Step, rival: Rival) -> Rival:
     """A rival with its gain against a step, whose evidence is that with the same windows set aside."""
     return replace(rival, gain=rival.fit.log_evidence - before.scored.fit.log_evidence)
+
+
+def _describe(fit: Fit, pair: "_Pair") -> bool:
+    """Whether both effects of a pair are there with the fitted values."""
+    values = _values_by_effect(fit)
+    return all(effect.describes(values[effect.key]) for effect in (pair.first, pair.second))
 
 
 def _values_by_effect(fit: Fit) -> dict[str, Array]:

@@ -126,10 +126,18 @@ class Search:
 
     def before(self, effect: JointEffect | None) -> "Search":
         """The search before an effect was added."""
-        # By its key: what it shares with others may have become theirs.
-        key = None if effect is None else effect.key
-        keys = [None if step.added is None else step.added.key for step in self.steps]
-        return replace(self, steps=self.steps[: keys.index(key) if key in keys else len(keys)])
+        return replace(self, steps=self.steps[: self.first_with(None if effect is None else effect.key)])
+
+    def first_with(self, key: str | None) -> int:
+        """Number of the step that added an effect, or in which it came of others; that of all if none.
+
+        By its key: what it shares with others may have become theirs.
+        """
+        for number, step in enumerate(self.steps[1:], 1):
+            present = [effect.key for effect in step.hypothesis.effects]
+            if key in present or (step.added is not None and step.added.key == key):
+                return number
+        return len(self.steps)
 
     def since(self, effect: JointEffect | None) -> list[JointEffect]:
         """An effect and those that were added after it."""
@@ -289,7 +297,8 @@ def step_to(
     hypothesis, theta = with_one_level(fit.hypothesis, fit.theta)
     same = [present for present in hypothesis.effects if present.key == effect.key]
     # Together with others it may have become another one.
-    became = [present for present in hypothesis.effects if present not in fit.hypothesis.effects]
+    before = {present.key for present in fit.hypothesis.effects}
+    became = [present for present in hypothesis.effects if present.key not in before]
     added = next(iter(same + became), effect)
     rivals = [replace(rival, effect=added) if rival.effect is effect else rival for rival in rivals]
     rivals = [rival for rival in rivals if rival.effect is added or rival.effect.key != added.key]

@@ -187,7 +187,8 @@ class RigModel:
         Args:
             rows: of the hits.
             reference: as in LaunchModel.
-            fitted: whether effects are to be fitted to them, not only looked at where they are.
+            fitted: whether launches change with effects of several parameters as simulated about those; else
+                as about the nominal scene, which is enough to look at effects where they are.
         """
         readings = self._readings
         if readings is not None:

@@ -338,9 +338,12 @@ class Search(Generic[F]):
             fitter = self.about(fit, False)
             fitter.sizes = self.fitter.sizes
             there = fitter.fit(fit.point, fit.scatter, candidate.effects)
-            if self._log_evidence(there, self._precision(there)) < least:
-                near.append((there, fitter))
-        for _ in range(0 if near else FINISHED):
+            precision = self._precision(there)
+            evidence = self._log_evidence(there, precision)
+            if evidence < least:
+                # Not kept: elsewhere it may be asked for with derivatives.
+                return Candidate(candidate.effects, there, evidence, fitter, precision=precision)
+        for _ in range(FINISHED):
             before = fit.point.effects
             fitter = self.about(fit, True)
             fitter.sizes = self.fitter.sizes
