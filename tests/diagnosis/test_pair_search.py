@@ -4,9 +4,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.selection import pair_search
-from slapshot.diagnosis.selection.pair_search import _preselected
+from slapshot.diagnosis.selection.pair_search import _describe, _Pair, _preselected
 from slapshot.diagnosis.selection.steps import Step
+from slapshot.effects.joints.direction_friction import DirectionFriction
+from slapshot.effects.joints.viscous_friction import ViscousFriction
+
+from .test_linear import arm_situation
 
 WITHOUT = 1000.0  # evidence of the subset without a pair
 
@@ -54,3 +59,13 @@ def test_pairs_that_explain_too_little_of_some_segments_are_not_fitted_to_all(
 def test_few_segments_are_all_fitted(monkeypatch):
     monkeypatch.setattr(pair_search, "_refit_pair", None)
     assert _preselected(step(23), [0, 1], 100.0) == [0, 1]
+
+
+@pytest.mark.parametrize(("backward", "there"), [(0.2, True), (0.0, False)])
+def test_a_pair_whose_friction_is_gone_in_one_direction_is_none(backward, there):
+    rig, _, of, _ = arm_situation(20)
+    viscous, direction = (next(iter(kind.instances(of))) for kind in (ViscousFriction, DirectionFriction))
+    hypothesis = Hypothesis(rig, (viscous, direction))
+    fit = SimpleNamespace(hypothesis=hypothesis, theta=np.array([0.1, 0.3, backward]))
+    pairs = (_Pair(*both, np.zeros(1), np.zeros(1)) for both in ((viscous, direction), (direction, viscous)))
+    assert [_describe(fit, pair) for pair in pairs] == [there, there]
