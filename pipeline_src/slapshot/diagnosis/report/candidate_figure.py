@@ -116,6 +116,9 @@ def _draw(axes: Axes, table: pd.DataFrame) -> None:
     axes.grid(axis="y", visible=False)
     over = "model before" if refitted else "nominal model"
     # It may be longer than the axis: to the left there is room, beneath the names.
+    # A power of ten apart from the numbers would lie on the label.
+    axes.ticklabel_format(axis="x", style="plain", useOffset=False)
+    axes.locator_params(axis="x", nbins=4)
     axes.set_xlabel(f"log evidence over the {over} (nats)", loc="right")
 
 
