@@ -85,7 +85,7 @@ def _unsigned(measured: ChannelStatistics) -> Iterator[QualityWarning]:
 
     None lies in the middle half of the range, and neighbours jump across it.
     """
-    if measured.grid <= 0 or measured.samples.min() * measured.samples.max() < 0:
+    if not measured.grid > 0 or measured.samples.min() * measured.samples.max() < 0:
         return
     counts = np.rint(np.abs(measured.samples) / measured.grid)
     negative = counts > 0.75 * _RANGE

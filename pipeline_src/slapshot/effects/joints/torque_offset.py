@@ -14,7 +14,7 @@ class TorqueOffset(JointEffect):
         "A drive's current has an offset, or a cable pulls: a constant torque acts beside the recorded one."
     )
     source = "Janot, Vandanjon, Gautier (2014), IEEE Transactions on Control Systems Technology 22(1)"
-    phrase = "a constant torque at {part}"
+    phrase = "a constant force at {part}"
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["TorqueOffset"]:
