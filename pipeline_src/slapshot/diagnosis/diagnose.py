@@ -164,6 +164,11 @@ def _diagnosis(
         if np.array_equal(quiet, before):
             break
         report("predicting held-out windows in which nothing pushes")
+    else:
+        # Where rounds do not agree, none is left out.
+        windows = everything
+        found, by_model, said = _predicted(searched, problem, windows, seed, report)
+        pushed = held_out_pushes(found.final, by_model[2].noise, problem, segments, held)
     if windows.shape[0] < everything.shape[0]:
         left_out = everything.shape[0] - windows.shape[0]
         said.append(

@@ -95,6 +95,7 @@ def verdict_of(
     pushes = [effect for effect in named if isinstance(effect, ExternalPulse)]
     # Where pushes are named, those in held-out data are more of them.
     pushes_unnamed = bool(pushed) and not pushes
+    only_pushes_left = pushes_unnamed and left >= P_VALUE and not worse[1] and recurring is None
     flagged = missing and (left < P_VALUE or worse[1] or not named or recurring is not None or pushes_unnamed)
     headline = "nothing_found"
     if missing:
@@ -103,7 +104,7 @@ def verdict_of(
             "the named effects explain the mismatch"
             if named and not flagged
             else "the named effects explain the mismatch but for pushes"
-            if named and pushes_unnamed and left >= P_VALUE and not worse[1] and recurring is None
+            if named and only_pushes_left
             else "the named effects leave a mismatch that no effect explains"
             if named
             else "something is missing, and no effect of the catalogue explains it"
@@ -133,7 +134,7 @@ def verdict_of(
         strongest = pushes[0]
         location = Location(part=strongest.part, follows="time", size=None)
     unknown = recurring or _unknown(last, left, dropped)
-    if pushes_unnamed and left >= P_VALUE and not worse[1] and recurring is None:
+    if only_pushes_left:
         unknown = str(pushed[0])
     if pushed and p >= P_VALUE and not worse[0]:
         location = Location(part=pushed[0].joint, follows="time", size=None)
