@@ -155,6 +155,60 @@ def test_steps_to_and_fro_become_shorter(rounds):
     assert abs(found.theta - known.theta)[0] < 0.1 * known.sd[0]
 
 
+class Counting(Fitter):
+    """Counts systems, and changes the first one."""
+
+    def system(self, *of, **more):
+        system, prior = super().system(*of, **more)
+        first, self.__dict__["systems"] = "systems" not in self.__dict__, self.__dict__.get("systems", 0) + 1
+        return (self.changed(system) if first else system), prior
+
+    def changed(self, system):
+        raise NotImplementedError
+
+
+def counting(
+    of: RigSimulator, kind: type[Counting], theta: np.ndarray, trajectory: np.ndarray
+) -> tuple[Fit, int]:
+    """A fit of viscous friction, and how many systems it took."""
+    fitter = kind(**{name: getattr(of.fitter, name) for name in of.fitter.__dataclass_fields__})
+    found = fitter.fit(Hypothesis(of.rig, of.effects(ViscousFriction)), theta, trajectory, of.noise)
+    return found, fitter.__dict__["systems"]
+
+
+class TooLong(Counting):
+    """Little of a parameter's effect: the first step goes three hundred times too far."""
+
+    def changed(self, system):
+        return system.with_columns(system.W / 300, system.psi)
+
+
+class Promising(Counting):
+    """Residuals that are small at first alone, as derivatives of elsewhere may promise."""
+
+    def changed(self, system):
+        return replace(system, r=0.1 * system.r)
+
+
+def test_a_step_that_is_too_long_is_shortened():
+    of = swinging(1, true=DAMPED)
+    known = of.fit(*of.effects(ViscousFriction))
+    found, _ = counting(of, TooLong, np.zeros(1), of.trajectory)
+    assert found.settled
+    assert abs(found.theta - known.theta)[0] < 0.1 * known.sd[0]
+
+
+def test_what_no_shorter_step_mends_is_given_up():
+    """A quarter of the step loses as much: no further ones are tried."""
+    of = swinging(1, true=DAMPED)
+    known = of.fit(*of.effects(ViscousFriction))
+    start = known.theta + 0.5 * known.sd
+    found, systems = counting(of, Promising, start, known.trajectory)
+    assert systems == 4  # at the start, after the step with old and new derivatives, after a quarter of it
+    np.testing.assert_array_equal(found.theta, start)
+    assert not found.converged
+
+
 def test_intervals_cover_as_often_as_they_say():
     """Friction and inertia together, 20 recordings: 40 values within two thirds and 95 %."""
     true = DAMPED.replace('damping="0.15"', 'damping="0.15" armature="0.02"')

@@ -25,6 +25,7 @@ _NEAR, _FAR = 0.3, 3.0
 # Share of the evidence, and nats, that a step may lose, since every step has its own linearisation.
 _MAX_LOSS, _MAX_LOSS_NATS = 0.05, 100.0
 _MOST_SHORTENED = 5  # quarters of a step that are tried
+_LEAST_SHRUNK = 0.7  # share of what a step loses that a quarter of it may lose and a further one is tried
 _DIGITS = 1e-6
 _PATIENCE = 3  # factor on the rounds of a fit that is close and not yet settled
 _CLOSE_SD = 1.0  # of a step, in posterior standard deviations, whose evidence counts
@@ -188,12 +189,12 @@ class Fitter:
         delta, share = np.zeros((*trajectory.shape[:2], self.simulator.tangent.dim)), 1.0
         system, since = known, np.inf if known is None else 0.0
         precision = np.diag(hypothesis.prior_sd**-2.0)
-        number, shortened, most = 0, 0, rounds
+        number, shortened, most, lost = 0, 0, rounds, np.inf
         while True:
             # Derivatives change slowly: they are recomputed only after the values have moved; a patient fit
             # that uses up its rounds does so anew each time, since joints stop and start at other nodes.
             near = _NEAR if converged or number == most else _FAR
-            fresh = system is None or since > near or (patient and number > rounds)
+            fresh = system is None or since > near or shortened > 0 or (patient and number > rounds)
             reused = None if fresh else system
             system, prior = self.system(hypothesis, theta, trajectory, jacobian=reused)
             since = 0.0 if fresh else since
@@ -222,7 +223,9 @@ class Fitter:
                     # Where joints stop or start, derivatives change at once.
                     since = np.inf
                     continue
-                if shortened == _MOST_SHORTENED:
+                # What a step is too long by shrinks with it; what derivatives of elsewhere promised does not.
+                given_up, lost = before[0] - evidence > _LEAST_SHRUNK * lost, before[0] - evidence
+                if shortened == _MOST_SHORTENED or given_up:
                     evidence, theta, trajectory = before
                     converged = False
                     break
@@ -242,6 +245,7 @@ class Fitter:
             if converged or number == most or (patient and number > rounds and moved < SETTLED_SD):
                 break
             before, share, shortened, number = (evidence, theta, trajectory), 1.0, 0, number + 1
+            lost = np.inf
             delta, *_ = smooth(system.moved(apart @ full * sd).without_columns(), covariances)
             full = full * sd
             spread = np.sqrt(np.diag(np.linalg.inv(precision))) if p else np.zeros(0)

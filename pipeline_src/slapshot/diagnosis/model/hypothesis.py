@@ -103,8 +103,10 @@ class Hypothesis:
         if not self.rig.collides:
             # Looking for contacts is a fifth of a step; for constraints where there are none, another tenth.
             free = not (model.neq or any(getattr(model, name).any() for name in _CONSTRAINTS))
-            off = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT if free else mujoco.mjtDisableBit.mjDSBL_CONTACT
-            model.opt.disableflags |= int(off)
+            bits = mujoco.mjtDisableBit
+            off = bits.mjDSBL_CONSTRAINT if free else bits.mjDSBL_CONTACT
+            # And another tenth for islands of constraints, of which few joints need none.
+            model.opt.disableflags |= int(off) | int(bits.mjDSBL_ISLAND)
         if edited:
             mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
