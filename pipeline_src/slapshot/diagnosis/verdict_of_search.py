@@ -15,7 +15,13 @@ from slapshot.diagnosis.model.rig import Rig
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.free_forms import is_free
 from slapshot.diagnosis.selection.recurrence import recurring_pushes
-from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS, P_VALUE, Search, Step
+from slapshot.diagnosis.selection.steps import (
+    EQUIVALENCE_NATS,
+    P_VALUE,
+    Search,
+    Step,
+    beside_law_errors,
+)
 from slapshot.diagnosis.verdict import (
     ChannelNoise,
     Errors,
@@ -86,7 +92,10 @@ def verdict_of(
             *notes,
             "the named effects are not observable in held-out windows: only the fit supports them",
         ]
-    left = last.test.p_value
+    unexplained = last
+    if named and last.test.p_value < P_VALUE:
+        unexplained = beside_law_errors(last, np.random.default_rng([seed, 4]))
+    left = unexplained.test.p_value
     # Laws that stand in for a hidden state may have been dropped before.
     kept = {effect.key for effect in named}
     dropped = [effect for effect in found.dropped if effect.key not in kept]
@@ -133,7 +142,7 @@ def verdict_of(
         # Scores and free forms know nothing of pushes, above all where their windows were set aside.
         strongest = pushes[0]
         location = Location(part=strongest.part, follows="time", size=None)
-    unknown = recurring or _unknown(last, left, dropped)
+    unknown = recurring or _unknown(unexplained, left, dropped)
     if only_pushes_left:
         unknown = str(pushed[0])
     if pushed and p >= P_VALUE and not worse[0]:

@@ -160,7 +160,7 @@ def added_law_errors(
     joints = {joint.name: joint for joint in rig.joints}
     bodies = {rig.model.body(body).name: v for body, v in rig.free_bodies}
     for effect, law in _added(system, hypothesis, theta):
-        joint, v = joints.get(effect.part), bodies.get(effect.part)
+        joint, v = joints.get(effect.on_joint), bodies.get(effect.part)
         weight = np.sum(law**2, axis=-1).reshape(-1)
         total = float(weight.sum())
         if total <= 0:

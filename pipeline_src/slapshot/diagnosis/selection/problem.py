@@ -561,6 +561,7 @@ def fit_and_score(
     near: bool = True,
     may_set_aside: bool = False,
     known: NoiseFit | None = None,
+    least_added_error: float = 0.0,
 ) -> tuple[ScoredFit, Scores]:
     """Fit a hypothesis and its noise, and score all missing candidates.
 
@@ -575,6 +576,7 @@ def fit_and_score(
         near: whether the noise was fitted before, so that one initial point suffices.
         may_set_aside: whether a few windows may be set aside.
         known: the noise about the first trajectory, if it is known.
+        least_added_error: by which laws of the hypothesis may err in the scores.
     """
     effects = candidates_for(problem, hypothesis)
     found = fit_with_noise(
@@ -583,7 +585,8 @@ def fit_and_score(
     )  # fmt: skip
     # About the trajectory before the last fit, which is equally valid: scores eliminate the fitted
     # parameters.
-    columns, noise = found.columns, found.noise
+    columns = found.columns
+    noise = replace(found.noise, added_error=max(found.noise.added_error, least_added_error))
     system, fixed = columns.system, ~columns.candidate
     seen = innovations(system, noise.covariances(problem.segments.interval))
     sd = columns.prior.at(noise)

@@ -8,7 +8,7 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import innovations
 from slapshot.diagnosis.fit.fit import Fit
-from slapshot.diagnosis.fit.noise import fit_process_force
+from slapshot.diagnosis.fit.noise import TYPICAL_LAW_ERROR, fit_process_force
 from slapshot.diagnosis.inference.mismatch_test import (
     DRAWS,
     MismatchTest,
@@ -212,6 +212,22 @@ def mismatch_and_push_test(scored: ScoredFit, of: Scores, rng: np.random.Generat
     found = mismatch_test(of, scored.columns, rng)
     pushed = scored.pulses.p_value(rng, DRAWS)
     return replace(found, p_value=1 - (1 - min(found.p_value, pushed)) ** 2, push_p_value=pushed)
+
+
+def beside_law_errors(step: Step, rng: np.random.Generator) -> Step:
+    """The step tested with errors of the laws that it added, at least as large as is typical of such laws.
+
+    Errors of these are fitted with candidates integrated out, among them forces of unknown shape, which
+    explain what an error in shape leaves. What a few per cent of a named law explain is nothing unknown.
+    """
+    if not any(effect.empirical for effect in step.hypothesis.effects):
+        return step
+    fit = step.scored.fit
+    scored, of = fit_and_score(
+        step.problem, fit.hypothesis, fit.theta, fit.trajectory, step.scored.noise,
+        least_added_error=TYPICAL_LAW_ERROR,
+    )  # fmt: skip
+    return replace(step, scored=scored, test=mismatch_and_push_test(scored, of, rng))
 
 
 def least_gain(scored: ScoredFit) -> float:

@@ -16,24 +16,33 @@ class ActuatorGain(JointEffect):
     physics = "Motor constant, current sensing or servo stiffness differ from the model's by a factor."
     source = "Gautier, Briot (2014), ASME Journal of Dynamic Systems, Measurement, and Control 136(5)"
     phrase = "gain of actuator {part}"
+    empirical = True  # a torque constant, too, falls with current
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["ActuatorGain"]:
         """One for each actuator, and one for the stiffness alone of a servo with damping; prior: 20 %."""
         model, parameter = rig.model, Parameter("excess", "1", 0.2, low=-0.95, probe=1e-3)
+        driven = {actuator: joint.name for joint in rig.joints for actuator in joint.actuators}
         for actuator in range(model.nu):
             if model.actuator_gaintype[actuator] not in _LINEAR:
                 continue
-            name = shown(model.actuator(actuator).name)
+            name, joint = shown(model.actuator(actuator).name), driven.get(actuator, "")
             if servo(model, actuator) and model.actuator_biasprm[actuator, 2] != 0:
-                yield cls(name, actuator, parameter, "of its whole force")
-                yield cls(name, actuator, parameter, "of its stiffness alone")
+                yield cls(name, actuator, joint, parameter, "of its whole force")
+                yield cls(name, actuator, joint, parameter, "of its stiffness alone")
             else:
-                yield cls(name, actuator, parameter)
+                yield cls(name, actuator, joint, parameter)
 
-    def __init__(self, part: str, actuator: int, parameter: Parameter, variant: str = "") -> None:
+    def __init__(
+        self, part: str, actuator: int, joint: str, parameter: Parameter, variant: str = ""
+    ) -> None:
         super().__init__(part, (parameter,), variant)
-        self._actuator, self._stiffness = actuator, "stiffness" in variant
+        self._actuator, self._joint, self._stiffness = actuator, joint, "stiffness" in variant
+
+    @property
+    def on_joint(self) -> str:
+        """Name of the joint that the actuator drives."""
+        return self._joint
 
     def edit(self, model: mujoco.MjModel, values: Array) -> None:
         """Scale the force, or its stiffness part only."""

@@ -233,6 +233,11 @@ class JointEffect:
         return not sizes or any(value > 1e-9 * p.scale for value, p in sizes)
 
     @property
+    def on_joint(self) -> str:
+        """Name of the joint on which its law acts."""
+        return self.part
+
+    @property
     def misreads(self) -> bool:
         """Whether it is an error of readings, which is a multiple of them or shifts them."""
         return overrides(self, "observe")
