@@ -33,9 +33,7 @@ class ActuatorGain(JointEffect):
             else:
                 yield cls(name, actuator, joint, parameter)
 
-    def __init__(
-        self, part: str, actuator: int, joint: str, parameter: Parameter, variant: str = ""
-    ) -> None:
+    def __init__(self, part: str, actuator: int, joint: str, parameter: Parameter, variant: str = "") -> None:
         super().__init__(part, (parameter,), variant)
         self._actuator, self._joint, self._stiffness = actuator, joint, "stiffness" in variant
 
