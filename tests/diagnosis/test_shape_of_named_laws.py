@@ -1,5 +1,7 @@
 """Laws that are named have small errors of shape, which are nothing unknown: a gain that fades with load."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from mujoco import MjSpec
@@ -7,6 +9,7 @@ from slapshot.diagnosis.diagnose import diagnose
 from slapshot.diagnosis.fit.noise import TYPICAL_LAW_ERROR
 from slapshot.diagnosis.model.rig import Rig, bind
 from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection import steps
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.diagnosis.selection.steps import (
     P_VALUE,
@@ -66,6 +69,27 @@ def test_what_a_few_per_cent_of_a_named_law_explain_is_nothing_unknown(true, mor
     beside = beside_law_errors(step, np.random.default_rng(2))
     assert (beside.test.p_value < P_VALUE) == more
     assert beside.scored.noise.added_error == TYPICAL_LAW_ERROR
+
+
+@pytest.mark.parametrize(("empirical", "error", "fits"), [(False, 0.01, 0), (True, 0.05, 0), (True, 0.01, 1)])
+def test_a_step_stays_as_it_is_where_larger_errors_of_laws_tell_nothing(monkeypatch, empirical, error, fits):
+    """No law that was added is empirical, errors of these are as large already, or a refit diverges."""
+    asked = []
+
+    def diverges(*of, least_added_error):
+        asked.append(least_added_error)
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(steps, "fit_and_score", diverges)
+    scored = SimpleNamespace(
+        noise=SimpleNamespace(added_error=error),
+        fit=SimpleNamespace(hypothesis=None, theta=None, trajectory=None),
+    )
+    added, free = SimpleNamespace(empirical=empirical), SimpleNamespace(empirical=True)
+    hypothesis = SimpleNamespace(added=(added,), effects=(free, added))
+    step = SimpleNamespace(problem=None, scored=scored, hypothesis=hypothesis)
+    assert beside_law_errors(step, np.random.default_rng(0)) is step
+    assert asked == [TYPICAL_LAW_ERROR] * fits
 
 
 @pytest.mark.slow

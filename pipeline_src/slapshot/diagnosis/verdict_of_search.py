@@ -142,7 +142,7 @@ def verdict_of(
         # Scores and free forms know nothing of pushes, above all where their windows were set aside.
         strongest = pushes[0]
         location = Location(part=strongest.part, follows="time", size=None)
-    unknown = recurring or _unknown(unexplained, left, dropped)
+    unknown = recurring or _unknown(unexplained, last.test.p_value, dropped)
     if only_pushes_left:
         unknown = str(pushed[0])
     if pushed and p >= P_VALUE and not worse[0]:

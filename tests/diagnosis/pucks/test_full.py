@@ -1,6 +1,7 @@
 """Recordings with commands, made with the simulator itself: effects of the contact, there and not there."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import mujoco
@@ -149,11 +150,8 @@ def test_changes_about_a_slug_are_central_differences_without_the_scatter_of_con
     slope = simulated[:, 2:3] * np.array([0.1, 0.2, 0.3, 0.4, 0.5])
     parameter = next(p for p in catalogue()["offcentre_mass"].parameters if p.name == "log_inertia")
 
-    simulations = []
-
-    def released_at(owner, name, value, some):
-        simulations.append(len(some))
-        return (slope * (value + 2 * value**2))[some] + rng.normal(0, sd, (len(some), 5))
+    def released_at(owner, name, value):
+        return slope * (value + 2 * value**2) + rng.normal(0, sd, (count, 5))
 
     rig = SimpleNamespace(
         _base={"offcentre_mass": {"log_inertia": 0.0}},
@@ -161,23 +159,13 @@ def test_changes_about_a_slug_are_central_differences_without_the_scatter_of_con
         _approach=rng.normal(size=(count, 2)),
         _released_at=released_at,
     )
+    rig._smoothed = partial(RigModel._smoothed, rig)
     found = RigModel._local_change(rig, "offcentre_mass", parameter)
     step = found.there - found.here
-    # Six hits for each of 14 features: a sixth of the variance is left, of half a difference of two.
-    assert simulations == [84, 84]
-    error = sd / np.sqrt(2) * np.sqrt(14 / 84)
+    # Of 14 features 300 hits leave a share of 14 / 300 of the variance, of half a difference of two.
+    error = sd / np.sqrt(2) * np.sqrt(14 / count)
     assert np.sqrt(np.mean((found.change - step * slope) ** 2)) < 1.5 * error
-    assert np.sqrt(np.mean((step * slope) ** 2)) > 4 * error
-
-
-def test_some_hits_are_struck_as_among_all(scene, commands):
-    held = commands_through(commands, scene, DURATION + 0.1)
-    starts, slug = _starts(scene, HITS), [(catalogue()["blade_yaw"], {"angle": 0.02})]
-    some = np.array([0, HITS - 1])
-    striker = _striker(scene, held, np.full(HITS, DURATION + 0.1))
-    whole, few = striker.strike(starts, slug), striker.take(some).strike(starts[some], slug)
-    for field in ("released", "joints", "contact", "turned"):
-        np.testing.assert_array_equal(getattr(few, field), getattr(whole, field)[some])
+    assert np.sqrt(np.mean((step * slope) ** 2)) > 5 * error
 
 
 def test_how_far_an_object_has_turned_is_what_it_spun_since(scene, commands):

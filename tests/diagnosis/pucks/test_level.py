@@ -482,16 +482,6 @@ def test_no_more_rounds_are_simulated_where_one_is_far_behind():
         assert search.asked == [False, True, True]
 
 
-@pytest.mark.parametrize(("beat", "rounds"), [(-150.0, 2), (-291.0, 2), (-293.0, 6), (-np.inf, 6)])
-def test_no_more_rounds_are_simulated_where_their_pace_does_not_suffice(beat, rounds):
-    """-350 and -340 nats, and four more rounds: -300 can be reached, and eight nats more are scatter."""
-    ends = [(2.0 * i, 350.0 - 10 * i) for i in range(8)]
-    search = Rounds(ends)
-    begin = Candidate(("linear_drag",), search.at(-2.0, 500.0), 0.0, search.fitter, final=False)
-    assert search.finish(begin, beat=beat).fit.objective == 350.0 - 10 * (rounds - 1)
-    assert search.asked == [True] * rounds
-
-
 def test_a_value_stays_that_moves_by_less_than_half_its_standard_error():
     """By as much the scatter of contact moves it: two scales of an error of five."""
     search = Rounds([(2.0, 100.0), (4.0, 90.0)], sd=5.0)

@@ -105,7 +105,7 @@ class Hypothesis:
             free = not (model.neq or any(getattr(model, name).any() for name in _CONSTRAINTS))
             bits = mujoco.mjtDisableBit
             off = bits.mjDSBL_CONSTRAINT if free else bits.mjDSBL_CONTACT
-            # And another tenth for islands of constraints, of which few joints need none.
+            # And another tenth for finding islands of constraints.
             model.opt.disableflags |= int(off) | int(bits.mjDSBL_ISLAND)
         if edited:
             mujoco.mj_setConst(model, mujoco.MjData(model))

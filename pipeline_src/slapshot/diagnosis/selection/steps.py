@@ -219,14 +219,20 @@ def beside_law_errors(step: Step, rng: np.random.Generator) -> Step:
 
     Errors of these are fitted with candidates integrated out, among them forces of unknown shape, which
     explain what an error in shape leaves. What a few per cent of a named law explain is nothing unknown.
+    The same step where it added no empirical law, their errors are as large already, or a refit diverges.
     """
-    if not any(effect.empirical for effect in step.hypothesis.effects):
+    scored, fit = step.scored, step.scored.fit
+    if not any(effect.empirical for effect in step.hypothesis.added):
         return step
-    fit = step.scored.fit
-    scored, of = fit_and_score(
-        step.problem, fit.hypothesis, fit.theta, fit.trajectory, step.scored.noise,
-        least_added_error=TYPICAL_LAW_ERROR,
-    )  # fmt: skip
+    if scored.noise.added_error >= TYPICAL_LAW_ERROR:
+        return step
+    try:
+        scored, of = fit_and_score(
+            step.problem, fit.hypothesis, fit.theta, fit.trajectory, scored.noise,
+            least_added_error=TYPICAL_LAW_ERROR,
+        )  # fmt: skip
+    except np.linalg.LinAlgError:
+        return step
     return replace(step, scored=scored, test=mismatch_and_push_test(scored, of, rng))
 
 

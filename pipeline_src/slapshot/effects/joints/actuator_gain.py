@@ -16,7 +16,6 @@ class ActuatorGain(JointEffect):
     physics = "Motor constant, current sensing or servo stiffness differ from the model's by a factor."
     source = "Gautier, Briot (2014), ASME Journal of Dynamic Systems, Measurement, and Control 136(5)"
     phrase = "gain of actuator {part}"
-    empirical = True  # a torque constant, too, falls with current
 
     @classmethod
     def instances(cls, rig: RigMotion) -> Iterator["ActuatorGain"]:
@@ -36,6 +35,8 @@ class ActuatorGain(JointEffect):
     def __init__(self, part: str, actuator: int, joint: str, parameter: Parameter, variant: str = "") -> None:
         super().__init__(part, (parameter,), variant)
         self._actuator, self._joint, self._stiffness = actuator, joint, "stiffness" in variant
+        # A torque constant falls with current, so that an excess is not the same for all torques.
+        self.empirical = bool(joint)
 
     @property
     def on_joint(self) -> str:

@@ -188,7 +188,7 @@ class JointEffect:
     phrase: ClassVar[str]
     hidden_state: ClassVar[bool] = False
     many_forms: ClassVar[bool] = False
-    empirical: ClassVar[bool] = False
+    empirical: bool = False
     friction: ClassVar[bool] = False
     both_signs: ClassVar[bool] = False
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,7 @@ from slapshot.recordings.format import Recording, joint_columns
 from slapshot.scenes.scene import Scene
 
 LOCAL_STEP = 1.0  # of a parameter's scale, to either side: less is lost in the scatter of contact
-# Hits for each feature that a change of launches is smoothed by: the fewest, and how many are simulated.
-ROWS_A_FEATURE, ENOUGH_ROWS_A_FEATURE = 3, 6
+ROWS_A_FEATURE = 3  # hits for each feature that a change of launches is smoothed by
 
 
 class RigModel:
@@ -112,8 +112,8 @@ class RigModel:
             starts += np.where(self._starts_seen[:, None], shift, 0.0)
         self._readings: Readings | None = None
         if self._joints is None:
-            self._plain = self._striker(self._commands, self._times), starts
-            self._struck = self._plain[0].strike(starts, acting)
+            self._strike = partial(self._striker(self._commands, self._times).strike, starts)
+            self._struck = self._strike(acting)
             return
         times, period = self._times, self._commands.period
         swing, speeds = self.signatures.swing(self._rows, times, self._base)
@@ -126,7 +126,7 @@ class RigModel:
         rates = np.gradient(positions, period, axis=1)
         executed = Commands(positions, positions + self._servo_time * rates, period)
         # For changes of launches alone, which need no readings.
-        self._plain = self._striker(executed, times[:1]), starts
+        self._strike = partial(self._striker(executed, times[:1]).strike, starts)
         self._struck = self._striker(executed, times).strike(starts, acting)
         self._readings = Readings(times, self._joints, self._struck.joints, replayed)
 
@@ -157,24 +157,27 @@ class RigModel:
         """By a central difference where bounds leave room: launches bend over a scale of a parameter."""
         here, step = self._base[owner][parameter.name], LOCAL_STEP * parameter.scale
         ends = (max(here - step, parameter.low), min(here + step, parameter.high))
-        released = self._struck.released
-        of = NominalLaunches(released, np.empty((*released.shape, 0)), self._approach)
-        features = np.concatenate([launch_features(of.simulated), contact_features(of.approach)], axis=1)
-        n, p = features.shape
-        some = np.unique(np.linspace(0, n - 1, min(n, ENOUGH_ROWS_A_FEATURE * p)).astype(np.int64))
-        low, high = (self._released_at(owner, parameter.name, value, some) for value in ends)
+        low, high = (self._released_at(owner, parameter.name, value) for value in ends)
         change = (high - low) * (step / (ends[1] - ends[0]))
-        if n >= ROWS_A_FEATURE * p:
-            # The rest is contact's scatter, which a fit would take for knowledge of the parameter.
-            change = smooth_change(change, some, features, of.turn)
-        return LocalChange(here, here + step, change)
+        return LocalChange(here, here + step, self._smoothed(change))
 
-    def _released_at(self, owner: str, parameter: str, value: float, some: NDArray[np.int64]) -> Array:
-        """(k, 5) launches of some hits with one value changed."""
+    def _smoothed(self, change: Array) -> Array:
+        """What of a change (n, 5) of launches is smooth in the command, along and across the heading.
+
+        The rest is contact's scatter, which a fit would take for knowledge of the parameter.
+        """
+        of = NominalLaunches(self._struck.released, np.empty((len(change), 5, 0)), self._approach)
+        features = np.concatenate([launch_features(of.simulated), contact_features(of.approach)], axis=1)
+        if len(change) < ROWS_A_FEATURE * features.shape[1]:
+            return change
+        local = np.einsum("nji,nj->ni", of.turn, change)
+        fitted = features @ np.linalg.lstsq(features, local, rcond=None)[0]
+        return np.asarray(np.einsum("nij,nj->ni", of.turn, fitted))
+
+    def _released_at(self, owner: str, parameter: str, value: float) -> Array:
+        """(n, 5) launches with one value changed."""
         changed = {**self._base, owner: {**self._base[owner], parameter: value}}
-        striker, starts = self._plain
-        acting = [(self._effects[name], values) for name, values in changed.items()]
-        return striker.take(some).strike(starts[some], acting).released
+        return self._strike([(self._effects[name], values) for name, values in changed.items()]).released
 
     def launches(
         self, rows: NDArray[np.int64], reference: Execution | None = None, fitted: bool = True
@@ -212,23 +215,6 @@ class RigModel:
             self._struck.turned[rows],
             {name: change.take(rows) for name, change in self._local_changes().items()} if fitted else {},
         )
-
-
-def smooth_change(change: Array, some: NDArray[np.int64], features: Array, turn: Array) -> Array:
-    """What of a change of launches is smooth in the command, along and across the heading.
-
-    Args:
-        change: (k, 5) of some hits.
-        some: (k,) of them.
-        features: (n, p) of all commands.
-        turn: (n, 5, 5) from the frame of each heading.
-
-    Returns:
-        (n, 5) of all hits.
-    """
-    local = np.einsum("nji,nj->ni", turn[some], change)
-    fitted = features @ np.linalg.lstsq(features[some], local, rcond=None)[0]
-    return np.asarray(np.einsum("nij,nj->ni", turn, fitted))
 
 
 def _steps_away(values: Values, at: Values, parameters: Sequence[Parameter]) -> float:

@@ -5,13 +5,11 @@ contact converges: coarser ones scatter launches by more than the effects that a
 """
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from slapshot.arrays import GRAVITY, Array
@@ -148,14 +146,6 @@ class Striker:
         self._approaches = approaches or Approaches()
         self._scene, self._commands, self._releases = scene, commands, releases
         self._mass, self._friction, self._readings, self._threads = mass, friction, readings, threads
-
-    def take(self, rows: NDArray[np.int64]) -> "Striker":
-        """Of some of the hits."""
-        few = copy(self)
-        commands = self._commands
-        few._commands = Commands(commands.positions[rows], commands.targets[rows], commands.period)
-        few._releases, few._mass, few._friction = self._releases[rows], self._mass[rows], self._friction[rows]
-        return few
 
     def strike(
         self,

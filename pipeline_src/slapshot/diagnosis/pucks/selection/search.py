@@ -121,11 +121,6 @@ def inflation_of(*fits: Fit) -> float:
     return max(1.0, min(fit.dispersion for fit in fits))
 
 
-def _cannot_reach(level: float, found: Sequence[float], further: int) -> bool:
-    """Whether evidence found in turn misses a level even after further rounds as good as the last."""
-    return len(found) > 1 and found[-1] + further * max(found[-1] - found[-2], 0.0) < level
-
-
 def _least_rival(gain: float, share: float = RIVAL) -> float:
     """Nats that another effect must promise to be tried beside one that gains so many."""
     return gain - max(8 * CLASS, share * gain)
@@ -328,15 +323,11 @@ class Search(Generic[F]):
         self.seen[key] = Candidate(key, fit, evidence, at.fitter, final, precision)
         return self.seen[key]
 
-    def finish(self, candidate: Candidate, least: float = -np.inf, beat: float = -np.inf) -> Candidate:
+    def finish(self, candidate: Candidate, least: float = -np.inf) -> Candidate:
         """A candidate with a fitter that is exact where it is: the best of all rounds of simulation and fit.
 
         Contacts scatter what is simulated by a few nats, about which the last rounds only go to and fro.
-
-        Args:
-            candidate: to go on with.
-            least: evidence, with less than which no further round is simulated.
-            beat: evidence to come near to, at the pace of the last two rounds; else no further is simulated.
+        With less evidence than the least that is asked for, no further round is simulated.
         """
         if candidate.final or self.about is None:
             return candidate
@@ -352,14 +343,12 @@ class Search(Generic[F]):
             if evidence < least:
                 # Not kept: elsewhere it may be asked for with derivatives.
                 return Candidate(candidate.effects, there, evidence, fitter, precision=precision)
-        claimed = list[float]()
-        for further in reversed(range(FINISHED)):
+        for _ in range(FINISHED):
             before = fit.point.effects
             fitter = self.about(fit, True)
             fitter.sizes = self.fitter.sizes
             fit = fitter.fit(fit.point, fit.scatter, candidate.effects)
-            claimed.append(self._log_evidence(fit, self._precision(fit)))
-            hopeless = claimed[-1] < least or _cannot_reach(beat - 2 * ADD, claimed, further)
+            hopeless = self._log_evidence(fit, self._precision(fit)) < least
             # What went far from where it was simulated is not known to be as good as it seems.
             if not self._stayed(before, fit, EXACT) and not hopeless:
                 continue
@@ -403,8 +392,7 @@ class Search(Generic[F]):
             worth = not found or tried.log_evidence - at.log_evidence > _least_rival(best, share)
             if worth and simulated < RIVALS:
                 simulated += not tried.final
-                beat = max((c.log_evidence for c in found if c.final), default=-np.inf)
-                tried = self.finish(tried, beat=beat)
+                tried = self.finish(tried)
             found.append(tried)
         return sorted(found, key=lambda c: (not c.final, self.at_bound(c), -c.log_evidence)) or [at]
 
@@ -474,8 +462,7 @@ class Search(Generic[F]):
                 if tried is None or self.ahead(tried, at) <= _least_rival(gain, share):
                     continue
                 # A simulation about it tells more than a promise does.
-                level = at.log_evidence + gain
-                tried = self.finish(tried, level - max(2 * ADD, SIMULATED * gain), level)
+                tried = self.finish(tried, at.log_evidence + gain - max(2 * ADD, SIMULATED * gain))
                 if not self.at_bound(tried) and self.ahead(tried, best) > 0:
                     best = tried
         return best
