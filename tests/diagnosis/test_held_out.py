@@ -273,6 +273,10 @@ def test_beside_what_is_named_a_push_in_held_out_data_is_unknown():
     assert verdict.unknown.flagged
     assert "episode 2" in verdict.unknown.description
     assert verdict.reason.endswith("something pushes in held-out data")
+    assert verdict.fit is not None
+    # Of windows of half a second the push, of less, takes one or two.
+    assert verdict.fit.windows_left_out in (1, 2)
+    assert verdict.fit.windows >= verdict.fit.windows_left_out
 
 
 def test_without_a_push_none_is_told_in_held_out_data():
@@ -281,6 +285,8 @@ def test_without_a_push_none_is_told_in_held_out_data():
     verdict = diagnose(of, rig, seed=1).verdict
     assert verdict.headline == "nothing_found"
     assert not [finding for finding in verdict.findings if "held-out data" in finding]
+    assert verdict.fit is not None
+    assert verdict.fit.windows_left_out == 0
 
 
 def test_a_wrong_reading_in_held_out_data_is_no_push():

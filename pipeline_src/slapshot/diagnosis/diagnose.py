@@ -169,14 +169,11 @@ def _diagnosis(
         windows = everything
         found, by_model, said = _predicted(searched, problem, windows, seed, report)
         pushed = held_out_pushes(found.final, by_model[2].noise, problem, segments, held)
-    if windows.shape[0] < everything.shape[0]:
-        left_out = everything.shape[0] - windows.shape[0]
-        said.append(
-            f"predictions leave out {left_out} of {everything.shape[0]} held-out windows, in which something "
-            "pushes"
-        )
     notes += [*said, *(str(push) for push in pushed)]
-    verdict = verdict_of(recording, rig, found, windows, by_model, segments, held, notes, pushed, seed, began)
+    left_out = everything.shape[0] - windows.shape[0]
+    verdict = verdict_of(
+        recording, rig, found, windows, left_out, by_model, segments, held, notes, pushed, seed, began
+    )
     return Diagnosis(verdict, rig, found, windows, *by_model)
 
 

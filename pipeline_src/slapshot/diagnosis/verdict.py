@@ -97,6 +97,8 @@ class Fits(Model):
     augmented: Errors
     noise_floor: Errors
     window_s: float = Field(default=0.5, description="how long a window is that is predicted")
+    windows: int = Field(default=0, description="that are predicted")
+    windows_left_out: int = Field(default=0, description="further ones, with a push that no model here has")
 
 
 class ChannelNoise(Model):

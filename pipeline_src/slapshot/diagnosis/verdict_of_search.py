@@ -51,6 +51,7 @@ def verdict_of(
     rig: Rig,
     found: Search,
     windows: Segments,
+    left_out: int,
     by_model: tuple[Prediction, Prediction, Prediction],
     segments: Segments,
     held: NDArray[np.intp],
@@ -66,6 +67,7 @@ def verdict_of(
         rig: nominal.
         found: steps of the search, of which those are kept that held-out windows confirm.
         windows: held-out segments, of which the second halves were predicted.
+        left_out: further windows, in which something pushes.
         by_model: predictions by the model as it was given, refitted, and with what was found.
         segments: all.
         held: indices of those that are held out.
@@ -168,6 +170,8 @@ def verdict_of(
             augmented=fits[2],
             noise_floor=_floor(by_model[2].predictions, kinds, unit_of),
             window_s=windows.shape[1] // 2 * windows.interval,
+            windows=windows.shape[0],
+            windows_left_out=left_out,
         ),
         noise=_noise(recording, rig, last),
         limits=[] if missing else _limits(first),

@@ -12,6 +12,7 @@ from slapshot.diagnosis.report.presentation import (
     escaped,
     headline,
     label,
+    left_out,
     listed,
     named,
     noise_text,
@@ -239,8 +240,8 @@ def _errors(verdict: Verdict) -> list[str]:
             "they were given: they may stand in for what is missing."
         )
     return [
-        f"Windows of {fit.window_s:.2g} s are predicted from the data before them and the recorded controls. "
-        f"Root mean square errors, {escaped('; '.join(errors_by_kind))}.",
+        f"Windows of {fit.window_s:.2g} s are predicted from the data before them and the recorded controls"
+        f"{left_out(fit)}. Root mean square errors, {escaped('; '.join(errors_by_kind))}.",
         markdown_table(["model", *heads, "log-likelihood (nats a window)"], rows),
         *([why.strip()] if why else []),
     ]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.figure import Figure
 
-from slapshot.diagnosis.verdict import ChannelNoise, Interval, NamedEffect, NamedParameter, Verdict
+from slapshot.diagnosis.verdict import ChannelNoise, Fits, Interval, NamedEffect, NamedParameter, Verdict
 from slapshot.effects.joints.catalogue import joint_effects
 from slapshot.effects.joints.external_pulse import AT_KNOT, ExternalPulse
 from slapshot.plotting import METHOD_COLOURS, OTHER_COLOURS, STAND_IN
@@ -137,6 +137,13 @@ def quantity(value: float, unit: str) -> str:
     readable, factor = scaled(unit, abs(value))
     text = f"{factor * value:.3g}"
     return f"{text}{_unit(readable)}"
+
+
+def left_out(fit: Fits) -> str:
+    """How many held-out windows are not predicted; "" for all of them."""
+    if not fit.windows_left_out:
+        return ""
+    return f"; {several(fit.windows_left_out, 'further window')}, in which something pushes, left out"
 
 
 def errors_text(verdict: Verdict, kind: str) -> str:

@@ -7,6 +7,7 @@ from slapshot.diagnosis.report.presentation import (
     errors_text,
     headline,
     label,
+    left_out,
     named,
     noise_text,
     place,
@@ -63,7 +64,8 @@ def terminal_text(verdict: Verdict) -> str:
         lines.append(
             _line(
                 "held out",
-                f"{kind}, rms error over {verdict.fit.window_s:.2g} s: {errors_text(verdict, kind)}",
+                f"{kind}, rms error over {verdict.fit.window_s:.2g} s: {errors_text(verdict, kind)}"
+                f"{left_out(verdict.fit)}",
             )
         )
     if unknown.flagged:
