@@ -634,11 +634,11 @@ def test_parts_of_quaternions_are_no_shares():
 
 
 def test_windows_that_are_left_out_are_told_where_the_errors_are():
-    said = "; 3 further windows, in which something pushes, left out"
+    said = ", without 3 further windows in which something pushes"
     few = FOUND.fit.model_copy(update={"windows": 37, "windows_left_out": 3})
     for written in (markdown, terminal_text):
         assert said in " ".join(written(FOUND.model_copy(update={"fit": few})).split())
-        assert "left out" not in written(FOUND)
+        assert "further window" not in written(FOUND)
 
 
 def test_intervals_have_the_digits_that_they_deserve():

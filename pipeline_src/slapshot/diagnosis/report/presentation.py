@@ -143,7 +143,7 @@ def left_out(fit: Fits) -> str:
     """How many held-out windows are not predicted; "" for all of them."""
     if not fit.windows_left_out:
         return ""
-    return f"; {several(fit.windows_left_out, 'further window')}, in which something pushes, left out"
+    return f", without {several(fit.windows_left_out, 'further window')} in which something pushes"
 
 
 def errors_text(verdict: Verdict, kind: str) -> str:
