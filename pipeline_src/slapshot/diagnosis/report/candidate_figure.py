@@ -112,13 +112,12 @@ def _draw(axes: Axes, table: pd.DataFrame) -> None:
     axes.set_xlim(1.1 * low, low + 1.2 * (high - low))
     axes.set_yticks(places, [_short(name) for name in table["candidate"]], fontsize=7.5)
     axes.set_ylim(-0.7, max(len(table), 4) - 0.3)
-    axes.locator_params(axis="x", nbins=5)
+    axes.locator_params(axis="x", nbins=4)
     axes.grid(axis="y", visible=False)
     over = "model before" if refitted else "nominal model"
-    # It may be longer than the axis: to the left there is room, beneath the names.
     # A power of ten apart from the numbers would lie on the label.
     axes.ticklabel_format(axis="x", style="plain", useOffset=False)
-    axes.locator_params(axis="x", nbins=4)
+    # It may be longer than the axis: to the left there is room, beneath the names.
     axes.set_xlabel(f"log evidence over the {over} (nats)", loc="right")
 
 
