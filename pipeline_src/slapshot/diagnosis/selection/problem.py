@@ -561,7 +561,6 @@ def fit_and_score(
     near: bool = True,
     may_set_aside: bool = False,
     known: NoiseFit | None = None,
-    least_added_error: float = 0.0,
 ) -> tuple[ScoredFit, Scores]:
     """Fit a hypothesis and its noise, and score all missing candidates.
 
@@ -576,7 +575,6 @@ def fit_and_score(
         near: whether the noise was fitted before, so that one initial point suffices.
         may_set_aside: whether a few windows may be set aside.
         known: the noise about the first trajectory, if it is known.
-        least_added_error: by which laws of the hypothesis may err in the scores.
     """
     effects = candidates_for(problem, hypothesis)
     found = fit_with_noise(
@@ -585,8 +583,7 @@ def fit_and_score(
     )  # fmt: skip
     # About the trajectory before the last fit, which is equally valid: scores eliminate the fitted
     # parameters.
-    columns = found.columns
-    noise = replace(found.noise, added_error=max(found.noise.added_error, least_added_error))
+    columns, noise = found.columns, found.noise
     system, fixed = columns.system, ~columns.candidate
     seen = innovations(system, noise.covariances(problem.segments.interval))
     sd = columns.prior.at(noise)
@@ -608,6 +605,13 @@ def fit_and_score(
         columns.perturbations, pulses,
     )  # fmt: skip
     return scored, of
+
+
+def scored_under(problem: Problem, fit: Fit, noise: Noise) -> tuple[ScoredFit, Scores]:
+    """The same about the trajectory of a fit, under a noise that is not fitted."""
+    of = problem, fit.hypothesis, fit.theta, fit.trajectory
+    columns = _with_candidates(*of, candidates_for(problem, fit.hypothesis))
+    return fit_and_score(*of, noise, known=NoiseFit(columns, ~columns.candidate, noise))
 
 
 def candidates_for(problem: Problem, hypothesis: Hypothesis) -> tuple[JointEffect, ...]:

@@ -28,6 +28,7 @@ from slapshot.diagnosis.selection.problem import (
     initial_fit,
     largest_law_error,
     noise_without_followed,
+    scored_under,
 )
 from slapshot.effects.joints.effect import JointEffect
 
@@ -227,10 +228,7 @@ def beside_law_errors(step: Step, rng: np.random.Generator) -> Step:
     if scored.noise.added_error >= TYPICAL_LAW_ERROR:
         return step
     try:
-        scored, of = fit_and_score(
-            step.problem, fit.hypothesis, fit.theta, fit.trajectory, scored.noise,
-            least_added_error=TYPICAL_LAW_ERROR,
-        )  # fmt: skip
+        scored, of = scored_under(step.problem, fit, replace(scored.noise, added_error=TYPICAL_LAW_ERROR))
     except np.linalg.LinAlgError:
         return step
     return replace(step, scored=scored, test=mismatch_and_push_test(scored, of, rng))
