@@ -1,5 +1,6 @@
 """Which pairs of effects are fitted to all segments."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -30,6 +31,11 @@ def step(segments: int) -> Step:
     return Step(problem, scored, None)
 
 
+def pairs_of(count: int) -> list[SimpleNamespace]:
+    """Pairs of a number and itself."""
+    return [SimpleNamespace(added=[(k, None)] * 2) for k in range(count)]
+
+
 @pytest.mark.parametrize(
     ("gains", "least", "left"),
     [
@@ -45,20 +51,48 @@ def test_pairs_that_explain_too_little_of_some_segments_are_not_fitted_to_all(
     some = 12  # of 48 segments, a quarter
     seen: list[tuple[int, int]] = []
 
-    def refit_pair(before: Step, pair: int, leader: list[float], of: np.ndarray) -> tuple:
+    def refitted(before: Step, added: list[tuple[int, None]], leader: list[float], of: np.ndarray) -> tuple:
+        (pair, _), _ = added
         seen.append((pair, len(of)))
         found = [WITHOUT - 5.0, WITHOUT + gains[pair] / 4] if np.isfinite(gains[pair]) else []
         return None, None, found
 
-    monkeypatch.setattr(pair_search, "_refit_pair", refit_pair)
+    monkeypatch.setattr(pair_search, "_refit_by_law_error", refitted)
     monkeypatch.setattr(pair_search, "least_worth", lambda windows, segments: 0.0)
-    assert _preselected(step(48), list(range(len(gains))), least) == left
+    pairs = pairs_of(len(gains))
+    assert _preselected(step(48), None, pairs, least) == [pairs[k] for k in left]
     assert seen == [(pair, some) for pair in range(len(gains))]
 
 
+@pytest.mark.parametrize(("alone", "left"), [([99.0, 101.0], 2), ([99.0, 103.0], 0), ([], 2)])
+def test_no_pair_is_fitted_to_all_where_one_effect_alone_explains_more(monkeypatch, alone, left):
+    """On the same segments and in the same way, and early given up where it falls far behind."""
+    asked = []
+
+    def refitted(before: Step, added: list, leader: list[float], some: np.ndarray) -> tuple:
+        asked.append((added, leader))
+        of_pair = [WITHOUT + 101.0, WITHOUT + 102.0]
+        return None, None, of_pair if len(added) == 2 else [WITHOUT + gain for gain in alone]
+
+    monkeypatch.setattr(pair_search, "_refit_by_law_error", refitted)
+    monkeypatch.setattr(pair_search, "least_worth", lambda windows, segments: 0.0)
+    monkeypatch.setattr(pair_search, "one_step_values", lambda scored, i, values: (i, values))
+    before, pairs = step(48), pairs_of(2)
+    names = [SimpleNamespace(key=key) for key in ("pull", "rub", "drag")]
+    before.scored.effects, before.scored.gains = names, [SimpleNamespace(values=k) for k in range(3)]
+    single = Step(before.problem, None, None, added=SimpleNamespace(key="rub"))
+    assert _preselected(before, single, pairs, 10.0) == pairs[:left]
+    assert asked[-1] == ([(names[1], (1, 1))], [WITHOUT + 101.0, WITHOUT + 102.0])
+    # What has no columns, as a push, and what no step adds, cannot be compared.
+    for other in (None, replace(single, added=SimpleNamespace(key="push")), replace(single, added=None)):
+        asked.clear()
+        assert _preselected(before, other, pairs, 10.0) == pairs
+        assert len(asked) == 2
+
+
 def test_few_segments_are_all_fitted(monkeypatch):
-    monkeypatch.setattr(pair_search, "_refit_pair", None)
-    assert _preselected(step(23), [0, 1], 100.0) == [0, 1]
+    monkeypatch.setattr(pair_search, "_refit_by_law_error", None)
+    assert _preselected(step(23), None, [0, 1], 100.0) == [0, 1]
 
 
 @pytest.mark.parametrize(("backward", "there"), [(0.2, True), (0.0, False)])

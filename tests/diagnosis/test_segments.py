@@ -14,6 +14,7 @@ from slapshot.diagnosis.model.segments import (
     LONGEST_AVERAGE_S,
     ControlSignal,
     Segments,
+    in_steps_of,
     node_interval,
     segment_recording,
 )
@@ -106,6 +107,22 @@ def shifted_back(segments: Segments, rate, bend) -> np.ndarray:
     """Samples at their nodes' own times, by the expansion that the linear system uses."""
     t = segments.time
     return np.sin(t) + segments.shift[..., 0] * rate(t) + segments.shift_square[..., 0] / 2 * bend(t)
+
+
+@pytest.mark.parametrize("substeps", [1, 2, 3])
+def test_in_longer_steps_controls_are_what_they_are_in_a_model_with_such_steps(substeps):
+    t = np.arange(200) * 0.01
+    rng = np.random.default_rng(substeps)
+    made = swinging([t, t[:50]], control=[rng.normal(size=200), rng.normal(size=50)])
+    fine = segment_recording(made, rig_of(made, PENDULUM.replace("0.01", "0.002")))
+    assert fine.substeps == 5
+    some = fine.select(np.array([0, 2]))
+    longer = replace(rig_of(made), longest_step=0.01 / substeps)
+    other = in_steps_of(longer, made, some)
+    assert other.substeps == substeps
+    expected = segment_recording(made, rig_of(made, PENDULUM.replace("0.01", str(0.01 / substeps))))
+    assert np.array_equal(other.control(), expected.select(np.array([0, 2])).control())
+    assert np.array_equal(other.y, some.y, equal_nan=True)
 
 
 def test_jittered_samples_say_how_late_they_are():

@@ -1,15 +1,17 @@
 """Which time steps a diagnosis takes: accurate ones of a robot, a simulation's own of what it made."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis import diagnose as diagnosis
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.fit.time_steps import step_error
+from slapshot.diagnosis.fit.time_steps import step_error, with_accurate_steps
 from slapshot.diagnosis.model.hypothesis import Simulator
 from slapshot.diagnosis.model.rig import bind
-from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.model.segments import in_steps_of, segment_recording
 from slapshot.diagnosis.selection.problem import Problem
 
 from .mechanisms import ARM, CART, control_channel, joint, recording, simulate
@@ -43,15 +45,42 @@ def swings(finer: int, integrator: str, episodes: int = 10):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("finer", "integrator", "told"), [(40, "RK4", True), (1, "Euler", False)])
-def test_nothing_is_found_on_a_robot_or_a_simulation_whose_physics_the_model_has(finer, integrator, told):
+@pytest.mark.parametrize(
+    ("finer", "integrator", "step", "told"),
+    [(40, "RK4", 0.004, True), (40, "RK4", 0.001, True), (1, "Euler", 0.004, False)],
+)
+def test_nothing_is_found_on_a_robot_or_a_simulation_whose_physics_the_model_has(
+    finer, integrator, step, told
+):
     made = swings(finer, integrator)
-    rig = bind(MjSpec.from_string(COARSE), made.channels)
+    rig = bind(MjSpec.from_string(COARSE.replace("0.004", str(step))), made.channels)
     found = diagnose(made, rig)
     assert found.verdict.headline == "nothing_found"
     assert any("integrator (Euler)" in finding for finding in found.verdict.findings) == told
     runge_kutta = int(mujoco.mjtIntegrator.mjINT_RK4)
     assert (found.rig.model.opt.integrator == runge_kutta) == told
+    # The model that is written has its own steps.
+    assert found.rig.spec.option.timestep == step
+    assert (found.rig.longest_step is not None) == (step == 0.001)
+
+
+@pytest.mark.parametrize(("stiffness", "substeps"), [(30, 2), (10000, 4)])
+def test_runge_kutta_steps_are_longer_where_these_are_exact(stiffness, substeps):
+    """Four of the model's steps are an interval of 4 ms; a stiff servo turns by 1 rad of its mode in two."""
+    made = swings(40, "RK4", 6)
+    stiff = COARSE.replace("0.004", "0.001").replace('kp="30" kv="2"', f'kp="{stiffness}" kv="2"')
+    rig = bind(MjSpec.from_string(stiff), made.channels)
+    segments = segment_recording(made, rig)
+    assert segments.substeps == 4
+    trajectory = Problem.of(rig, made.channels, segments).trajectory
+    found = with_accurate_steps(rig, made, segments, trajectory, np.full(2, NOISE))
+    assert found is not None
+    better, told = found
+    assert segments.interval / (better.longest_step or segments.step) == pytest.approx(substeps)
+    assert f"steps (RK4) of {4 / substeps:.3g} ms" in told
+    longest = replace(better, longest_step=0.004 / substeps)
+    error = step_error(Simulator(better), in_steps_of(longest, made, segments), trajectory)
+    assert (np.max(error) < 0.1 * NOISE) == (substeps == 2)
 
 
 def test_the_error_of_euler_steps_is_that_of_a_parabola():
@@ -79,17 +108,17 @@ def test_an_integrator_that_is_none_of_a_robot_is_left_as_it_is():
     rig = bind(MjSpec.from_string(COARSE.replace("<option", '<option integrator="discrete"')), made.channels)
     assert rig.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_DISCRETE)
     problem = Problem.of(rig, made.channels, segment_recording(made, rig))
-    assert diagnosis._accurate_problem(problem) is None
+    assert diagnosis._accurate_problem(problem, made) is None
 
 
 def test_a_model_that_diverges_is_left_to_the_search(monkeypatch):
     made = swings(40, "RK4", 6)
     rig = bind(MjSpec.from_string(COARSE), made.channels)
     problem = Problem.of(rig, made.channels, segment_recording(made, rig))
-    assert diagnosis._accurate_problem(problem) is not None
+    assert diagnosis._accurate_problem(problem, made) is not None
 
     def diverges(*_: object) -> None:
         raise np.linalg.LinAlgError
 
     monkeypatch.setattr(diagnosis, "initial_fit", diverges)
-    assert diagnosis._accurate_problem(problem) is None
+    assert diagnosis._accurate_problem(problem, made) is None

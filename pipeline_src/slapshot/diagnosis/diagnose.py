@@ -18,7 +18,7 @@ from slapshot.diagnosis.held_out_split import held_out_windows, split, thinned
 from slapshot.diagnosis.held_out_validation import Prediction, held_out_pushes, predict_models
 from slapshot.diagnosis.impacts import without_impacts
 from slapshot.diagnosis.model.rig import Rig
-from slapshot.diagnosis.model.segments import Segments, segment_recording
+from slapshot.diagnosis.model.segments import Segments, in_steps_of, segment_recording
 from slapshot.diagnosis.selection.problem import Problem, initial_fit, noise_with_candidates
 from slapshot.diagnosis.selection.search import search
 from slapshot.diagnosis.selection.steps import Search, Step
@@ -127,9 +127,10 @@ def _diagnosis(
                 "all, the derivatives by everything that may be missing take too much memory"
             )
             problem = Problem.of(rig, channels, some, threads)
-        if (accurate := _accurate_problem(problem)) is not None:
+        if (accurate := _accurate_problem(problem, recording)) is not None:
             problem, told = accurate
             rig, notes = problem.rig, [*notes, told]
+            segments = in_steps_of(rig, recording, segments)
         free = free_effects(rig, problem)
     except InputError as error:
         return Diagnosis(undecided(recording, rig, notes, str(error), began), rig)
@@ -177,10 +178,10 @@ def _diagnosis(
     return Diagnosis(verdict, rig, found, windows, *by_model)
 
 
-def _accurate_problem(problem: Problem) -> tuple[Problem, str] | None:
+def _accurate_problem(problem: Problem, recording: SignalRecording) -> tuple[Problem, str] | None:
     """The problem with accurate time steps, and what is said of them; None where its own serve."""
     noise = problem.initial_noise.single
-    found = with_accurate_steps(problem.rig, problem.channels, problem.segments, problem.trajectory, noise)
+    found = with_accurate_steps(problem.rig, recording, problem.segments, problem.trajectory, noise)
     if found is None:
         return None
     try:
@@ -192,7 +193,8 @@ def _accurate_problem(problem: Problem) -> tuple[Problem, str] | None:
     if prefers_its_steps(system, prior, seen.noise, problem.segments.interval, len(fit.theta)):
         return None
     rig, told = found
-    return Problem.of(rig, problem.channels, problem.segments, problem.threads), told
+    segments = in_steps_of(rig, recording, problem.segments)
+    return Problem.of(rig, problem.channels, segments, problem.threads), told
 
 
 def _predicted(

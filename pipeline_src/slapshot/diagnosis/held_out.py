@@ -16,7 +16,14 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import Innovations, Linear, innovations, leave_one_out, smooth
 from slapshot.diagnosis.fit.fit import Fit, Fitter, prior_of
 from slapshot.diagnosis.fit.linear import Perturbation, residuals
-from slapshot.diagnosis.fit.noise import CLIP, Noise, fit_noise, posterior_means, with_outliers
+from slapshot.diagnosis.fit.noise import (
+    CLIP,
+    TYPICAL_LAW_ERROR,
+    Noise,
+    fit_noise,
+    posterior_means,
+    with_outliers,
+)
 from slapshot.diagnosis.fit.shooting import shoot, simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
@@ -55,7 +62,8 @@ class Predictions:
             data; NaN where nothing was recorded.
         predicted: (W, nodes, ny).
         floor: (W, nodes, ny) standard deviation of the error from noise alone.
-        expected: (W, nodes, ny) the same including errors of the time step, of laws and of fitted values.
+        expected: (W, nodes, ny) the same including errors of the time step, of fitted values and of laws; of
+            named ones at least as large as is typical of such laws.
         log_likelihood: (W,) of what was recorded in the windows, given the data before.
         correlation: (ny, nodes, nodes) of the noise of a channel's readings.
     """
@@ -153,7 +161,9 @@ def predict(
     seen = innovations(columns, replace(quiet, weight=blind).covariances(windows.interval))
     response = (seen.Z * np.sqrt(seen.variance)[..., None])[:, half:]
     p = len(theta)
-    spread = np.sum((response[..., p:] * prior.at(noise)[p:]) ** 2, axis=-1)
+    # As in tests of the fitted data, what a few per cent of a named law explain is nothing unknown.
+    sizes = replace(noise, added_error=max(noise.added_error, TYPICAL_LAW_ERROR))
+    spread = np.sum((response[..., p:] * prior.at(sizes)[p:]) ** 2, axis=-1)
     if precision is not None and p:
         own_part = response[..., :p]
         spread = spread + np.einsum("wtck,kl,wtcl->wtc", own_part, np.linalg.inv(precision), own_part)

@@ -145,7 +145,8 @@ class OperatingPoint:
     def halved(self) -> Array:
         """(n, dim) change of the next states with steps of half the length.
 
-        Where a better integrator was put in place of the given one, half of the change to that one.
+        Where a better integrator was put in place of the given one, half of the change to that one, whose
+        error is in proportion to its step.
         """
         hypothesis, theta, step = self.hypothesis, self.theta, self.segments.step
         tangent, given = self.simulator.tangent, hypothesis.rig.given_integrator
@@ -156,6 +157,7 @@ class OperatingPoint:
         model = hypothesis.compiled(theta, step)
         model.opt.integrator = given
         change = tangent.subtract(self.advance(hypothesis, theta, model, self.x, self.control)[0], self.end)
+        change *= min(1.0, hypothesis.rig.model.opt.timestep / step)
         return tangent.subtract(tangent.add(self.end, change / 2), self.end)
 
 

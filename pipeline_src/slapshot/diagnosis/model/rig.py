@@ -76,6 +76,7 @@ class Rig:
         reading: (ny, sensor data) what each observation reads: one sensor, or a sum where joints were split.
         load: addresses of the sensors of each dof's actuator force; -1 for free and ball joints.
         given_integrator: MuJoCo's number of that of the given model, if a better one took its place.
+        longest_step: s, of the time steps of simulations; None for the model's own.
     """
 
     name: str
@@ -87,6 +88,7 @@ class Rig:
     reading: np.ndarray
     load: np.ndarray
     given_integrator: int | None = None
+    longest_step: float | None = None
 
     def without(self, channels: Sequence[str]) -> "Rig":
         """The rig without some observations."""

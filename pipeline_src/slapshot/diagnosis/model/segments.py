@@ -228,7 +228,8 @@ def segment_recording(
         InputError: an episode has no observation.
     """
     interval = node_interval(recording, rig)
-    substeps = max(1, int(np.ceil(interval / rig.model.opt.timestep - 1e-6))) * finer
+    longest = rig.longest_step or rig.model.opt.timestep
+    substeps = max(1, int(np.ceil(interval / longest - 1e-6))) * finer
     L = max(4, round(segment_s / interval)) if nodes is None else nodes
     episodes = recording.episodes.sort_values("order")
     count = len(episodes)
@@ -271,6 +272,12 @@ def segment_recording(
         np.array([channel_statistics(recording, o.channel).grid for o in rig.observations]),
         _stamp_error(recording, rig, interval),
     )  # fmt: skip
+
+
+def in_steps_of(rig: Rig, recording: SignalRecording, segments: Segments) -> Segments:
+    """Segments of a recording in another rig's time steps."""
+    whole = segment_recording(recording, rig)
+    return replace(segments, substeps=whole.substeps, controls=whole.controls)
 
 
 def _stamp_error(recording: SignalRecording, rig: Rig, interval: float) -> Array | None:

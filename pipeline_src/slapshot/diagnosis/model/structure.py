@@ -38,7 +38,8 @@ def restructured(rig: Rig, effect: JointEffect, channels: dict[str, Channel]) ->
         for quantity, kind in types.items():
             name = f"{OWN}{quantity}:{second}"
             spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=second)
-    new = replace(bind(spec, channels, rig.name, rig.free), controls=rig.controls)
+    new = bind(spec, channels, rig.name, rig.free)
+    new = replace(new, controls=rig.controls, longest_step=rig.longest_step)
     if reads_link:
         # The encoder reads the sum of motor and deflection.
         for row, observation in enumerate(new.observations):

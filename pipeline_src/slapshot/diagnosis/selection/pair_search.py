@@ -62,8 +62,8 @@ def pair_step(
     found: list[tuple[_Pair, Rival, Noise]] = []
     most, leader = -np.inf, list[float]()
     least = alone + least_gain(before.scored)
-    for pair in _preselected(before, _promising_pairs(before.scored), least):
-        fit, noise, by_law_error = _refit_pair(before, pair, leader)
+    for pair in _preselected(before, single, _promising_pairs(before.scored), least):
+        fit, noise, by_law_error = _refit_by_law_error(before, pair.added, leader)
         gain = fit.log_evidence - least_worth(noise.set_aside, problem.segments) - level
         if gain > most:
             most, leader = gain, by_law_error
@@ -156,6 +156,9 @@ def _values_by_effect(fit: Fit) -> dict[str, Array]:
     return {e.key: fit.theta[own] for e, own in zip(hypothesis.effects, hypothesis.slices, strict=True)}
 
 
+_Added = tuple[JointEffect, Array]
+
+
 @dataclass(frozen=True)
 class _Pair:
     """Two candidates, that of the larger gain first, and their values by one step."""
@@ -164,6 +167,11 @@ class _Pair:
     second: JointEffect
     first_values: Array
     second_values: Array
+
+    @property
+    def added(self) -> list[_Added]:
+        """Both with where their fit begins."""
+        return [(self.first, self.first_values), (self.second, self.second_values)]
 
 
 def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
@@ -207,10 +215,12 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
     return found
 
 
-def _preselected(before: Step, pairs: Sequence[_Pair], least: float) -> list[_Pair]:
+def _preselected(before: Step, single: Step | None, pairs: Sequence[_Pair], least: float) -> list[_Pair]:
     """Those near the best in fits to a subset of segments; none where all are far from a least gain.
 
-    Where there are few segments, all are left.
+    Nor where the best single effect, fitted to the same segments in the same way, explains as much: a pair
+    of which one stands in for the other does not stand out from it. Where there are few segments, all are
+    left.
     """
     problem, scored = before.problem, before.scored
     S = problem.segments.shape[0]
@@ -224,7 +234,7 @@ def _preselected(before: Step, pairs: Sequence[_Pair], least: float) -> list[_Pa
     gained: list[float] = []
     leader = list[float]()
     for pair in pairs:
-        *_, found = _refit_pair(before, pair, leader, some)
+        *_, found = _refit_by_law_error(before, pair.added, leader, some)
         most = max(found, default=-np.inf) - none
         if most > max(gained, default=-np.inf):
             leader = found
@@ -232,23 +242,38 @@ def _preselected(before: Step, pairs: Sequence[_Pair], least: float) -> list[_Pa
     best = max(gained, default=-np.inf)
     if best < _HOPELESS * least:
         return []
+    if (alone := _alone(before, single)) is not None:
+        *_, found = _refit_by_law_error(before, [alone], leader, some)
+        if max(found, default=-np.inf) > max(leader):
+            return []
     nearest = best - max(REFIT_MARGIN_NATS, REFIT_MARGIN * best)
     return [pair for pair, gain in zip(pairs, gained, strict=True) if gain >= nearest]
 
 
-def _refit_pair(
-    before: Step, pair: _Pair, leader: Sequence[float], some: NDArray[np.intp] | None = None
+def _alone(before: Step, single: Step | None) -> _Added | None:
+    """The effect that a step adds, and where its fit begins; None where it has no columns."""
+    if single is None or single.added is None:
+        return None
+    scored = before.scored
+    for i, effect in enumerate(scored.effects):
+        if effect.key == single.added.key:
+            return effect, one_step_values(scored, i, scored.gains[i].values)
+    return None
+
+
+def _refit_by_law_error(
+    before: Step, added: Sequence[_Added], leader: Sequence[float], some: NDArray[np.intp] | None = None
 ) -> tuple[Fit, Noise, list[float]]:
-    """The step's hypothesis with a pair, its noise, and the evidence by how much laws may err.
+    """The step's hypothesis with further effects, its noise, and the evidence by how much laws may err.
 
     At first laws hardly err, then more and more: with large errors wrong values explain as much as right
     ones, and stay. It ends early where the evidence falls far behind a leader's. Where windows are set aside,
     laws that explain most of what was left tell better which ones are pushed.
 
     Args:
-        before: without the pair.
-        pair: to add.
-        leader: evidence of another pair, by how much laws may err.
+        before: without them.
+        added: effects, and where their fit begins.
+        leader: evidence with others, by how much laws may err.
         some: indices of segments that it is fitted to; None for all.
     """
     problem, scored = before.problem, before.scored
@@ -258,12 +283,14 @@ def _refit_pair(
         fitter, noise, trajectory = fitter.select(some), noise.select(some), trajectory[some]
         known = known.select(some)
     most_law_error = largest_law_error(scored.noise)
-    hypothesis = scored.fit.hypothesis.with_effect(pair.first).with_effect(pair.second)
-    theta = np.concatenate([scored.fit.theta, pair.first_values, pair.second_values])
+    hypothesis = scored.fit.hypothesis
+    for effect, _ in added:
+        hypothesis = hypothesis.with_effect(effect)
+    theta = np.concatenate([scored.fit.theta, *(values for _, values in added)])
     fit = fitter.fit(hypothesis, theta, trajectory, noise, known=known)
     best, found = (fit, noise), list[float]()
     for number, largest in enumerate(_PAIR_LAW_ERRORS):
-        if not np.isfinite(fit.log_evidence) or has_no_effect(pair.second, fit):
+        if not np.isfinite(fit.log_evidence) or has_no_effect(added[-1][0], fit):
             break
         system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
         noise = fit_process_force(system, prior, noise, interval, min(largest, most_law_error), largest)
