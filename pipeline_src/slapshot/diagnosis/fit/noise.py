@@ -40,7 +40,7 @@ _TOLERANCE, _LOOSE_TOLERANCE = 0.01, 0.5  # tolerances in nats: of the last fit,
 _LAST_ROUNDS, _LAST_TOLERANCE = 2, 0.2
 _SIZES = 3  # first values: sizes of columns
 _DIRECTIONS = 16  # of a trace, which is then known to some per cent
-_RATIOS = 0.5, 2.0, 10.0  # of coloured to white noise
+_RATIOS, _MOST_RATIO = (0.5, 2.0, 10.0), 1e3  # of coloured to white noise
 _GOOD_LAW, _NO_FORCE = np.log([1e-3]), np.log([1e-4])
 _FORCES = float(np.log(1e-6)), float(np.log(1e2))  # process force, in logarithms of usual torques
 
@@ -306,10 +306,12 @@ def fit_noise(
     # for each kind of channel a factor on white noise, the ratio of coloured noise to it, and its time.
     def of(values: Array, noise: Noise = noise) -> Noise:
         white = np.maximum(noise.white * np.exp(values[5 : 5 + count])[member], least)
+        # Outliers lack what they lack, however small the noise of the others becomes.
+        weight = 1 + (noise.weight - 1) * (noise.white / white) ** 2
         law, added, drift, force, jitter = (float(size) for size in np.exp(values[:5]))
         found = replace(
             noise, force=force, law_error=law, added_error=added, drift=drift, jitter_s=jitter, white=white,
-            coloured=0 * white,
+            coloured=0 * white, weight=weight,
         )  # fmt: skip
         if len(values) == 5 + count:
             return found
@@ -354,7 +356,7 @@ def fit_noise(
             initial_points = [np.concatenate([now, zero])]
         tolerance = _TOLERANCE if last else _LOOSE_TOLERANCE
         plain, values = maximise(searched, initial_points, limits, tolerance=tolerance)
-        limits += [(np.log(0.05), np.log(30.0))] * count
+        limits += [(np.log(0.05), np.log(_MOST_RATIO))] * count
         limits += [(np.log(segments.interval), np.log(longest))] * count
         initial_points = []
         if noise.coloured.any():
