@@ -244,6 +244,20 @@ def test_coloured_noise_alone_is_recovered_although_some_readings_are_far_off(ou
     assert found.coloured == pytest.approx(of.noise.coloured, rel=3 * 0.09)
 
 
+def test_outliers_keep_the_variance_that_they_lack_when_white_noise_changes():
+    of = made(0, S=2, L=5, coloured=(3e-3, 0.0))
+    weight = np.ones_like(of.noise.weight)
+    weight[0, 2] = [10.0, 4.0]
+    noise = replace(of.noise, weight=weight, growth=np.array([0.4, 0.0]), order=of.segments.order)
+    other = noise.with_white(np.array([1e-5, 0.3]))
+    lacks = [one.variance - one.usual_variance for one in (noise, other)]
+    assert lacks[1] == pytest.approx(lacks[0], rel=1e-9, abs=1e-15)
+    assert other.variance[1, 2, 0] == pytest.approx(1e-10 * np.exp(2 * 0.4 * 0.5))
+    # Over that of a usual reading, of which coloured noise is a part.
+    assert noise.outlying[0, 2] == pytest.approx([1 + 9 / 10, 4.0])
+    assert noise.single_variance[1, 0] == pytest.approx([1e-5 * np.exp(0.4), 4e-4])
+
+
 def test_channels_of_one_kind_share_the_colour():
     of = made(4, S=24, coloured=(4e-3, 8e-2))
     initial_point = initial_noise(of.segments, np.array([TORQUE]), 2, np.array([1.0]), np.array([5.0]))

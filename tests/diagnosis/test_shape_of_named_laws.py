@@ -98,6 +98,9 @@ def test_a_step_stays_as_it_is_where_larger_errors_of_laws_tell_nothing(monkeypa
     hypothesis = SimpleNamespace(added=(added,), effects=(free, added))
     step = SimpleNamespace(problem=None, scored=scored, hypothesis=hypothesis)
     assert beside_law_errors(step, np.random.default_rng(0)) is step
+    assert steps.with_typical_errors(scored.noise, hypothesis) == ErrorOfLaws(
+        TYPICAL_LAW_ERROR if fits else error
+    )
     assert asked == [TYPICAL_LAW_ERROR] * fits
 
 
@@ -113,7 +116,7 @@ def test_held_out_windows_have_the_same_allowance(true, monkeypatch):
         return found.excess(np.random.default_rng(3))[0] > MAX_REDUCED_CHI2
 
     assert exceeds() == (true is SPRING)
-    monkeypatch.setattr(held_out, "TYPICAL_LAW_ERROR", 0.0)
+    monkeypatch.setattr(held_out, "with_typical_errors", lambda noise, hypothesis: noise)
     assert exceeds()
 
 

@@ -8,11 +8,13 @@ import pytest
 from mujoco import MjSpec
 from slapshot.diagnosis import diagnose as diagnosis
 from slapshot.diagnosis.diagnose import diagnose
-from slapshot.diagnosis.fit.time_steps import step_error, with_accurate_steps
-from slapshot.diagnosis.model.hypothesis import Simulator
+from slapshot.diagnosis.fit.operating_point import OperatingPoint
+from slapshot.diagnosis.fit.time_steps import _MOST_LONGER, step_error, with_accurate_steps
+from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.model.rig import bind
 from slapshot.diagnosis.model.segments import in_steps_of, segment_recording
 from slapshot.diagnosis.selection.problem import Problem
+from slapshot.effects.joints.parts import add_friction
 
 from .mechanisms import ARM, CART, control_channel, joint, recording, simulate
 
@@ -73,14 +75,66 @@ def test_runge_kutta_steps_are_longer_where_these_are_exact(stiffness, substeps)
     segments = segment_recording(made, rig)
     assert segments.substeps == 4
     trajectory = Problem.of(rig, made.channels, segments).trajectory
-    found = with_accurate_steps(rig, made, segments, trajectory, np.full(2, NOISE))
+    found = with_accurate_steps(rig, made.channels, made, segments, trajectory, np.full(2, NOISE))
     assert found is not None
     better, told = found
     assert segments.interval / (better.longest_step or segments.step) == pytest.approx(substeps)
     assert f"steps (RK4) of {4 / substeps:.3g} ms" in told
-    longest = replace(better, longest_step=0.004 / substeps)
-    error = step_error(Simulator(better), in_steps_of(longest, made, segments), trajectory)
+    longest = in_steps_of(replace(better, longest_step=0.002), made, segments)
+    error = step_error(Simulator(better), longest, trajectory, segments.finer(8))
     assert (np.max(error) < 0.1 * NOISE) == (substeps == 2)
+
+
+@pytest.mark.parametrize(("longer", "rests"), [(_MOST_LONGER, True), (5.0, False)])
+def test_friction_still_stops_a_joint_in_the_longest_steps(longer, rests):
+    """Friction of 1 N on 1 kg that 0.5 N push: its constraint decays within a step of the model."""
+    slide = MjSpec.from_string(CART.replace('mass="2"', 'mass="1"')).compile()
+    slide.opt.timestep, slide.opt.integrator = 5e-4, int(mujoco.mjtIntegrator.mjINT_RK4)
+    add_friction(slide, 0, 1.0)
+    slide.opt.timestep *= longer
+    data = mujoco.MjData(slide)
+    data.qvel[:], data.ctrl[:] = 0.02, 0.5
+    mujoco.mj_step(slide, data, round(0.2 / slide.opt.timestep))
+    assert (abs(data.qvel[0]) < 1e-5) == rests
+
+
+def test_what_is_not_used_of_a_recording_is_not_used_in_other_steps():
+    """As velocities that were differentiated from positions."""
+    made = swings(40, "RK4", 6)
+    table = made.signals["encoder"]
+    speeds = [np.gradient(own["elbow"], 0.004) for _, own in table.groupby("episode")]
+    signals = {"encoder": table.assign(speed=np.concatenate(speeds))}
+    channels = {**made.channels, "speed": joint("elbow", "velocity", "rad/s")}
+    more = replace(made, channels=channels, signals=signals)
+    rig = bind(MjSpec.from_string(COARSE.replace("0.004", "0.001")), channels).without(["speed"])
+    problem = Problem.of(rig, made.channels, segment_recording(more, rig))
+    found = diagnosis._accurate_problem(problem, more)
+    assert found is not None
+    accurate, _ = found
+    assert [o.channel for o in accurate.rig.observations] == ["shoulder", "elbow"]
+    assert accurate.segments.substeps == 2
+
+
+def test_errors_that_steps_may_have_are_those_of_the_model_however_long_the_others_are():
+    """In each interval about as many times more as the steps are longer, which is made up for."""
+    made = swings(40, "RK4", 6)
+    rig = bind(MjSpec.from_string(COARSE.replace("0.004", "0.0005")), made.channels)
+    segments = segment_recording(made, rig)
+    trajectory = Problem.of(rig, made.channels, segments).trajectory
+    found = with_accurate_steps(rig, made.channels, made, segments, trajectory, np.full(2, NOISE))
+    assert found is not None
+    longer, _ = found
+    assert longer.longest_step == pytest.approx(0.001)
+    errors = []
+    for one, own in (
+        (replace(longer, longest_step=None), segments),
+        (longer, in_steps_of(longer, made, segments)),
+    ):
+        scale, simulator = np.ones(2), Simulator(one)
+        point = OperatingPoint(simulator, Hypothesis(one), np.zeros(0), own, trajectory, scale)
+        errors.append(point.halved[own.inside.reshape(-1)])
+    short, other = errors
+    assert np.abs(other - short).max() < 0.1 * np.abs(short).max()
 
 
 def test_the_error_of_euler_steps_is_that_of_a_parabola():

@@ -181,7 +181,8 @@ def _diagnosis(
 def _accurate_problem(problem: Problem, recording: SignalRecording) -> tuple[Problem, str] | None:
     """The problem with accurate time steps, and what is said of them; None where its own serve."""
     noise = problem.initial_noise.single
-    found = with_accurate_steps(problem.rig, recording, problem.segments, problem.trajectory, noise)
+    segments, trajectory = problem.segments, problem.trajectory
+    found = with_accurate_steps(problem.rig, problem.channels, recording, segments, trajectory, noise)
     if found is None:
         return None
     try:
@@ -193,7 +194,7 @@ def _accurate_problem(problem: Problem, recording: SignalRecording) -> tuple[Pro
     if prefers_its_steps(system, prior, seen.noise, problem.segments.interval, len(fit.theta)):
         return None
     rig, told = found
-    segments = in_steps_of(rig, recording, problem.segments)
+    segments = in_steps_of(rig, recording, segments)
     return Problem.of(rig, problem.channels, segments, problem.threads), told
 
 

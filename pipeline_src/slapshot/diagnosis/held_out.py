@@ -18,7 +18,6 @@ from slapshot.diagnosis.fit.fit import Fit, Fitter, prior_of
 from slapshot.diagnosis.fit.linear import Perturbation, residuals
 from slapshot.diagnosis.fit.noise import (
     CLIP,
-    TYPICAL_LAW_ERROR,
     Noise,
     fit_noise,
     posterior_means,
@@ -36,7 +35,7 @@ from slapshot.diagnosis.selection.pulses import (
     pushes_set_aside,
     windows_set_aside,
 )
-from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS
+from slapshot.diagnosis.selection.steps import EQUIVALENCE_NATS, with_typical_errors
 from slapshot.effects.joints.external_pulse import ExternalPulse, Pulse
 
 WINDOW_S = 0.5
@@ -161,9 +160,8 @@ def predict(
     seen = innovations(columns, replace(quiet, weight=blind).covariances(windows.interval))
     response = (seen.Z * np.sqrt(seen.variance)[..., None])[:, half:]
     p = len(theta)
-    # As in tests of the fitted data, what a few per cent of a named law explain is nothing unknown.
-    sizes = replace(noise, added_error=max(noise.added_error, TYPICAL_LAW_ERROR))
-    spread = np.sum((response[..., p:] * prior.at(sizes)[p:]) ** 2, axis=-1)
+    allowed = with_typical_errors(noise, hypothesis)
+    spread = np.sum((response[..., p:] * prior.at(allowed)[p:]) ** 2, axis=-1)
     if precision is not None and p:
         own_part = response[..., :p]
         spread = spread + np.einsum("wtck,kl,wtcl->wtc", own_part, np.linalg.inv(precision), own_part)
@@ -373,7 +371,7 @@ def _smoothed(
         taken = share[:, None, None] * step
         trajectory = fitter.simulator.tangent.add(best, taken)
         moved = np.sqrt(
-            np.mean(np.einsum("stcn,stn->stc", system.C, taken) ** 2 / noise.usual_variance, axis=(1, 2))
+            np.mean(np.einsum("stcn,stn->stc", system.C, taken) ** 2 / noise.single_variance, axis=(1, 2))
         )
         if np.sqrt(np.mean(moved**2)) < _CONVERGED:
             break

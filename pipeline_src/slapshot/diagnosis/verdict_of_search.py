@@ -355,7 +355,7 @@ def _noise(recording: SignalRecording, rig: Rig, step: Step) -> dict[str, Channe
     noise = step.scored.noise
     # Jitter, drift and growth below a tenth of the noise are not reported.
     shown = noise.rate is not None and bool(
-        np.any(noise.jitter_s * np.sqrt(np.mean(noise.rate**2, axis=(0, 1))) > 0.1 * noise.white)
+        np.any(noise.jitter_s * np.sqrt(np.mean(noise.rate**2, axis=(0, 1))) > 0.1 * noise.single)
     )
     jitter = noise.jitter_s if shown else 0.0
     drifts = noise.drift > TYPICAL_DRIFT * (1 + 1e-6)  # which stays where there is but one episode

@@ -118,8 +118,25 @@ class Noise:
     @property
     def usual_variance(self) -> Array:
         """(S or 1, 1, ny) white variance of a channel without outliers."""
-        level = np.ones((1, len(self.white))) if self.level is None else self.level
-        return np.asarray((self.white * level)[:, None] ** 2)
+        return self._squared(self.white)
+
+    @property
+    def single_variance(self) -> Array:
+        """(S or 1, 1, ny) variance of a single reading without outliers, jitter left out."""
+        return self._squared(self.single)
+
+    @property
+    def outlying(self) -> Array:
+        """(S, L, ny) variance of a reading over that of one that is no outlier, jitter left out."""
+        return np.asarray(1 + (self.weight - 1) * (self.white / self.single) ** 2)
+
+    def with_white(self, white: Array) -> "Noise":
+        """The noise with other white noise (ny,): outliers keep the variance that they lack."""
+        return replace(self, white=white, weight=1 + (self.weight - 1) * (self.white / white) ** 2)
+
+    def _squared(self, size: Array) -> Array:
+        level = np.ones((1, len(size))) if self.level is None else self.level
+        return np.asarray((size * level)[:, None] ** 2)
 
     @property
     def level(self) -> Array | None:
@@ -287,7 +304,7 @@ def fit_noise(
     Args:
         system: linearised.
         prior: of its columns.
-        noise: initial value; its outliers keep their reduced weight.
+        noise: initial value; its outliers keep the variance that they lack.
         segments: data.
         kinds: quantity of each channel; those of one kind share ratio and correlation time of coloured noise.
         near: whether the noise was fitted to a similar system before, so that one initial point suffices.
@@ -306,12 +323,10 @@ def fit_noise(
     # for each kind of channel a factor on white noise, the ratio of coloured noise to it, and its time.
     def of(values: Array, noise: Noise = noise) -> Noise:
         white = np.maximum(noise.white * np.exp(values[5 : 5 + count])[member], least)
-        # Outliers lack what they lack, however small the noise of the others becomes.
-        weight = 1 + (noise.weight - 1) * (noise.white / white) ** 2
         law, added, drift, force, jitter = (float(size) for size in np.exp(values[:5]))
         found = replace(
-            noise, force=force, law_error=law, added_error=added, drift=drift, jitter_s=jitter, white=white,
-            coloured=0 * white, weight=weight,
+            noise.with_white(white), force=force, law_error=law, added_error=added, drift=drift,
+            jitter_s=jitter, coloured=0 * white,
         )  # fmt: skip
         if len(values) == 5 + count:
             return found

@@ -15,7 +15,7 @@ from slapshot.arrays import Array
 from slapshot.diagnosis.fit.derivatives import Midpoint
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.model.rig import Rig
-from slapshot.diagnosis.model.segments import Segments
+from slapshot.diagnosis.model.segments import Segments, steps_between
 
 _STEP = 1e-6  # of differences of observations
 _OF_THE_STATE = (int(mujoco.mjtSensor.mjSENS_JOINTPOS), int(mujoco.mjtSensor.mjSENS_JOINTVEL))
@@ -157,7 +157,8 @@ class OperatingPoint:
         model = hypothesis.compiled(theta, step)
         model.opt.integrator = given
         change = tangent.subtract(self.advance(hypothesis, theta, model, self.x, self.control)[0], self.end)
-        change *= min(1.0, hypothesis.rig.model.opt.timestep / step)
+        given_steps = steps_between(self.segments.interval, hypothesis.rig.model.opt.timestep)
+        change *= min(1.0, self.segments.substeps / given_steps)
         return tangent.subtract(tangent.add(self.end, change / 2), self.end)
 
 

@@ -16,14 +16,17 @@ from slapshot.diagnosis.fit.noise import Noise, Prior
 from slapshot.diagnosis.fit.shooting import simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis, Simulator
 from slapshot.diagnosis.model.rig import Rig, bind
-from slapshot.diagnosis.model.segments import Segments, in_steps_of
+from slapshot.diagnosis.model.segments import Segments, in_steps_of, steps_between
+from slapshot.recordings.channels import Channel
 from slapshot.recordings.signals import SignalRecording
 
 _FINER = 8  # steps in one, of a reference
 _WINDOW_S = 0.5  # in which errors grow
 _NEGLIGIBLE = 0.3  # of the noise: predictions err by 4 % more
 _EXACT = 0.1  # of the noise, by which longer steps may err: predictions err by half a per cent more
-_LONGEST_S = 2.5e-3  # of a step: forces of laws are held over it
+# Of a longer step: s, since forces of laws are held over it, and steps of the model, since the constraint of
+# dry friction stops a joint within one of these (see `add_friction`) and is unstable in 2.8.
+_LONGEST_S, _MOST_LONGER = 2.5e-3, 2.0
 _SURE_NATS = 3.0  # by which data must prefer the steps of the model: a factor of twenty
 _RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
 _NAMES = {
@@ -33,18 +36,21 @@ _NAMES = {
 }
 
 
-def step_error(simulator: Simulator, segments: Segments, trajectory: Array) -> Array:
+def step_error(
+    simulator: Simulator, segments: Segments, trajectory: Array, exact: Segments | None = None
+) -> Array:
     """(ny,) rms error of observations by a model's time steps, within half a second; infinite if it diverges.
 
     Args:
         simulator: of the model.
         segments: whose controls drive it.
         trajectory: (S, L, nx), from whose first states it starts.
+        exact: the same in the steps of a reference; None for these in an eighth.
     """
     hypothesis, nodes = Hypothesis(simulator.rig), max(2, round(_WINDOW_S / segments.interval))
     both = [
         simulate(simulator, hypothesis, np.zeros(0), steps, trajectory[:, 0])[1][:, :nodes]
-        for steps in (segments, segments.finer(_FINER))
+        for steps in (segments, segments.finer(_FINER) if exact is None else exact)
     ]
     with np.errstate(over="ignore", invalid="ignore"):
         error = np.where(segments.inside[:, :nodes, None], both[0] - both[1], 0.0)
@@ -53,13 +59,19 @@ def step_error(simulator: Simulator, segments: Segments, trajectory: Array) -> A
 
 
 def with_accurate_steps(
-    rig: Rig, recording: SignalRecording, segments: Segments, trajectory: Array, noise: Array
+    rig: Rig,
+    channels: dict[str, Channel],
+    recording: SignalRecording,
+    segments: Segments,
+    trajectory: Array,
+    noise: Array,
 ) -> tuple[Rig, str] | None:
     """The rig with Runge and Kutta's integrator, and what is said of it; None where its own will do.
 
     Args:
         rig: as it was given.
-        recording: of its channels.
+        channels: that are used of what was recorded.
+        recording: with all of them.
         segments: of the recording.
         trajectory: (S, L, nx) recorded.
         noise: (ny,) standard deviation of a reading.
@@ -73,16 +85,17 @@ def with_accurate_steps(
         return None
     spec = rig.spec.copy()
     spec.option.integrator = _RUNGE_KUTTA
-    better = bind(spec, recording.channels, rig.name, rig.free)
+    better = bind(spec, channels, rig.name, rig.free)
     better = replace(better, controls=rig.controls, given_integrator=given)
     if not np.max(step_error(Simulator(better), segments, trajectory) / noise) < error[worst] / 2:
         return None
     # A step takes four times as long as one of the model's.
-    fewer = max(1, int(np.ceil(segments.interval / _LONGEST_S - 1e-6)))
+    fewer = steps_between(segments.interval, min(_LONGEST_S, _MOST_LONGER * rig.model.opt.timestep))
     if fewer < segments.substeps:
         longer = replace(better, longest_step=segments.interval / fewer)
         coarse = in_steps_of(longer, recording, segments)
-        if np.max(step_error(Simulator(longer), coarse, trajectory) / noise) < _EXACT:
+        error_of_longer = step_error(Simulator(longer), coarse, trajectory, segments.finer(_FINER))
+        if np.max(error_of_longer / noise) < _EXACT:
             better = longer
     name, channel = _NAMES[given], rig.observations[worst].channel
     step = better.longest_step or segments.step

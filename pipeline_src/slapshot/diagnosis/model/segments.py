@@ -228,8 +228,7 @@ def segment_recording(
         InputError: an episode has no observation.
     """
     interval = node_interval(recording, rig)
-    longest = rig.longest_step or rig.model.opt.timestep
-    substeps = max(1, int(np.ceil(interval / longest - 1e-6))) * finer
+    substeps = steps_between(interval, rig.longest_step or rig.model.opt.timestep) * finer
     L = max(4, round(segment_s / interval)) if nodes is None else nodes
     episodes = recording.episodes.sort_values("order")
     count = len(episodes)
@@ -272,6 +271,11 @@ def segment_recording(
         np.array([channel_statistics(recording, o.channel).grid for o in rig.observations]),
         _stamp_error(recording, rig, interval),
     )  # fmt: skip
+
+
+def steps_between(interval: float, longest: float) -> int:
+    """How many time steps are taken between nodes, where none is longer than so many s."""
+    return max(1, int(np.ceil(interval / longest - 1e-6)))
 
 
 def in_steps_of(rig: Rig, recording: SignalRecording, segments: Segments) -> Segments:

@@ -218,7 +218,7 @@ def _promising_pairs(scored: ScoredFit) -> list[_Pair]:
 def _preselected(before: Step, single: Step | None, pairs: Sequence[_Pair], least: float) -> list[_Pair]:
     """Those near the best in fits to a subset of segments; none where all are far from a least gain.
 
-    Nor where the best single effect, fitted to the same segments in the same way, explains as much: a pair
+    Nor where the best single effect, fitted to the same segments in the same way, explains more: a pair
     of which one stands in for the other does not stand out from it. Where there are few segments, all are
     left.
     """

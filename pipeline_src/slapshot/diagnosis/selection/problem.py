@@ -709,7 +709,7 @@ def _fit_noise_with_columns(
         fitted, before = fit(noise, near), noise
         for _ in range(_OUTLIER_ROUNDS):
             # Noise was fitted with outliers that had not been down-weighted.
-            if np.mean(np.abs(np.log(fitted.weight / before.weight))) < _SAME_WEIGHTS:
+            if np.mean(np.abs(np.log(fitted.outlying / before.outlying))) < _SAME_WEIGHTS:
                 break
             fitted, before = fit(fitted, near=True), fitted
         credible = _credible(explains, system, prior, fitted, problem.segments)

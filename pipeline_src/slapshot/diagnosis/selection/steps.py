@@ -8,7 +8,7 @@ import numpy as np
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.filter import innovations
 from slapshot.diagnosis.fit.fit import Fit
-from slapshot.diagnosis.fit.noise import TYPICAL_LAW_ERROR, fit_process_force
+from slapshot.diagnosis.fit.noise import TYPICAL_LAW_ERROR, Noise, fit_process_force
 from slapshot.diagnosis.inference.mismatch_test import (
     DRAWS,
     MismatchTest,
@@ -215,6 +215,16 @@ def mismatch_and_push_test(scored: ScoredFit, of: Scores, rng: np.random.Generat
     return replace(found, p_value=1 - (1 - min(found.p_value, pushed)) ** 2, push_p_value=pushed)
 
 
+def with_typical_errors(noise: Noise, hypothesis: Hypothesis) -> Noise:
+    """The noise with errors of laws that a hypothesis adds at least as large as is typical of such laws.
+
+    The same where it adds no empirical law: what a few per cent of a named law explain is nothing unknown.
+    """
+    if not any(effect.empirical for effect in hypothesis.added):
+        return noise
+    return replace(noise, added_error=max(noise.added_error, TYPICAL_LAW_ERROR))
+
+
 def beside_law_errors(step: Step, rng: np.random.Generator) -> Step:
     """The step tested with errors of the laws that it added, at least as large as is typical of such laws.
 
@@ -223,12 +233,11 @@ def beside_law_errors(step: Step, rng: np.random.Generator) -> Step:
     The same step where it added no empirical law, their errors are as large already, or a refit diverges.
     """
     scored, fit = step.scored, step.scored.fit
-    if not any(effect.empirical for effect in step.hypothesis.added):
-        return step
-    if scored.noise.added_error >= TYPICAL_LAW_ERROR:
+    allowed = with_typical_errors(scored.noise, step.hypothesis)
+    if allowed.added_error == scored.noise.added_error:
         return step
     try:
-        scored, of = scored_under(step.problem, fit, replace(scored.noise, added_error=TYPICAL_LAW_ERROR))
+        scored, of = scored_under(step.problem, fit, allowed)
     except np.linalg.LinAlgError:
         return step
     return replace(step, scored=scored, test=mismatch_and_push_test(scored, of, rng))

@@ -232,8 +232,7 @@ def _segment_subset(problem: Problem, noise: Noise) -> NDArray[np.intp]:
 
 def _white_equivalent(noise: Noise) -> Noise:
     """The noise without correlation in time, which makes a fit cheap."""
-    white = np.sqrt(noise.white**2 + noise.coloured**2)
-    return replace(noise, white=white, coloured=np.zeros_like(white))
+    return replace(noise.with_white(noise.single), coloured=np.zeros_like(noise.white))
 
 
 def _shooting_fit(
