@@ -222,15 +222,15 @@ def test_coloured_noise_is_recovered():
     assert np.all(off(there, true, errors) < 4)
 
 
-@pytest.mark.parametrize("outliers", [0.0, 0.01])
-def test_coloured_noise_alone_is_recovered_although_some_readings_are_far_off(outliers):
+@pytest.mark.parametrize(("outliers", "most"), [(0.0, 0.03), (0.01, 0.05)])
+def test_coloured_noise_alone_is_recovered_although_some_readings_are_far_off(outliers, most):
     """None of it is white, or next to none: an outlier of white noise would leave it a tenth of the other.
 
     Jumps from one reading to the next, of sqrt(1 - exp(-2 / 30)) of its size, are what tells white noise: a
     twentieth of the size adds 4 % to their variance, which 2400 readings of a channel tell to 3 %.
     """
     of = made(
-        0, S=24, L=100, white=(0.0, 0.0), coloured=(1e-3, 1e-2), correlation_s=30 * INTERVAL, force=0.02
+        2, S=24, L=100, white=(0.0, 0.0), coloured=(1e-3, 1e-2), correlation_s=30 * INTERVAL, force=0.02
     )
     rng = np.random.default_rng(100)
     off = np.where(rng.uniform(size=of.segments.y.shape) < outliers, 4.0, 0.0)
@@ -239,7 +239,7 @@ def test_coloured_noise_alone_is_recovered_although_some_readings_are_far_off(ou
     found = fitted(of)
     for _ in range(2):  # with outliers that are known by then
         found = fit_noise(of.system, no_columns(), found, of.segments, KINDS, near=True)
-    assert np.all(found.white < 0.05 * of.noise.coloured)
+    assert np.all(found.white < most * of.noise.coloured)
     # In 24 segments of 100 readings, of which thirty are alike, 24 (1 + 100 / 60) tell a size to 9 %.
     assert found.coloured == pytest.approx(of.noise.coloured, rel=3 * 0.09)
 

@@ -5,9 +5,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from slapshot.diagnosis.fit.fit import Fit
+from slapshot.diagnosis.fit.noise import Noise
 from slapshot.diagnosis.selection import structural_search
 from slapshot.diagnosis.selection.steps import Step
-from slapshot.diagnosis.selection.structural_search import _not_hopeless
+from slapshot.diagnosis.selection.structural_search import _not_hopeless, _white_equivalent
+
+
+def test_noise_without_correlation_is_as_large_and_so_are_its_outliers():
+    one, weight = np.ones(1), np.array([[[1.0], [50.0]]])
+    noise = Noise(1e-5 * one, 1e-3 * one, 0.1 * one, 1e-3, one, np.ones(2), weight)
+    white = _white_equivalent(noise)
+    assert white.coloured == pytest.approx([0.0])
+    assert white.variance.ravel() == pytest.approx([1e-6 + 1e-10, 1e-6 + 50e-10], rel=1e-9)
 
 
 @pytest.mark.parametrize("behind", [-50.0, 99.0, 101.0])

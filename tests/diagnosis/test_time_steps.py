@@ -66,9 +66,9 @@ def test_nothing_is_found_on_a_robot_or_a_simulation_whose_physics_the_model_has
     assert (found.rig.longest_step is not None) == (step == 0.001)
 
 
-@pytest.mark.parametrize(("stiffness", "substeps"), [(30, 2), (10000, 4)])
+@pytest.mark.parametrize(("stiffness", "substeps"), [(30, 2), (300, 4)])
 def test_runge_kutta_steps_are_longer_where_these_are_exact(stiffness, substeps):
-    """Four of the model's steps are an interval of 4 ms; a stiff servo turns by 1 rad of its mode in two."""
+    """Four of the model's steps are an interval of 4 ms; with a stiff servo two err by .4 times the noise."""
     made = swings(40, "RK4", 6)
     stiff = COARSE.replace("0.004", "0.001").replace('kp="30" kv="2"', f'kp="{stiffness}" kv="2"')
     rig = bind(MjSpec.from_string(stiff), made.channels)
@@ -83,6 +83,26 @@ def test_runge_kutta_steps_are_longer_where_these_are_exact(stiffness, substeps)
     longest = in_steps_of(replace(better, longest_step=0.002), made, segments)
     error = step_error(Simulator(better), longest, trajectory, segments.finer(8))
     assert (np.max(error) < 0.1 * NOISE) == (substeps == 2)
+
+
+@pytest.mark.parametrize(("ripple", "substeps"), [(0.0, 3), (2.0, 5)])
+def test_steps_are_no_longer_where_controls_change_within_them(ripple, substeps):
+    """Pushes of 2 N to and fro for 1 ms each move 2 kg by 1 um in every 5 ms, of which means know nothing."""
+    t = np.arange(2000) * 0.001
+    push = 0.2 + ripple * np.tile([1.0, -1.0, 0.0, 0.0, 0.0], 400)
+    made = recording(t, {
+        "push": (control_channel("N", actuator="push"), push),
+        "rail": (joint("rail", unit="m"), 0.05 * t**2),
+    })  # fmt: skip
+    rig = bind(MjSpec.from_string(CART.replace("0.01", "0.001")), made.channels)
+    segments = segment_recording(made, rig)
+    assert segments.substeps == 5
+    still = np.zeros((*segments.shape, 2))
+    # Euler's steps err by 25 um after half a second.
+    found = with_accurate_steps(rig, made.channels, made, segments, still, np.array([1e-5]))
+    assert found is not None
+    better, _ = found
+    assert in_steps_of(better, made, segments).substeps == substeps
 
 
 @pytest.mark.parametrize(("longer", "rests"), [(_MOST_LONGER, True), (5.0, False)])
