@@ -16,6 +16,7 @@ from slapshot.calibration.coverage import (
 from slapshot.calibration.stage_coverage_table import coverage_aims, coverage_table
 from slapshot.command import Run
 from slapshot.diagnosis.model.segments import segment_recording
+from slapshot.diagnosis.selection import structural_search
 from slapshot.diagnosis.selection.problem import Problem
 from slapshot.effects.joints.effect import JointEffect, Parameter
 from slapshot.effects.joints.linear_drag import LinearDrag
@@ -129,3 +130,33 @@ def test_a_fit_for_real(tmp_path):
     table = pd.read_csv(tmp_path / "table/coverage.csv")
     assert list(table["effect"]) == ["viscous_friction", "all"]
     assert "none outside 80.0 % to 97.0 %" in (tmp_path / "table/coverage.md").read_text()
+
+
+def test_the_filter_finds_an_elastic_joint_as_probable_as_simulation_does(monkeypatch):
+    """Two ways to one number: a filter about a motion, and simulation of whole segments without any force.
+
+    A filter about a motion far from the data would need a process force, and move the values.
+    """
+    found: dict[str, list[float]] = {"simulated": [], "filtered": []}
+    shoot, evidence_of = structural_search.shoot, structural_search._evidence_of
+
+    def simulated(*arguments, **more):
+        fit = shoot(*arguments, **more)
+        if not more.get("held"):
+            found["simulated"].append(fit.log_evidence)
+        return fit
+
+    def filtered(*arguments):
+        evidence, fit, noise = evidence_of(*arguments)
+        found["filtered"].append(evidence)
+        assert noise.force < 1e-3
+        return evidence, fit, noise
+
+    monkeypatch.setattr(structural_search, "shoot", simulated)
+    monkeypatch.setattr(structural_search, "_evidence_of", filtered)
+    tested = CalibratedEffect("joint_elasticity", "read at the link", "pendulum")
+    rows = list(intervals(tested, 500005, 6, 1.0))
+    assert found["filtered"][-1] == pytest.approx(found["simulated"][-1], abs=3.0)
+    for row in rows:
+        assert row["converged"]
+        assert row["low"] < row["truth"] < row["high"]

@@ -89,7 +89,7 @@ def intervals(tested: CalibratedEffect, seed: int, episodes: int, seconds: float
             "low": found.low,
             "high": found.high,
             "state": found.state,
-            "converged": fit.converged,
+            "converged": fit.settled,
         }
 
 

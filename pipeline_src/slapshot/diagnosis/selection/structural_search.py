@@ -11,6 +11,7 @@ from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.noise import Noise, fit_noise, fit_process_force
 from slapshot.diagnosis.fit.shooting import MOST_ROUNDS, shoot, simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis
+from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score
 from slapshot.diagnosis.selection.steps import Report, Rival, Step, mismatch_and_push_test
 from slapshot.effects.joints.effect import JointEffect
@@ -180,45 +181,67 @@ def _refit_all_segments(candidate: StructuralFit) -> tuple[float, StructuralFit]
     """Evidence under refitted noise, and the fit to all segments."""
     problem, part = candidate.problem.with_steps_for(candidate.effect), candidate.fit
     every = np.arange(problem.segments.shape[0])
-    fit = _shooting_fit(
-        problem, part.hypothesis, part.theta, problem.trajectory, candidate.noise, every, MOST_ROUNDS
-    )
+    some = problem.segments.select(_segment_subset(problem, candidate.noise))
+    noise = replace(candidate.noise, initial=_initial_variances(problem, some, part, candidate.noise))
+    trajectory = _from_fitted_states(problem, part, noise)
+    fit = _shooting_fit(problem, part.hypothesis, part.theta, trajectory, noise, every, MOST_ROUNDS)
     evidence, fit, noise = _evidence_of(candidate, problem.fitter, fit, every)
     return evidence, replace(candidate, problem=problem, fit=fit, noise=noise)
+
+
+def _from_fitted_states(problem: Problem, fit: Fit, noise: Noise) -> Array:
+    """Trajectories (S, L, nx) of all segments from first states that fit best with a fit's values.
+
+    Each segment is fitted by itself: beside wrong first states of others, that are far from the data, all
+    values would move.
+    """
+    trajectory = problem.trajectory.copy()
+    for s in range(len(trajectory)):
+        one = np.array([s])
+        trajectory[one] = shoot(
+            problem.simulator, fit.hypothesis, fit.theta, problem.segments.select(one), trajectory[one],
+            noise.select(one), MOST_ROUNDS, held=True,
+        ).trajectory  # fmt: skip
+    return trajectory
 
 
 def _evidence_of(
     candidate: StructuralFit, fitter: Fitter, fit: Fit, some: NDArray[np.intp]
 ) -> tuple[float, Fit, Noise]:
     """Evidence of a candidate's fit to some segments, which are the fitter's, under refitted noise."""
-    trajectory, initial = _undeflected(fitter, fit, candidate.noise)
+    initial = _initial_variances(candidate.problem, fitter.segments, fit, candidate.noise)
     noises = [replace(of, initial=initial).select(some) for of in (candidate.noise, candidate.own_noise)]
+    # About undeflected first states. All further nodes stay: a motion simulated from these is far from the
+    # data, and a filter about it would need a process force that is not there.
+    trajectory = fit.trajectory.copy()
+    trajectory[:, 0, [at for at, _ in _hidden_states(candidate.problem)]] = 0
     fit = replace(fit, trajectory=trajectory)
     return _refitted_evidence(fitter, candidate.problem.quantities, fit, *noises)
 
 
-def _undeflected(fitter: Fitter, fit: Fit, noise: Noise) -> tuple[Array, Array]:
-    """A fit's trajectory from an undeflected state, and variances of initial states about it.
+def _hidden_states(problem: Problem) -> list[tuple[int, int]]:
+    """Indices of hidden positions and velocities in a state, and in a change of it."""
+    rig, tangent = problem.rig, problem.simulator.tangent
+    at = [int(rig.model.jnt_qposadr[rig.model.dof_jntid[dof]]) for dof in rig.added_dofs]
+    return [*zip(at, rig.added_dofs, strict=True)] + [
+        (tangent.nq + dof, tangent.nv + dof) for dof in rig.added_dofs
+    ]
 
-    The variances of hidden states match the range of their motion. With wider ones, such as the range of a
-    robot's joints for a plate that tilts by millirad, the evidence would lose the logarithm of the ratio in
-    every segment.
 
-    Returns:
-        (S, L, nx) and (n,).
+def _initial_variances(problem: Problem, segments: Segments, fit: Fit, noise: Noise) -> Array:
+    """Variances (n,) of first states, those of hidden states by the range of their motion.
+
+    With wider ones, such as the range of a robot's joints for a plate that tilts by millirad, the evidence
+    would lose the logarithm of the ratio in every segment, and first states that nobody sees would go far.
+    The range is that of motions with a fit's values from undeflected states: what loads do.
     """
-    simulator, segments = fitter.simulator, fitter.segments
-    rig, tangent = simulator.rig, simulator.tangent
-    model, initial, first = rig.model, noise.initial.copy(), fit.trajectory[:, 0].copy()
-    # Indices in a state, and in a change of it.
-    hidden = [(int(model.jnt_qposadr[model.dof_jntid[dof]]), dof) for dof in rig.added_dofs]
-    hidden += [(tangent.nq + dof, tangent.nv + dof) for dof in rig.added_dofs]
+    initial, first, hidden = noise.initial.copy(), fit.trajectory[:, 0].copy(), _hidden_states(problem)
     first[:, [at for at, _ in hidden]] = 0
-    trajectory, _ = simulate(simulator, fit.hypothesis, fit.theta, segments, first)
+    driven, _ = simulate(problem.simulator, fit.hypothesis, fit.theta, segments, first)
     for at, k in hidden:
-        wide = _SPREAD**2 * float(np.mean(trajectory[segments.inside][:, at] ** 2))
+        wide = _SPREAD**2 * float(np.mean(driven[segments.inside][:, at] ** 2))
         initial[k] = min(initial[k], max(wide, _LEAST_SPREAD * initial[k]))
-    return trajectory, initial
+    return initial
 
 
 def _segment_subset(problem: Problem, noise: Noise) -> NDArray[np.intp]:
@@ -263,7 +286,8 @@ def _refitted_evidence(
     system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
 
     def still(noise: Noise) -> Fit:
-        return fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system)
+        there = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system)
+        return replace(there, converged=fit.converged, moved=fit.moved)
 
     found = [fit_process_force(system, prior, noise, segments.interval) for noise in noises]
     evidence = [still(noise).log_evidence for noise in found]
