@@ -23,7 +23,7 @@ from slapshot.diagnosis.fit.noise import (
     posterior_means,
     with_outliers,
 )
-from slapshot.diagnosis.fit.shooting import shoot, simulate
+from slapshot.diagnosis.fit.shooting import fit_first_states, simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.recorded_trajectory import recorded_trajectory
 from slapshot.diagnosis.model.segments import Segments
@@ -131,7 +131,9 @@ def predict(
     own = problem.noise_on(windows, trajectory, noise)
     fitter = Fitter(problem.fitter.simulator, before, problem.torque)
     if _has_hidden_state(hypothesis):
-        trajectory = _shooting_fit(fitter, hypothesis, theta, trajectory, own)
+        trajectory = fit_first_states(
+            fitter.simulator, hypothesis, theta, fitter.segments, trajectory, own, _SHOOTING_ROUNDS
+        )
     trajectory, coloured = _smoothed(fitter, hypothesis, theta, trajectory, own)
     later, _ = simulate(fitter.simulator, hypothesis, theta, windows.later(half), trajectory[:, half])
     trajectory = np.concatenate(
@@ -322,19 +324,6 @@ def _during(pulse: Pulse, segments: Segments) -> NDArray[np.bool_]:
 def _has_hidden_state(hypothesis: Hypothesis) -> bool:
     """Whether a model has hidden states that smoothing cannot find, such as the side of a backlash."""
     return any(effect.hidden_state for effect in hypothesis.effects)
-
-
-def _shooting_fit(
-    fitter: Fitter, hypothesis: Hypothesis, theta: Array, trajectory: Array, noise: Noise
-) -> Array:
-    """A trajectory from initial states that are fitted to each segment by shooting."""
-    trajectory = trajectory.copy()
-    for one in np.arange(len(trajectory))[:, None]:
-        segments, own = fitter.segments.select(one), noise.select(one)
-        trajectory[one] = shoot(
-            fitter.simulator, hypothesis, theta, segments, trajectory[one], own, _SHOOTING_ROUNDS, held=True
-        ).trajectory
-    return trajectory
 
 
 @np.errstate(over="ignore", invalid="ignore")

@@ -170,6 +170,35 @@ def shoot(
     return Fit(hypothesis, theta, x, float(evidence), precision, converged, moved)
 
 
+def fit_first_states(
+    simulator: Simulator,
+    hypothesis: Hypothesis,
+    theta: Array,
+    segments: Segments,
+    trajectory: Array,
+    noise: Noise,
+    rounds: int,
+) -> Array:
+    """Trajectories (S, L, nx) from first states that fit best with given values, each segment by itself.
+
+    Args:
+        simulator: of the hypothesis' rig.
+        hypothesis: effects that are present.
+        theta: their values.
+        segments: data.
+        trajectory: (S, L, nx), whose first nodes are the prior means of first states.
+        noise: of the observations.
+        rounds: at most.
+    """
+    trajectory = trajectory.copy()
+    for one in np.arange(len(trajectory))[:, None]:
+        trajectory[one] = shoot(
+            simulator, hypothesis, theta, segments.select(one), trajectory[one], noise.select(one), rounds,
+            held=True,
+        ).trajectory  # fmt: skip
+    return trajectory
+
+
 def _whitening(segments: Segments, noise: Noise) -> tuple[Callable[[Array], Array], float]:
     """A whitening function, (S, L, ny) to (S, L * ny), and the log determinant of the covariance."""
     S, L = segments.shape

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from slapshot.arrays import Array
 from slapshot.diagnosis.fit.fit import Fit, Fitter
 from slapshot.diagnosis.fit.noise import Noise, fit_noise, fit_process_force
-from slapshot.diagnosis.fit.shooting import MOST_ROUNDS, shoot, simulate
+from slapshot.diagnosis.fit.shooting import MOST_ROUNDS, fit_first_states, shoot, simulate
 from slapshot.diagnosis.model.hypothesis import Hypothesis
 from slapshot.diagnosis.model.segments import Segments
 from slapshot.diagnosis.selection.problem import Problem, ScoredFit, fit_and_score
@@ -183,26 +183,19 @@ def _refit_all_segments(candidate: StructuralFit) -> tuple[float, StructuralFit]
     every = np.arange(problem.segments.shape[0])
     some = problem.segments.select(_segment_subset(problem, candidate.noise))
     noise = replace(candidate.noise, initial=_initial_variances(problem, some, part, candidate.noise))
-    trajectory = _from_fitted_states(problem, part, noise)
+    # First states by themselves: beside wrong ones, that are far from the data, all values would move.
+    trajectory = fit_first_states(
+        problem.simulator,
+        part.hypothesis,
+        part.theta,
+        problem.segments,
+        problem.trajectory,
+        noise,
+        MOST_ROUNDS,
+    )
     fit = _shooting_fit(problem, part.hypothesis, part.theta, trajectory, noise, every, MOST_ROUNDS)
     evidence, fit, noise = _evidence_of(candidate, problem.fitter, fit, every)
     return evidence, replace(candidate, problem=problem, fit=fit, noise=noise)
-
-
-def _from_fitted_states(problem: Problem, fit: Fit, noise: Noise) -> Array:
-    """Trajectories (S, L, nx) of all segments from first states that fit best with a fit's values.
-
-    Each segment is fitted by itself: beside wrong first states of others, that are far from the data, all
-    values would move.
-    """
-    trajectory = problem.trajectory.copy()
-    for s in range(len(trajectory)):
-        one = np.array([s])
-        trajectory[one] = shoot(
-            problem.simulator, fit.hypothesis, fit.theta, problem.segments.select(one), trajectory[one],
-            noise.select(one), MOST_ROUNDS, held=True,
-        ).trajectory  # fmt: skip
-    return trajectory
 
 
 def _evidence_of(
