@@ -167,6 +167,7 @@ def shoot(
         else:
             # No step improves the cost: the limit of the finite differences is reached.
             converged = True
+            break
     return Fit(hypothesis, theta, x, float(evidence), precision, converged, moved)
 
 

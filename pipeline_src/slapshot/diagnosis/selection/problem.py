@@ -139,7 +139,8 @@ class Problem:
 
     def with_steps_for(self, effect: JointEffect) -> "Problem":
         """The problem with time steps short enough for an effect's fastest mode."""
-        return replace(self, segments=self.segments.finer(substeps_for(self.segments.step, effect.fastest)))
+        steps = substeps_for(self.segments.step, effect.fastest)
+        return self if steps == 1 else replace(self, segments=self.segments.finer(steps))
 
     def in_steps(self, segments: Segments) -> Segments:
         """Other segments in the time steps of this problem."""

@@ -185,14 +185,9 @@ def _refit_all_segments(candidate: StructuralFit) -> tuple[float, StructuralFit]
     noise = replace(candidate.noise, initial=_initial_variances(problem, some, part, candidate.noise))
     # First states by themselves: beside wrong ones, that are far from the data, all values would move.
     trajectory = fit_first_states(
-        problem.simulator,
-        part.hypothesis,
-        part.theta,
-        problem.segments,
-        problem.trajectory,
-        noise,
+        problem.simulator, part.hypothesis, part.theta, problem.segments, problem.trajectory, noise,
         MOST_ROUNDS,
-    )
+    )  # fmt: skip
     fit = _shooting_fit(problem, part.hypothesis, part.theta, trajectory, noise, every, MOST_ROUNDS)
     evidence, fit, noise = _evidence_of(candidate, problem.fitter, fit, every)
     return evidence, replace(candidate, problem=problem, fit=fit, noise=noise)
@@ -279,8 +274,7 @@ def _refitted_evidence(
     system, prior = fitter.system(hypothesis, fit.theta, fit.trajectory)
 
     def still(noise: Noise) -> Fit:
-        there = fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system)
-        return replace(there, converged=fit.converged, moved=fit.moved)
+        return fitter.fit(hypothesis, fit.theta, fit.trajectory, noise, rounds=0, known=system)
 
     found = [fit_process_force(system, prior, noise, segments.interval) for noise in noises]
     evidence = [still(noise).log_evidence for noise in found]
