@@ -19,9 +19,9 @@ INTRODUCTION = """# Coverage of 90 % intervals
 
 Each effect's own law is the truth, with values drawn from its priors, on the simplest rig that it shows on
 (simulated apart from the engine; no real robot), with white noise of 1 mrad or mm. That law alone is fitted,
-the noise with it. A fit that did not converge counts as one whose intervals miss. Widths are medians of
-(high - low) over the size of the true value. Intervals of shares are Wilson's of 95 %, the parameters of one
-fit being counted as if they were independent.
+the noise with it. A fit that did not converge (to a tenth of a standard deviation) counts as one whose
+intervals miss. Widths are medians of (high - low) over the size of the true value. Intervals of shares are
+Wilson's of 95 %, the parameters of one fit being counted as if they were independent.
 """
 
 
